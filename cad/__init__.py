@@ -1,0 +1,1 @@
+"""Parametric CAD of the endcap: two numbers in, solids out (build123d). Importing this loads no CAD kernel."""

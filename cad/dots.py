@@ -1,0 +1,67 @@
+"""The pattern of dots on the inner surface: bumps on the mold core, dents in the silicone, marks in the image.
+
+Standard library only, because the sensing side needs the same pattern. Directions are unit vectors from the sphere's
+centre in the endcap frame; polar angles are measured from the tip of the dome (+z).
+
+Source: the released pattern (facts.md, "painted dots"), counted on unwrapped photos: 1, 6, 10, 12, 16, 18, 20, 20
+dots at equal polar steps, one dot of every ring on a common meridian. The two equal counts put the equator midway
+between rings 6 and 7, so the step is 180/13 degrees, and counts beyond the equator mirror those before it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cad.params import EndcapParams
+
+RING_COUNTS = (1, 6, 10, 12, 16, 18, 20)  # M: up to the last ring before the equator; later rings mirror it
+POLAR_STEP_DEG = 180.0 / 13  # E: from the mirrored counts
+MERIDIAN_DEG = 0.0  # azimuth on which every ring has a dot
+DOT_RADIUS_MM = 2.0  # E: half the 4 mm that a dot measures on the photos
+DENT_DEPTH_MM = 0.6  # E: shallow enough to release (flank 33 degrees), deep enough to hold ink
+
+
+@dataclass(frozen=True)
+class Dot:
+    """One dot.
+
+    Attributes:
+        ring: ring number, 0 at the tip.
+        index: number within the ring, counted from the common meridian.
+        polar_deg: angle from the tip about the sphere's centre.
+        azimuth_deg: angle about the axis.
+    """
+
+    ring: int
+    index: int
+    polar_deg: float
+    azimuth_deg: float
+
+    @property
+    def direction(self) -> tuple[float, float, float]:
+        """Unit vector from the sphere's centre."""
+        polar, azimuth = math.radians(self.polar_deg), math.radians(self.azimuth_deg)
+        return (math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar))
+
+
+def ring_count(ring: int) -> int:
+    """Number of dots in a ring, mirrored about the equator between rings 6 and 7."""
+    return RING_COUNTS[ring] if ring < len(RING_COUNTS) else RING_COUNTS[13 - ring]
+
+
+def dot_pattern(params: EndcapParams) -> tuple[Dot, ...]:
+    """All dots of a design, ring by ring, up to the rim of the camera's view (a whole dot must be visible)."""
+    half_angle_deg = math.degrees(math.asin(DOT_RADIUS_MM / params.inner_radius_mm))
+    last = math.floor((params.view_rim_polar_deg - half_angle_deg) / POLAR_STEP_DEG)
+    return tuple(
+        Dot(ring, index, ring * POLAR_STEP_DEG, MERIDIAN_DEG + 360.0 * index / ring_count(ring))
+        for ring in range(last + 1)
+        for index in range(ring_count(ring))
+    )
+
+
+def dot_position_mm(params: EndcapParams, dot: Dot) -> tuple[float, float, float]:
+    """Where a dot's centre lies on the inner sphere, in the endcap frame (mm)."""
+    x, y, z = (params.inner_radius_mm * c for c in dot.direction)
+    return (x, y, z + params.centre_height_mm)

@@ -1,0 +1,169 @@
+"""Two numbers in, every size of the endcap out (standard library only: the bottom layer of the project).
+
+Endcap frame, used everywhere: origin at the centre of the mating plane (where the TPU interface meets the rigid
+base), z along the axis of revolution toward the tip of the dome, millimetres. The silicone is a spherical shell
+whose centre lies ``centre_height_mm`` above the mating plane; below the centre it narrows again, so the shell is
+wider at its equator than at its rim.
+
+What scales and what does not. The sensing hardware (camera, LED ring, nuts, screws) keeps its size. Base, screw
+circle and arm pattern depend on the diameter alone, so that shells of different wall or silicone can be swapped on
+one base. At D=130 they coincide with the released sensor (facts.md, "Geometry").
+
+Provenance letters in comments are those of facts.md: P paper, M measured, S standard, E our estimate.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass
+
+from cad import feasible, scaling
+
+@dataclass(frozen=True)
+class EndcapParams:
+    """The endcap of outer diameter D and wall thickness T.
+
+    Attributes:
+        diameter_mm: outer diameter D of the silicone sphere.
+        wall_mm: thickness T of the silicone wall, measured along the radius.
+
+    Raises:
+        cad.errors.ParameterError: (D, T) outside the region that can be made; the message names the value, the
+            limit, the reason and the nearest valid choice (see :mod:`cad.feasible`).
+    """
+
+    diameter_mm: float
+    wall_mm: float
+
+    def __post_init__(self) -> None:
+        feasible.require_number("diameter_mm", self.diameter_mm)
+        feasible.require_number("wall_mm", self.wall_mm)
+        object.__setattr__(self, "diameter_mm", float(self.diameter_mm))
+        object.__setattr__(self, "wall_mm", float(self.wall_mm))
+        feasible.require_feasible(self.diameter_mm, self.wall_mm)
+
+    # --- identity ---------------------------------------------------------------------------------------------
+    @property
+    def label(self) -> str:
+        """Name of the design and of its export folder, for example ``D130_T8``."""
+        return f"D{self.diameter_mm:g}_T{self.wall_mm:g}"
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the two parameters as canonical JSON; weights and manifests carry it."""
+        text = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    # --- silicone sphere --------------------------------------------------------------------------------------
+    @property
+    def outer_radius_mm(self) -> float:
+        """Radius R of the outer surface."""
+        return self.diameter_mm / 2
+
+    @property
+    def inner_radius_mm(self) -> float:
+        """Radius of the inner surface, that the camera sees: R - T."""
+        return self.outer_radius_mm - self.wall_mm
+
+    @property
+    def rim_radius_mm(self) -> float:
+        """Radius at which the outer sphere meets the mating plane (52.47 at D=130)."""
+        return scaling.rim_radius_mm(self.diameter_mm)
+
+    @property
+    def centre_height_mm(self) -> float:
+        """Height of the sphere's centre above the mating plane (38.37 at D=130): the sphere passes through the rim."""
+        return scaling.centre_height_mm(self.diameter_mm)
+
+    @property
+    def tip_height_mm(self) -> float:
+        """Height of the outer tip of the dome above the mating plane."""
+        return self.centre_height_mm + self.outer_radius_mm
+
+    # --- TPU interface ----------------------------------------------------------------------------------------
+    @property
+    def screw_circle_radius_mm(self) -> float:
+        """Radius of the ten M3 screws (47.53 at D=130): a fixed inset from the rim, because the nut is fixed."""
+        return self.rim_radius_mm - scaling.SCREW_INSET_MM
+
+    @property
+    def screw_azimuths_deg(self) -> tuple[float, ...]:
+        """Azimuths of the ten M3 screws: 18 + 36 k degrees (M)."""
+        return tuple(18.0 + 36.0 * k for k in range(10))
+
+    @property
+    def bore_radius_mm(self) -> float:
+        """Radius of the hole in the TPU flange, through which the mold core comes out and the camera looks in."""
+        return self.screw_circle_radius_mm - scaling.BORE_INSET_MM
+
+    @property
+    def flange_thickness_mm(self) -> float:
+        """TPU flange: 2.2 under the nut, 2.0 nut pocket, 1.8 roof over it (E); the silicone starts on top of it."""
+        return scaling.FLANGE_THICKNESS_MM
+
+    @property
+    def interlock_depth_mm(self) -> float:
+        """Depth of the gyroid zone inside the silicone wall (P: 25 mm)."""
+        return scaling.INTERLOCK_DEPTH_MM
+
+    @property
+    def interlock_top_mm(self) -> float:
+        """Height at which the gyroid ends."""
+        return self.flange_thickness_mm + self.interlock_depth_mm
+
+    @property
+    def skin_mm(self) -> float:
+        """Silicone over the gyroid on both sides: a dot's dent (0.6) and 0.4 mm that still fills (E)."""
+        return 1.0
+
+    @property
+    def opening_radius_mm(self) -> float:
+        """Radius of the way out for the core: the bore, or the silicone on the flange where a thick wall is tighter."""
+        return min(self.bore_radius_mm, self.inner_radius_at(self.flange_thickness_mm))
+
+    # --- rigid base -------------------------------------------------------------------------------------------
+    @property
+    def base_sphere_radius_mm(self) -> float:
+        """Sphere that the base follows (67.5 at D=130): 2.5 mm proud of the silicone, which it guards at the rim (M)."""
+        return self.outer_radius_mm + 2.5
+
+    @property
+    def base_thickness_mm(self) -> float:
+        """Thickness below the mating plane (M); fixed, because camera and screws are."""
+        return 16.0
+
+    @property
+    def arm_circle_radius_mm(self) -> float:
+        """Radius of the five M4 arm screws (60.0 at D=130): lugs of radius 7.5 end flush with the base's sphere."""
+        return self.base_sphere_radius_mm - 7.5
+
+    @property
+    def arm_azimuths_deg(self) -> tuple[float, ...]:
+        """Azimuths of the five M4 arm screws: 180 + 72 k degrees (M)."""
+        return tuple((180.0 + 72.0 * k) % 360.0 for k in range(5))
+
+    # --- camera -----------------------------------------------------------------------------------------------
+    @property
+    def camera_height_mm(self) -> float:
+        """Entrance pupil of the camera above the mating plane; sensing hardware, so it does not scale."""
+        return scaling.CAMERA_HEIGHT_MM
+
+    @property
+    def view_rim_polar_deg(self) -> float:
+        """Polar angle (from the tip, about the sphere's centre) where the inner surface leaves the 180 degree view."""
+        return scaling.view_rim_polar_deg(self.diameter_mm, self.wall_mm)
+
+    # --- surfaces ---------------------------------------------------------------------------------------------
+    def outer_radius_at(self, height_mm: float) -> float:
+        """Cylindrical radius of the outer sphere at a height above the mating plane."""
+        return _section_radius(self.outer_radius_mm, height_mm - self.centre_height_mm)
+
+    def inner_radius_at(self, height_mm: float) -> float:
+        """Cylindrical radius of the inner sphere at a height above the mating plane."""
+        return _section_radius(self.inner_radius_mm, height_mm - self.centre_height_mm)
+
+
+def _section_radius(sphere_radius_mm: float, offset_mm: float) -> float:
+    return math.sqrt(max(0.0, sphere_radius_mm**2 - offset_mm**2))

@@ -1,0 +1,1 @@
+"""From solids to files that can be printed: meshes, checks, pictures, exports."""

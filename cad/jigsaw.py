@@ -14,6 +14,7 @@ from build123d import Face, Pos, Rot, Solid, Vector
 
 from cad.mold_layout import MoldLayout, rotated
 from cad.outlines import disc, polygon
+from cad.solids import one_solid
 
 FAR_RATIO = 2.5  # outlines reach this many outer radii out: beyond every mold part
 
@@ -69,36 +70,38 @@ def core_prisms(layout: MoldLayout) -> dict[str, Solid]:
     """The seven prisms that cut the core: ``core_centre``, ``core_key_1..3``, ``core_wide_1..3``.
 
     The centre is a hexagon with three long edges (toward the keys) and three short ones (toward the wides), a tab on
-    each. A key is a strip of constant width; a wide fills the sector between two keys.
+    each, drafted so that it lets go at once. A key is a strip of constant width; a wide fills the sector between two keys.
     """
     gap, inner, half = layout.joint_clearance_mm, layout.centre_inradius_mm, layout.key_half_width_mm
     far = FAR_RATIO * layout.params.outer_radius_mm
+    key = polygon([(0.8 * inner, gap - half), (far, gap - half), (far, half - gap), (0.8 * inner, half - gap)])
+    corner = (half / math.sqrt(3.0), half)  # where the sides of two keys would meet: inside the centre piece
+    wide = polygon([corner, (far, half), rotated((1.2 * far, 0.0), 60.0), rotated((far, -half), 120.0)])
+    socket = drafted(_centre_outline(layout, gap), layout)
+    pieces = {"core_centre": drafted(_centre_outline(layout, 0.0), layout)}
+    for stem, outline in (("core_key", key), ("core_wide", wide)):
+        blank = prism(outline, layout)
+        for k, azimuth in enumerate(layout.key_azimuths_deg):
+            pieces[f"{stem}_{k + 1}"] = one_solid((Rot(0, 0, azimuth) * blank).cut(socket), stem)
+    return pieces
+
+
+def _centre_outline(layout: MoldLayout, grown_mm: float) -> Face:
+    """Outline of the centre piece at the mating plane, grown all round by the joint clearance for its socket."""
+    inner, half = layout.centre_inradius_mm, layout.key_half_width_mm
     tab, beyond = layout.core_tab_radius_mm, 0.62 * layout.core_tab_radius_mm
     short = inner * math.cos(math.radians(60)) + half * math.sin(math.radians(60))  # short edge from the axis
+    wider = half + grown_mm * math.tan(math.radians(30.0))  # corners of 120 degrees: both edges move out by the growth
+    faces = polygon([rotated((inner + grown_mm, y), a) for a in layout.key_azimuths_deg for y in (-wider, wider)])
+    for azimuth in layout.key_azimuths_deg:
+        faces = faces + disc(rotated((inner + beyond, 0.0), azimuth), tab + grown_mm)
+        faces = faces + disc(rotated((short + beyond, 0.0), azimuth + 60.0), tab + grown_mm)
+    return faces
 
-    corners = [rotated((inner, y), a) for a in layout.key_azimuths_deg for y in (-half, half)]
-    centre = polygon(corners)
-    key = polygon([(inner + gap, gap - half), (far, gap - half), (far, half - gap), (inner + gap, half - gap)])
-    key = key - disc((inner + beyond, 0.0), tab + gap)
-    shifted = inner + gap / math.cos(math.radians(60))
-    wide = polygon(
-        [
-            (shifted, half),
-            (far, half),
-            rotated((1.2 * far, 0.0), 60.0),
-            rotated((far, -half), 120.0),
-            rotated((shifted, -half), 120.0),
-        ]
-    )
-    wide = wide - disc(rotated((short + beyond, 0.0), 60.0), tab + gap)
-    pieces: dict[str, Solid] = {}
-    for k, azimuth in enumerate(layout.key_azimuths_deg):
-        centre = centre + disc(rotated((inner + beyond, 0.0), azimuth), tab)
-        centre = centre + disc(rotated((short + beyond, 0.0), azimuth + 60.0), tab)
-        pieces[f"core_key_{k + 1}"] = Rot(0, 0, azimuth) * prism(key, layout)
-    for k, azimuth in enumerate(layout.key_azimuths_deg):
-        pieces[f"core_wide_{k + 1}"] = Rot(0, 0, azimuth) * prism(wide, layout)
-    return {"core_centre": prism(centre, layout), **pieces}
+
+def drafted(face: Face, layout: MoldLayout) -> Solid:
+    """Extrude an outline from the mating plane to beyond the tip, narrowing toward the tip by the core's draft."""
+    return Solid.extrude_taper(face, Vector(0, 0, layout.params.tip_height_mm), layout.core_draft_deg)
 
 
 def prism(face: Face, layout: MoldLayout) -> Solid:

@@ -145,17 +145,22 @@ class MoldLayout:
     @property
     def centre_inradius_mm(self) -> float:
         """Distance of the keys' inner faces from the axis."""
-        return 0.55 * self.exit_radius_mm
+        return 0.6 * self.exit_radius_mm
 
     @property
     def key_half_width_mm(self) -> float:
         """Half the width of a key: wide enough that the wides between the keys still pass the opening."""
-        return 0.6 * self.exit_radius_mm
+        return 0.58 * self.exit_radius_mm
 
     @property
     def core_tab_radius_mm(self) -> float:
         """Round jigsaw tabs of the centre piece."""
         return 4.0
+
+    @property
+    def core_draft_deg(self) -> float:
+        """Taper of the centre piece: one degree, the least that lets a long printed prism go."""
+        return 1.0
 
     @property
     def core_screws_mm(self) -> dict[str, tuple[tuple[float, float], ...]]:

@@ -16,7 +16,6 @@ M3 x 12 would need the seat at z = -7.5, where only 0.2 mm would remain between 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from cad.errors import GeometryError
@@ -63,19 +62,17 @@ def base_part(params: EndcapParams) -> Part:
     Raises:
         GeometryError: the kernel did not return one valid solid.
     """
-    bottom_z = -params.base_thickness_mm
-    return Part("base", "printed", "PLA", one_solid("base", _body(params) - _cuts(params, bottom_z)), (0.16, 0.18, 0.21))
+    solid = one_solid("base", _body(params) - _cuts(params))
+    return Part("base", "printed", "PLA", solid, (0.16, 0.18, 0.21))
 
 
-def one_solid(name: str, shape: Shape | Iterable[Shape]) -> Solid:
+def one_solid(name: str, shape: Shape) -> Solid:
     """Take the only solid out of a boolean's result.
 
     Raises:
         GeometryError: there is none, there are several, or it is invalid.
     """
-    from build123d import ShapeList
-
-    solids = shape.solids() if not isinstance(shape, ShapeList) else shape.solids()
+    solids = shape.solids()
     if len(solids) != 1 or not solids[0].is_valid:
         raise GeometryError(f"{name} came out as {len(solids)} solids or invalid: report D and T, it is our mistake")
     return solids[0]
@@ -121,17 +118,20 @@ def _body(params: EndcapParams) -> Shape:
     return segment + [Rot(0, 0, azimuth) * lug for azimuth in params.arm_azimuths_deg]
 
 
-def _cuts(params: EndcapParams, bottom_z: float) -> list[Shape]:
+def _cuts(params: EndcapParams) -> list[Shape]:
     """Everything that is taken out of the body."""
     from build123d import Pos, Rot
 
+    bottom_z = -params.base_thickness_mm
     screws = [
         Rot(0, 0, azimuth) * cut
         for azimuth in params.screw_azimuths_deg
         for cut in _screw_cuts(params.screw_circle_radius_mm, bottom_z)
     ]
-    insert = _bore(ARM_INSERT_RADIUS_MM, bottom_z, bottom_z + ARM_INSERT_DEPTH_MM)
-    inserts = [Rot(0, 0, azimuth) * Pos(params.arm_circle_radius_mm, 0, 0) * insert for azimuth in params.arm_azimuths_deg]
+    insert = Pos(params.arm_circle_radius_mm, 0, 0) * _bore(
+        ARM_INSERT_RADIUS_MM, bottom_z, bottom_z + ARM_INSERT_DEPTH_MM
+    )
+    inserts = [Rot(0, 0, azimuth) * insert for azimuth in params.arm_azimuths_deg]
     x, y = M4_POSITION_MM
     bolts = [
         Pos(sx * x, sy * y, 0) * cut

@@ -59,5 +59,5 @@ def _glass(rim_z: float) -> Shape:
     from build123d import Box, Pos, Sphere
 
     radius = (GLASS_RADIUS_MM**2 + GLASS_HEIGHT_MM**2) / (2 * GLASS_HEIGHT_MM)
-    size = 3 * radius
-    return (Pos(0, 0, rim_z + GLASS_HEIGHT_MM - radius) * Sphere(radius)) & (Pos(0, 0, rim_z + size / 2) * Box(size, size, size))
+    ball = Pos(0, 0, rim_z + GLASS_HEIGHT_MM - radius) * Sphere(radius)
+    return ball & Pos(0, 0, rim_z + radius) * Box(2 * radius, 2 * radius, 2 * radius)

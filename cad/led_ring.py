@@ -31,11 +31,10 @@ def led_ring_part(params: EndcapParams) -> Part:
     from build123d import Box, Cylinder, Pos, Rot
 
     seat, top = ring_spacer.SEAT_Z_MM, ring_spacer.SEAT_Z_MM + BOARD_THICKNESS_MM
-    board = Pos(0, 0, (seat + top) / 2) * (
-        Cylinder(BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM) - Cylinder(BOARD_INNER_RADIUS_MM, BOARD_THICKNESS_MM)
-    )
+    disc, hole = (Cylinder(radius, BOARD_THICKNESS_MM) for radius in (BOARD_OUTER_RADIUS_MM, BOARD_INNER_RADIUS_MM))
+    board = Pos(0, 0, (seat + top) / 2) * (disc - hole)
     led = Pos(LED_CIRCLE_RADIUS_MM, 0, top + LED_HEIGHT_MM / 2) * Box(LED_WIDTH_MM, LED_WIDTH_MM, LED_HEIGHT_MM)
     leds = [Rot(0, 0, 360.0 / LED_COUNT * k) * led for k in range(LED_COUNT)]
     plug = Rot(0, 0, ring_spacer.NOTCH_AZIMUTH_DEG) * Pos(PLUG_RADIUS_MM, 0, seat - PLUG_MM[2] / 2) * Box(*PLUG_MM)
-    solid = base.one_solid("led_ring", board + [*leds, plug])
+    solid = base.one_solid("led_ring", board.fuse(*leds, plug))
     return Part("led_ring", "bought", "circuit board", solid, (0.05, 0.42, 0.24))

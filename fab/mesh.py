@@ -66,7 +66,8 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
         points.append(nodes)
         triangles.append(corners + count)
         count += len(nodes)
-    return weld(np.concatenate(points), np.concatenate(triangles))
+    # Two faces may give a shared node as 1e-14 and 2e-14: equal at a nanometre, not in float32.
+    return weld(np.round(np.concatenate(points), 6), np.concatenate(triangles))
 
 
 def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:

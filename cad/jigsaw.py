@@ -69,8 +69,9 @@ def sector_prisms(layout: MoldLayout, seams_deg: tuple[float, ...], tabs: tuple[
 def core_prisms(layout: MoldLayout) -> dict[str, Solid]:
     """The seven prisms that cut the core: ``core_centre``, ``core_key_1..3``, ``core_wide_1..3``.
 
-    The centre is a hexagon with three long edges (toward the keys) and three short ones (toward the wides), a tab on
-    each, drafted so that it lets go at once. A key is a strip of constant width; a wide fills the sector between two keys.
+    The centre is a hexagon with three long edges (toward the keys), a tab on each, and three short ones (toward the
+    wides), drafted so that it lets go at once. A key is a strip of constant width; a wide fills the sector between
+    two keys.
     """
     gap, inner, half = layout.joint_clearance_mm, layout.centre_inradius_mm, layout.key_half_width_mm
     far = FAR_RATIO * layout.params.outer_radius_mm
@@ -90,12 +91,10 @@ def _centre_outline(layout: MoldLayout, grown_mm: float) -> Face:
     """Outline of the centre piece at the mating plane, grown all round by the joint clearance for its socket."""
     inner, half = layout.centre_inradius_mm, layout.key_half_width_mm
     tab, beyond = layout.core_tab_radius_mm, 0.62 * layout.core_tab_radius_mm
-    short = inner * math.cos(math.radians(60)) + half * math.sin(math.radians(60))  # short edge from the axis
     wider = half + grown_mm * math.tan(math.radians(30.0))  # corners of 120 degrees: both edges move out by the growth
     faces = polygon([rotated((inner + grown_mm, y), a) for a in layout.key_azimuths_deg for y in (-wider, wider)])
     for azimuth in layout.key_azimuths_deg:
         faces = faces + disc(rotated((inner + beyond, 0.0), azimuth), tab + grown_mm)
-        faces = faces + disc(rotated((short + beyond, 0.0), azimuth + 60.0), tab + grown_mm)
     return faces
 
 

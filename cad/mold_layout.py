@@ -7,7 +7,7 @@ the floor while silicone is poured, so "below the equator" in the workshop is z 
             rises in the last millimetres of closing
     collar  upper half, from the equator seam to the mating plane; slides into the dam like a piston
     hanger  plate on the collar that carries TPU interface and core
-    core    seven pieces: a centre with six jigsaw tabs, three keys with parallel sides, three wides between them
+    core    seven pieces: a centre with three jigsaw tabs, three keys with parallel sides, three wides between them
 
 Bowl segments leave toward the dome, collar segments toward the rim: both directions open away from the equator, so
 neither has an undercut, although the shell is wider at its equator than at its rim.
@@ -148,13 +148,18 @@ class MoldLayout:
         return 0.6 * self.exit_radius_mm
 
     @property
+    def centre_short_inradius_mm(self) -> float:
+        """Distance of the wides' inner faces from the axis: where the hexagon's corners put its short edges."""
+        return 0.5 * self.centre_inradius_mm + math.sqrt(0.75) * self.key_half_width_mm
+
+    @property
     def key_half_width_mm(self) -> float:
         """Half the width of a key: wide enough that the wides between the keys still pass the opening."""
         return 0.58 * self.exit_radius_mm
 
     @property
     def core_tab_radius_mm(self) -> float:
-        """Round jigsaw tabs of the centre piece."""
+        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys)."""
         return 4.0
 
     @property
@@ -166,11 +171,11 @@ class MoldLayout:
     def core_screws_mm(self) -> dict[str, tuple[tuple[float, float], ...]]:
         """Places (x, y) of the M3 screws from hanger to core, by piece."""
         key_x = (self.centre_inradius_mm + 2 * self.core_tab_radius_mm + self.neck_radius_mm) / 2
-        along, aside = 0.895 * self.exit_radius_mm, 0.21 * self.exit_radius_mm
+        wide_x = (self.centre_short_inradius_mm + self.neck_radius_mm) / 2
         places: dict[str, tuple[tuple[float, float], ...]] = {"core_centre": ((10.0, 0.0), (-10.0, 0.0))}
         for k, azimuth in enumerate(self.key_azimuths_deg):
             places[f"core_key_{k + 1}"] = (rotated((key_x, 0.0), azimuth),)
-            places[f"core_wide_{k + 1}"] = (rotated((along, aside), azimuth + 60.0),)
+            places[f"core_wide_{k + 1}"] = (rotated((wide_x, 0.0), azimuth + 60.0),)
         return places
 
     @property

@@ -1,4 +1,4 @@
-"""The record of one check, and the checks that need no geometry of their own.
+"""The record of one check.
 
 A check is a number with limits; it gates the export. Nothing is loosened to pass: limits are stated where the check is
 made, with their reason.
@@ -9,10 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import trimesh
-
-from fab.mesh import to_manifold
-from cad.errors import GeometryError
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def base_part(params: EndcapParams) -> Part:
         GeometryError: the kernel did not return one valid solid.
     """
     solid = one_solid("base", _body(params) - _cuts(params))
-    return Part("base", "printed", "PLA", solid, (0.16, 0.18, 0.21))
+    return Part("base", "printed", "PLA", solid, (0.30, 0.33, 0.38))
 
 
 def one_solid(name: str, shape: Shape) -> Solid:

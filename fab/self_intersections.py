@@ -1,0 +1,31 @@
+"""Count self-intersecting faces of a mesh (millimetres).
+
+Notes:
+    pymeshlab is GPL-3, so it is loaded only here, only when this check runs, and nothing else needs it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from cad.errors import GeometryError
+
+
+def self_intersections(mesh: trimesh.Trimesh) -> int:
+    """Number of faces that cut another face of the mesh other than along a shared edge or corner.
+
+    Raises:
+        GeometryError: pymeshlab is not installed.
+    """
+    try:
+        import pymeshlab
+    except ImportError as error:
+        raise GeometryError(
+            "self-intersections cannot be checked without pymeshlab: run `make setup`, or pip install pymeshlab"
+        ) from error
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32)))
+    meshes.compute_selection_by_self_intersections_per_face()
+    return int(meshes.current_mesh().selected_face_number())

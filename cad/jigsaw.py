@@ -16,6 +16,7 @@ from cad.mold_layout import MoldLayout, rotated
 from cad.outlines import disc, polygon
 from cad.solids import one_solid
 
+NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
 FAR_RATIO = 2.5  # outlines reach this many outer radii out: beyond every mold part
 
 
@@ -95,7 +96,14 @@ def _centre_outline(layout: MoldLayout, grown_mm: float) -> Face:
     faces = polygon([rotated((inner + grown_mm, y), a) for a in layout.key_azimuths_deg for y in (-wider, wider)])
     for azimuth in layout.key_azimuths_deg:
         faces = faces + disc(rotated((inner + beyond, 0.0), azimuth), tab + grown_mm)
-    return faces
+    # Drafting a sharp inner corner would leave a wedge that starts with no width at all.
+    necks = [vertex for vertex in faces.vertices() if _is_neck(layout, vertex.X, vertex.Y)]
+    return faces.fillet_2d(NECK_FILLET_MM - grown_mm, necks)
+
+
+def _is_neck(layout: MoldLayout, x: float, y: float) -> bool:
+    """Whether an outline's corner is where a tab joins a long edge (the others lie at the hexagon's own corners)."""
+    return math.hypot(x, y) < math.hypot(layout.centre_inradius_mm, 2 * layout.core_tab_radius_mm)
 
 
 def drafted(face: Face, layout: MoldLayout) -> Solid:

@@ -30,7 +30,8 @@ def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[C
     params = layout.params
     centre = np.array([0.0, 0.0, params.centre_height_mm])
     points = np.concatenate([mesh.vertices for mesh in pieces]) - centre
-    risen = points[np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM]
+    above_flange = points[:, 2] > params.flange_thickness_mm - params.centre_height_mm
+    risen = points[above_flange & (np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM)]
     patches = _patches(risen, 1.2 * DOT_RADIUS_MM)
     directions = np.array([dot.direction for dot in dot_pattern(params)])
     count = Check("bumps.count", float(len(patches)), len(directions), len(directions))

@@ -25,7 +25,7 @@ CLEARANCE_MM = 0.03  # two tessellations of a 0.15 mm joint: 0.01 each, and a co
 BED_MM = 256.0
 MIN_WALL_MM = {"PLA": 0.8, "TPU": 0.4}  # two lines, or one, of a 0.4 mm nozzle
 WALL_SAMPLES = 3000
-THIN_SHARE = 0.002  # of the sampled surface: knife edges where two surfaces meet are not walls
+PARALLEL = 0.995  # cosine between the two faces of a wall
 MAX_OVERHANG_DEG = 45.0
 
 
@@ -67,11 +67,14 @@ def clearance_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) 
         "core_key": ("core_centre", "core_key_1"),
         "core_wide": ("core_centre", "core_wide_1"),
         "core_side": ("core_key_1", "core_wide_1"),
-        "core_bore": ("core_key_1", "interface"),
     }
-    checks = []
+    below = [0.0, 0.0, -1.0], -layout.params.flange_thickness_mm + 0.5  # the ramp meets the flange's edge at an angle
+    neck, flange = (to_manifold(meshes[name]).trim_by_plane(*below) for name in ("core_key_1", "interface"))
+    gaps = {"core_bore": neck.min_gap(flange, 1.0)}
     for name, (first, second) in pairs.items():
-        gap = to_manifold(meshes[first]).min_gap(to_manifold(meshes[second]), 1.0)
+        gaps[name] = to_manifold(meshes[first]).min_gap(to_manifold(meshes[second]), 1.0)
+    checks = []
+    for name, gap in gaps.items():
         checks.append(Check(f"joint_{name}.gap_mm", gap, nominal - CLEARANCE_MM, nominal + CLEARANCE_MM))
     return checks
 
@@ -88,13 +91,16 @@ def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
 
 
 def min_wall_check(name: str, material: str, mesh: trimesh.Trimesh) -> Check:
-    """Thickness that all but the knife edges of a part exceed, by rays from its surface inward."""
-    rng = np.random.default_rng(0)
-    points, faces = trimesh.sample.sample_surface(mesh, WALL_SAMPLES, seed=rng)
+    """Thinnest wall of a part: two faces back to back, by rays from sampled points inward.
+
+    Faces that meet at an angle end in an edge, which a printer rounds; only faces that run parallel are a wall.
+    """
+    points, faces = trimesh.sample.sample_surface(mesh, WALL_SAMPLES, seed=0)
     inward = -mesh.face_normals[faces]
-    places, rays, _ = mesh.ray.intersects_location(points + 1e-3 * inward, inward, multiple_hits=False)
-    thickness = np.linalg.norm(places - points[rays], axis=1)
-    return Check(f"{name}.min_wall_mm", float(np.quantile(thickness, THIN_SHARE)), low=MIN_WALL_MM[material])
+    places, rays, hit = mesh.ray.intersects_location(points + 1e-3 * inward, inward, multiple_hits=False)
+    parallel = np.einsum("ij,ij->i", mesh.face_normals[hit], inward[rays]) > PARALLEL
+    thickness = np.linalg.norm(places - points[rays], axis=1)[parallel]
+    return Check(f"{name}.min_wall_mm", float(thickness.min(initial=np.inf)), low=MIN_WALL_MM[material])
 
 
 def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Check:

@@ -1,0 +1,192 @@
+"""`python -m fab.molds D=130 T=8`: from two numbers to every file that a lab needs to print and cast an endcap."""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from cad.errors import EndcapError, FileError, ParameterError
+from cad.feasible import diameter_range_mm
+from cad.params import EndcapParams
+
+ROOT = Path(__file__).resolve().parent.parent
+DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports")}
+WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
+
+HELP = """\
+options, as NAME=VALUE:
+  D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
+  T=8              thickness of its wall, mm (5 to a fifth of the radius; see README for the region)
+  exports=DIR      folder that receives D130_T8/ (default: exports/)
+
+The folder appears whole, after every check has passed, or not at all.
+exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="make molds",
+        usage="make molds [D=MM] [T=MM] [exports=DIR]",
+        description="Make the mold, the TPU interface, the base and the assembly of one endcap.",
+        epilog=HELP.format(low=diameter_range_mm()[0], high=diameter_range_mm()[1]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
+    arguments, unknown = parser.parse_known_args(argv)
+    try:
+        options = parse_options([*arguments.options, *unknown])
+        params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
+        return make_molds(params, Path(options["exports"]))
+    except EndcapError as error:
+        print(f"make molds: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("make molds: interrupted; nothing was left behind", file=sys.stderr)
+        return 130
+
+
+def parse_options(words: Sequence[str]) -> dict[str, str]:
+    """Read NAME=VALUE words over the defaults.
+
+    Raises:
+        ParameterError: an unknown name, or a word of another form.
+    """
+    options = dict(DEFAULTS)
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or name not in DEFAULTS or not value:
+            raise ParameterError(f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name)
+        options[name] = value
+    return options
+
+
+def parse_length(name: str, text: str) -> float:
+    """Read a length in millimetres.
+
+    Raises:
+        ParameterError: not a number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(
+            f"{name}={text} is not a number: give millimetres without a unit, for example D=130 T=8",
+            name=name,
+            value=text,
+        ) from None
+
+
+def make_molds(params: EndcapParams, exports: Path) -> int:
+    """Build, write and check one endcap.
+
+    Args:
+        params: the two numbers.
+        exports: folder that receives ``params.label``.
+
+    Returns:
+        0, or 1 where a check failed (then nothing is left).
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
+    final = exports / params.label
+    require_writable(exports)
+    progress = Progress()
+    # Forked before the CAD kernel is loaded: a worker starts in milliseconds and carries nothing it does not need.
+    with ProcessPoolExecutor(WORKERS, mp_context=multiprocessing.get_context("fork")) as workers:
+        for _ in range(WORKERS):
+            workers.submit(os.getpid)
+        try:
+            return _make(params, final, workers, progress)
+        except BaseException:
+            workers.shutdown(wait=False, cancel_futures=True)
+            raise
+        finally:
+            progress.end()
+
+
+def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progress: Progress) -> int:
+    """Build, write and check with running workers."""
+    from fab import exports as files
+    from fab.design import build_design
+    from fab.gates import run_gates
+
+    design = build_design(params, workers, progress)
+    with files.whole_folder(final) as folder:
+        progress("files")
+        names = files.write_meshes(design, folder)
+        archives = [
+            workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf") for name in names
+        ]
+        files.write_solids(design, folder)
+        checks = run_gates(design, folder, workers, progress)
+        failed = [check for check in checks if not check.ok]
+        if failed:
+            for check in failed:
+                print(f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
+            raise ChecksFailedError(f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written")
+        progress("assembly and pictures")
+        files.write_assemblies(design, folder)
+        files.write_pictures(design, folder)
+        for archive in archives:
+            archive.result()
+        files.write_manifest(files.manifest(design, checks, folder), folder)
+        count = len(list(folder.iterdir()))
+    print(f"{final}: {count} files, {len(design.parts)} parts, all {len(checks)} checks passed, {progress.seconds:.0f} s")
+    return 0
+
+
+class ChecksFailedError(EndcapError):
+    """A gate did not hold, so the folder was not written."""
+
+
+def require_writable(folder: Path) -> None:
+    """Make the exports folder, or say at once why it cannot be.
+
+    Raises:
+        FileError: it cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".probe-{os.getpid()}"
+        probe.write_bytes(b"\0" * 4096)
+        probe.unlink()
+    except OSError as error:
+        raise FileError(
+            f"exports={folder}: {error.strerror or error}: name a folder you may write with exports=DIR"
+        ) from error
+
+
+class Progress:
+    """One line for each step on a terminal; silent elsewhere."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self._shown = sys.stderr.isatty()
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start."""
+        return time.monotonic() - self._start
+
+    def __call__(self, step: str) -> None:
+        """Announce a step."""
+        if self._shown:
+            print(f"\r\033[K[{self.seconds:5.1f} s] {step}", end="", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """Clear the line."""
+        if self._shown:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -31,7 +31,7 @@ from fab.zone_grid import ZoneGrid, zone_grid
 
 WALL_MM = 0.45  # E: one line of a 0.4 mm nozzle
 DENSITY = 0.10  # the paper's interlock
-DENSITY_TOLERANCE = 1e-3  # relative; the export's gate is 3e-3
+DENSITY_TOLERANCE = 5e-4  # relative: 10.00 % in print; the export gates at 3e-3
 STEP_MM = 0.6  # knee of bench/gyroid.csv
 AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
 PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero

@@ -23,8 +23,9 @@ from cad.errors import FileError, GeometryError
 if TYPE_CHECKING:
     from build123d import Shape
 
-TOLERANCE_MM = 0.02  # knee of bench/tessellation.csv: printers resolve 0.05 mm
+TOLERANCE_MM = 0.01  # knee of bench/tessellation.csv: printers resolve 0.05 mm
 ANGLE_RAD = 0.5  # keeps small fillets and holes round; 0.5 rad is 13 facets a turn at the least
+REFINEMENTS = 4
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -40,8 +41,21 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
         Mesh with outward faces, coordinates rounded to what a binary STL holds (float32), without degenerate faces.
 
     Raises:
-        GeometryError: a face came back without triangles.
+        GeometryError: a face came back without triangles, or the mesh stayed open.
+
+    Notes:
+        Where a bump meets the wall of a tab at a sharp angle, both facets can fall together at one tolerance; a finer
+        one tells them apart, so an open mesh is made again at half the tolerance.
     """
+    for attempt in range(REFINEMENTS):
+        mesh = _triangulate(solid, tolerance_mm / 2**attempt, angle_rad)
+        if mesh.is_watertight:
+            return mesh
+    raise GeometryError(f"the solid's mesh stays open at {tolerance_mm / 2**(REFINEMENTS - 1):g} mm: report D and T")
+
+
+def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh.Trimesh:
+    """One pass of OCCT's mesher, faces joined at equal points."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
@@ -71,7 +85,10 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
 
 
 def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
-    """Join vertices that are equal in float32 and drop the triangles that collapse (sphere poles leave such).
+    """Join vertices that are equal in float32; drop triangles that collapse (sphere poles leave such) or cancel.
+
+    Two triangles on the same corners with opposite sense are a wedge thinner than the tolerance, folded flat: where a
+    bump meets the wall of a tab at a sharp angle. Together they bound nothing.
 
     Args:
         points: (n, 3) coordinates in mm.
@@ -80,7 +97,10 @@ def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
     unique, inverse = np.unique(points.astype(np.float32), axis=0, return_inverse=True)
     corners = inverse.reshape(-1)[triangles]
     kept = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
-    return trimesh.Trimesh(unique.astype(np.float64), corners[kept], process=False, validate=False)
+    corners = corners[kept]
+    _, group, members = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True)
+    single = members[group.reshape(-1)] == 1
+    return trimesh.Trimesh(unique.astype(np.float64), corners[single], process=False, validate=False)
 
 
 def write_stl(path: Path, mesh: trimesh.Trimesh) -> None:

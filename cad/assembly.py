@@ -1,0 +1,93 @@
+"""The assembly: all parts, named and coloured, in place or exploded, as STEP and GLB (CadQuery, OCCT's XCAF).
+
+STEP in millimetres in the endcap frame; GLB in metres with y up, as its standard asks.
+
+Notes:
+    Both files are reproducible byte for byte (:mod:`cad.step_file`); a new version of OCCT may still write other bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cad.errors import FileError, GeometryError
+from cad.part import Part
+from cad.step_file import canonical_step
+
+if TYPE_CHECKING:
+    import cadquery
+
+Offset = tuple[float, float, float]
+TOLERANCE_MM = 0.05  # GLB is for looking: finer than a pixel on a screen that shows the whole endcap
+ANGLE_RAD = 0.3
+
+
+def build_assembly(
+    parts: Sequence[Part], offsets: Mapping[str, Offset] | None = None, name: str = "endcap"
+) -> cadquery.Assembly:
+    """Put parts together.
+
+    Args:
+        parts: parts in the endcap frame; each one's name and colour go into the files.
+        offsets: displacement of a part by its name (mm), for an exploded view; parts not named stay in place.
+        name: name of the assembly's root.
+
+    Returns:
+        A CadQuery assembly of copies: exporting it neither uses nor changes triangles stored in the parts' solids.
+
+    Raises:
+        GeometryError: two parts share a name, or an offset names no part.
+    """
+    import cadquery as cq
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+
+    offsets = offsets or {}
+    names = [part.name for part in parts]
+    strangers = sorted(set(offsets) - set(names))
+    if len(set(names)) < len(names) or strangers:
+        raise GeometryError(f"assembly of {names}: names must differ, and offsets for {strangers} move nothing")
+    assembly = cq.Assembly(name=name)
+    for part in parts:
+        shape = cq.Shape.cast(BRepBuilderAPI_Copy(part.solid.wrapped, True, False).Shape())
+        place = cq.Location(offsets.get(part.name, (0.0, 0.0, 0.0)))
+        assembly.add(shape, name=part.name, color=cq.Color(*part.color), loc=place)
+    return assembly
+
+
+def write_assembly(assembly: cadquery.Assembly, step_path: Path, glb_path: Path) -> None:
+    """Write an assembly as STEP and GLB; each appears whole or not at all.
+
+    Raises:
+        FileError: a file could not be written.
+    """
+    for path, write in ((step_path, _write_step), (glb_path, _write_glb)):
+        try:
+            with tempfile.TemporaryDirectory(dir=path.parent, prefix=".assembly-") as folder:
+                draft = Path(folder) / path.name
+                write(assembly, draft)
+                draft.replace(path)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
+
+
+def _write_step(assembly: cadquery.Assembly, path: Path) -> None:
+    assembly.export(str(path), exportType="STEP")
+    text = path.read_text()
+    _require_whole(path, text.rstrip().endswith("END-ISO-10303-21;"))
+    path.write_text(canonical_step(text))
+
+
+def _write_glb(assembly: cadquery.Assembly, path: Path) -> None:
+    assembly.export(str(path), exportType="GLTF", tolerance=TOLERANCE_MM, angularTolerance=ANGLE_RAD)
+    data = path.read_bytes()
+    _require_whole(path, data[:4] == b"glTF" and struct.unpack_from("<I", data, 8)[0] == len(data))
+
+
+def _require_whole(path: Path, whole: bool) -> None:
+    """OCCT's writers are silent about a full disk: their files say themselves where they end."""
+    if not whole:
+        raise FileError(f"{path.name}: the writer stopped before its end: make room on the disk")

@@ -1,0 +1,63 @@
+"""The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, facts.md).
+
+Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M); the
+heights of holder and lens are our estimate (E), chosen so that the entrance pupil lies at ``camera_height_mm`` when
+the board sits on the base's pads. Only the front glass rises over the 180 degree plane.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cad import base
+from cad.part import Part
+
+if TYPE_CHECKING:
+    from build123d import Shape
+
+    from cad.params import EndcapParams
+
+BOARD_WIDTH_MM = 31.7  # E: 32 nominal, sized to drop into the 31.95 pocket
+BOARD_THICKNESS_MM = 1.6  # S
+BOARD_HOLE_RADIUS_MM = 1.1  # E: M2 passes
+BACK_MM = (17.0, 17.0, 3.0)  # E: what is soldered to the back
+PLUG_MM = (9.0, 5.0, 4.5)  # E: USB plug over a cable way
+HOLDER_WIDTH_MM = 16.0  # E: lens holder
+HOLDER_HEIGHT_MM = 9.0  # E
+BARREL_RADIUS_MM = 6.0  # S: M12
+HEAD_RADIUS_MM = 8.5  # E: lens head
+HEAD_HEIGHT_MM = 8.0  # E
+PUPIL_TO_HEAD_MM = 0.5  # E: pupil above the rim of the lens head, so that the head stays out of the view
+GLASS_RADIUS_MM = 7.5  # E: front glass, at the rim of the lens head
+GLASS_HEIGHT_MM = 2.0  # E
+
+
+def camera_part(params: EndcapParams) -> Part:
+    """Build the camera's envelope (the same at every size)."""
+    from build123d import Box, Cylinder, Pos
+
+    seat = base.CAMERA_SEAT_Z_MM
+    front = seat + BOARD_THICKNESS_MM
+    rim = params.camera_height_mm - PUPIL_TO_HEAD_MM
+    offset = base.CAMERA_HOLE_OFFSET_MM
+    board = Pos(0, 0, (seat + front) / 2) * Box(BOARD_WIDTH_MM, BOARD_WIDTH_MM, BOARD_THICKNESS_MM)
+    hole = Cylinder(BOARD_HOLE_RADIUS_MM, BOARD_THICKNESS_MM)
+    board -= [Pos(sx * offset, sy * offset, (seat + front) / 2) * hole for sx in (-1, 1) for sy in (-1, 1)]
+    bodies = [
+        Pos(0, 0, seat - BACK_MM[2] / 2) * Box(*BACK_MM),
+        Pos(0, base.CABLE_OFFSET_MM, seat - PLUG_MM[2] / 2) * Box(*PLUG_MM),
+        Pos(0, 0, front + HOLDER_HEIGHT_MM / 2) * Box(HOLDER_WIDTH_MM, HOLDER_WIDTH_MM, HOLDER_HEIGHT_MM),
+        Pos(0, 0, (front + rim) / 2) * Cylinder(BARREL_RADIUS_MM, rim - front),
+        Pos(0, 0, rim - HEAD_HEIGHT_MM / 2) * Cylinder(HEAD_RADIUS_MM, HEAD_HEIGHT_MM),
+        _glass(rim),
+    ]
+    return Part("camera", "bought", "camera module", base.one_solid("camera", board + bodies), (0.10, 0.32, 0.60))
+
+
+def _glass(rim_z: float) -> Shape:
+    """Spherical cap on the lens head."""
+    from build123d import Box, Pos, Sphere
+
+    radius = (GLASS_RADIUS_MM**2 + GLASS_HEIGHT_MM**2) / (2 * GLASS_HEIGHT_MM)
+    ball = Pos(0, 0, rim_z + GLASS_HEIGHT_MM - radius) * Sphere(radius)
+    return ball & Pos(0, 0, rim_z + radius) * Box(2 * radius, 2 * radius, 2 * radius)

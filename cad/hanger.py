@@ -1,0 +1,44 @@
+"""The hanger: plate on the collar that holds TPU interface and core concentric, by the interface's own ten screws.
+
+It stays on top while the silicone is poured dome-down: its holes over the flange's notches are vents, and show by a
+ring of ten wet wells that the mold is full. Millimetres, endcap frame, casting position.
+"""
+
+from __future__ import annotations
+
+from cad.mold_cup import PIN_DEPTH_MM, PIN_SOCKET_RADIUS_MM
+from cad.mold_layout import MoldLayout, rotated
+from cad.part import Part
+from cad.solids import cut_holes, drill, fused, one_solid
+
+SCREW_HOLE_RADIUS_MM = 1.7  # S: M3 clearance, as in the base
+VENT_RADIUS_MM = 1.75
+WELL_RADIUS_MM = 3.5
+WELL_DEPTH_MM = 4.0
+PIN_PLAY_MM = 0.5  # the pin ends short of the socket's floor
+COLOR = (0.55, 0.75, 0.45)
+
+
+def hanger_part(layout: MoldLayout) -> Part:
+    """Build the hanger."""
+    params, bottom = layout.params, -layout.hanger_thickness_mm
+    plate = drill((0, 0), layout.hanger_radius_mm, bottom, 0.0)
+    pins = [
+        drill(
+            rotated((layout.collar_screw_circle_radius_mm, 0), azimuth),
+            PIN_SOCKET_RADIUS_MM - layout.joint_clearance_mm,
+            -1.0,
+            PIN_DEPTH_MM - PIN_PLAY_MM,
+        )
+        for azimuth in layout.bowl_seams_deg
+    ]
+    places = [rotated((params.screw_circle_radius_mm, 0), a) for a in params.screw_azimuths_deg]
+    places += [rotated((layout.collar_screw_circle_radius_mm, 0), a) for a in layout.bolt_azimuths_deg]
+    places += [place for piece in layout.core_screws_mm.values() for place in piece]
+    holes = [drill(place, SCREW_HOLE_RADIUS_MM, bottom - 1, 1.0) for place in places]
+    for azimuth in layout.vent_azimuths_deg:
+        place = rotated((layout.vent_circle_radius_mm, 0), azimuth)
+        holes.append(drill(place, VENT_RADIUS_MM, bottom - 1, 1.0))
+        holes.append(drill(place, WELL_RADIUS_MM, bottom - 1, bottom + WELL_DEPTH_MM))
+    solid = one_solid(cut_holes(fused(plate, pins), holes), "hanger")
+    return Part("hanger", "printed", "PLA", solid, COLOR)

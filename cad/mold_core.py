@@ -1,0 +1,101 @@
+"""The mold core: inner half of the mold, with bumps that leave the dents for the dots, in seven pieces.
+
+The pieces leave through the bore of the TPU interface in this order: centre (straight out), keys (inward, then out),
+wides (inward, then out). Millimetres, endcap frame, casting position.
+"""
+
+from __future__ import annotations
+
+import math
+
+from build123d import Edge, Face, Plane, Solid, Vector, Wire
+
+from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, Dot, dot_pattern
+from cad.jigsaw import core_prisms
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from cad.part import Part
+from cad.solids import cut_holes, drill, fused, one_solid, revolved
+
+PILOT_RADIUS_MM = 1.3  # S: hole for an M3 screw that cuts its thread in PLA
+PILOT_DEPTH_MM = 14.0
+COLOR = (0.93, 0.62, 0.22)
+REMOVAL_ORDER = (
+    "core_centre",
+    *(f"core_key_{k}" for k in (1, 2, 3)),
+    *(f"core_wide_{k}" for k in (1, 2, 3)),
+)
+
+
+def bump_sphere_radius_mm() -> float:
+    """Radius of the sphere whose cap has a dot's radius and a dent's depth (on a flat)."""
+    return (DOT_RADIUS_MM**2 + DENT_DEPTH_MM**2) / (2 * DENT_DEPTH_MM)
+
+
+def bump(params: EndcapParams, dot: Dot) -> Solid:
+    """The sphere that raises one bump.
+
+    Notes:
+        Its poles lie on the dot's own radius. With the default axis two bumps that met the core's equator gave OCCT
+        an invalid solid with 1.49 times the right volume.
+    """
+    outward = Vector(*dot.direction)
+    radius = bump_sphere_radius_mm()
+    centre = outward * (params.inner_radius_mm + DENT_DEPTH_MM - radius) + Vector(0, 0, params.centre_height_mm)
+    return Solid.make_sphere(radius, Plane(origin=centre, z_dir=outward), -90, 90, 360)
+
+
+def core_profile(layout: MoldLayout) -> Face:
+    """Half section (x >= 0, z up) of the core: neck in the bore, ramp over the flange, inner sphere."""
+    params = layout.params
+    neck, flange, centre = layout.neck_radius_mm, params.flange_thickness_mm, params.centre_height_mm
+    start = ramp_end(layout)
+    tip = Vector(0, 0, centre + params.inner_radius_mm)
+    middle_angle = (math.atan2(start[1] - centre, start[0]) + math.pi / 2) / 2
+    middle = Vector(
+        params.inner_radius_mm * math.cos(middle_angle), 0, centre + params.inner_radius_mm * math.sin(middle_angle)
+    )
+    corners = [Vector(0, 0, 0), Vector(neck, 0, 0), Vector(neck, 0, flange), Vector(start[0], 0, start[1])]
+    edges = [Edge.make_line(a, b) for a, b in zip(corners, corners[1:], strict=False)]
+    edges += [Edge.make_three_point_arc(corners[-1], middle, tip), Edge.make_line(tip, corners[0])]
+    return Face(Wire(edges))
+
+
+def ramp_end(layout: MoldLayout) -> tuple[float, float]:
+    """Where the ramp meets the inner sphere: ``(radius, height)``.
+
+    Where a thick wall already stands over the bore there is no ramp, and the sphere starts on the flange.
+    """
+    params = layout.params
+    slope = math.tan(math.radians(layout.ramp_deg))
+    neck, flange, centre = layout.neck_radius_mm, params.flange_thickness_mm, params.centre_height_mm
+    if params.inner_radius_at(flange) <= neck:
+        return params.inner_radius_at(flange), flange
+    # |(neck + s, flange + slope s - centre)| = inner radius, the smaller positive root
+    drop = flange - centre
+    a, b = 1 + slope**2, neck + slope * drop
+    c = neck**2 + drop**2 - params.inner_radius_mm**2
+    s = (-b + math.sqrt(b * b - a * c)) / a
+    return neck + s, flange + slope * s
+
+
+def core_body(layout: MoldLayout) -> Solid:
+    """The whole core with its bumps, before it is cut into pieces."""
+    params = layout.params
+    return fused(revolved(core_profile(layout)), [bump(params, dot) for dot in dot_pattern(params)])
+
+
+def core_parts(layout: MoldLayout, body: Solid) -> list[Part]:
+    """Cut the core into its seven pieces and drill the pilot holes for the hanger's screws.
+
+    Args:
+        layout: mold sizes.
+        body: what :func:`core_body` returned.
+    """
+    parts = []
+    for name, prism in core_prisms(layout).items():
+        places = layout.core_screws_mm[name]
+        holes = [drill(place, PILOT_RADIUS_MM, 0.0, PILOT_DEPTH_MM) for place in places]
+        parts.append(Part(name, "printed", "PLA", one_solid(cut_holes(body & prism, holes), name), COLOR))
+    order = {name: i for i, name in enumerate(REMOVAL_ORDER)}
+    return sorted(parts, key=lambda part: order[part.name])

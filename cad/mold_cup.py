@@ -1,0 +1,117 @@
+"""The mold cup: outer half of the mold, a bowl and a collar, each in three jigsaw segments.
+
+Poured dome-down. The bowl stands on its foot; above its seam rises a dam, so that silicone which climbs while the core
+is pressed home stays inside. The collar comes down with the hanger and slides into the dam; six M4 bolts close the
+flanges and pin every segment to two of the other half. Millimetres, endcap frame, casting position.
+"""
+
+from __future__ import annotations
+
+from build123d import Solid
+
+from cad.jigsaw import Tab, sector_prisms
+from cad.mold_layout import MoldLayout, rotated
+from cad.outlines import disc, polygon, rectangle, upright
+from cad.part import Part
+from cad.solids import cut_holes, drill, one_solid, revolved
+
+BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
+SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
+PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
+PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
+PIN_DEPTH_MM = 4.5
+GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
+COLOR = (0.36, 0.56, 0.80)
+
+
+def bowl_body(layout: MoldLayout) -> Solid:
+    """The lower half before it is cut into segments."""
+    params, top, seam = layout.params, layout.dam_top_mm, layout.seam_height_mm
+    outer, wall = params.outer_radius_mm, layout.bowl_wall_mm
+    below = top + layout.bolt_flange_mm
+    skirt = max(below + GUSSET_MM, seam)
+    stand = layout.stand_height_mm
+    flange = polygon(
+        [
+            (0.0, top),
+            (layout.flange_radius_mm, top),
+            (layout.flange_radius_mm, below),
+            (layout.dam_radius_mm, below + GUSSET_MM),
+            (layout.dam_radius_mm, skirt),
+            (0.0, skirt + layout.dam_radius_mm),
+        ]
+    )
+    round_wall = disc((0.0, seam), outer + wall) & rectangle(0.0, outer + wall, seam, stand)
+    foot = rectangle(0.0, layout.foot_radius_mm, seam, stand)
+    socket = rectangle(0.0, layout.piston_radius_mm + layout.joint_clearance_mm, top - 1.0, seam)
+    profile = (flange & rectangle(0.0, layout.flange_radius_mm, top, stand)) + round_wall + foot
+    body = revolved(upright(profile - disc((0.0, seam), outer) - socket))
+    return one_solid(cut_holes(body, _bolts(layout, below)), "bowl")
+
+
+def collar_body(layout: MoldLayout) -> Solid:
+    """The upper half before it is cut into segments."""
+    params, seam = layout.params, layout.seam_height_mm
+    bottom = layout.dam_top_mm - layout.joint_clearance_mm  # the piston seats on the seam, the flanges do not touch
+    top = layout.dam_top_mm - layout.bolt_flange_mm
+    outer, flange, piston = params.outer_radius_mm, layout.flange_radius_mm, layout.piston_radius_mm
+    inside = params.bore_radius_mm  # inside the sphere at every height
+    profile = [(inside, 0.0), *_gusset(top, flange, piston)]
+    profile += [(flange, bottom), (piston, bottom), (piston, seam), (inside, seam)]
+    screws = [
+        drill(rotated((layout.collar_screw_circle_radius_mm, 0), a), PILOT_RADIUS_MM, -1.0, layout.collar_screw_depth_mm)
+        for a in layout.bolt_azimuths_deg
+    ]
+    sockets = [
+        drill(rotated((layout.collar_screw_circle_radius_mm, 0), a), PIN_SOCKET_RADIUS_MM, -1.0, PIN_DEPTH_MM)
+        for a in layout.bowl_seams_deg
+    ]
+    spots = [
+        drill(rotated((layout.bolt_circle_radius_mm, 0), a), SPOT_RADIUS_MM, -1.0, top)
+        for a in layout.bolt_azimuths_deg
+    ]
+    body = revolved(upright(polygon(profile) - disc((0.0, seam), outer)))
+    tools = [*_bolt_holes(layout), *screws, *sockets, *(spots if top > 0 else [])]
+    return one_solid(cut_holes(body, tools), "collar")
+
+
+def cup_parts(layout: MoldLayout, bowl: Solid, collar: Solid) -> list[Part]:
+    """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``."""
+    outer = layout.params.outer_radius_mm
+    flange_tab = Tab(along_mm=outer + 13.0, radius_mm=3.5, beyond_mm=2.2)
+    foot_tab = Tab(along_mm=0.45 * outer, radius_mm=5.0, beyond_mm=3.2)
+    halves = [
+        ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, flange_tab)),
+        ("cup_collar", collar, layout.collar_seams_deg, (flange_tab,)),
+    ]
+    return [
+        Part(f"{stem}_{k + 1}", "printed", "PLA", one_solid(body & prism, f"{stem}_{k + 1}"), COLOR)
+        for stem, body, seams, tabs in halves
+        for k, prism in enumerate(sector_prisms(layout, seams, tabs))
+    ]
+
+
+def _gusset(top: float, flange: float, piston: float) -> list[tuple[float, float]]:
+    """Underside of the collar's flange: 45 degrees down to the piston's radius, cut off at the mating plane."""
+    run = flange - piston
+    if top <= 0:
+        return [(flange, 0.0)]
+    if top < run:
+        return [(flange - top, 0.0), (flange, top)]
+    return [(piston, 0.0), (piston, top - run), (flange, top)]
+
+
+def _bolt_holes(layout: MoldLayout) -> list[Solid]:
+    return [
+        drill(rotated((layout.bolt_circle_radius_mm, 0), a), BOLT_HOLE_RADIUS_MM, -1.0, layout.stand_height_mm)
+        for a in layout.bolt_azimuths_deg
+    ]
+
+
+def _bolts(layout: MoldLayout, below: float) -> list[Solid]:
+    """Holes and spot faces under the bowl's flange."""
+    spots = [
+        drill(rotated((layout.bolt_circle_radius_mm, 0), a), SPOT_RADIUS_MM, below, below + 2 * GUSSET_MM)
+        for a in layout.bolt_azimuths_deg
+    ]
+    return [*_bolt_holes(layout), *spots]

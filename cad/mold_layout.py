@@ -1,0 +1,190 @@
+"""Sizes that cup, core and hanger of the mold share (standard library only).
+
+The mold is described in the endcap frame, as it stands round the finished part. It is used dome-down: +z points to
+the floor while silicone is poured, so "below the equator" in the workshop is z > seam here.
+
+    bowl    lower half, z from the equator seam to the foot; a dam stands above the seam and holds the silicone that
+            rises in the last millimetres of closing
+    collar  upper half, from the equator seam to the mating plane; slides into the dam like a piston
+    hanger  plate on the collar that carries TPU interface and core
+    core    seven pieces: a centre with three jigsaw tabs, three keys with parallel sides, three wides between them
+
+Bowl segments leave toward the dome, collar segments toward the rim: both directions open away from the equator, so
+neither has an undercut, although the shell is wider at its equator than at its rim.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cad import feasible
+from cad.params import EndcapParams
+
+
+@dataclass(frozen=True)
+class MoldLayout:
+    """Derived sizes of the mold for one endcap (mm, endcap frame)."""
+
+    params: EndcapParams
+    joint_clearance_mm: float = 0.15  # E: gap on each side of a printed joint; the fit coupon refines it
+
+    # --- cup --------------------------------------------------------------------------------------------------
+    @property
+    def seam_height_mm(self) -> float:
+        """Bowl and collar part at the equator: the widest section, so that both halves draw without undercut."""
+        return self.params.centre_height_mm
+
+    @property
+    def dam_top_mm(self) -> float:
+        """Upper edge of the dam: closing stroke and margin above the seam (toward the rim, so lower z)."""
+        return self.seam_height_mm - feasible.dam_height_mm(self.params.diameter_mm, self.params.wall_mm)
+
+    @property
+    def bolt_flange_mm(self) -> float:
+        """Thickness of each bolt flange."""
+        return feasible.BOLT_FLANGE_MM
+
+    @property
+    def piston_radius_mm(self) -> float:
+        """Outer radius of the collar where it slides into the dam: 5 mm of PLA outside the silicone."""
+        return self.params.outer_radius_mm + 5.0
+
+    @property
+    def dam_radius_mm(self) -> float:
+        """Outer radius of the dam."""
+        return self.params.outer_radius_mm + 10.0
+
+    @property
+    def bolt_circle_radius_mm(self) -> float:
+        """Circle of the six M4 bolts: an 11 mm spot face clears the dam by half a mm."""
+        return self.params.outer_radius_mm + 16.0
+
+    @property
+    def flange_radius_mm(self) -> float:
+        """Outer radius of the bolt flanges: 2.75 mm of PLA outside the bolt holes."""
+        return self.params.outer_radius_mm + 21.0
+
+    @property
+    def bolt_azimuths_deg(self) -> tuple[float, ...]:
+        """Six bolts, two for every segment of bowl and of collar: each segment is pinned to both neighbours."""
+        return tuple(30.0 + 60.0 * k for k in range(6))
+
+    @property
+    def bowl_wall_mm(self) -> float:
+        """PLA outside the silicone below the equator."""
+        return 6.0
+
+    @property
+    def stand_height_mm(self) -> float:
+        """Plane on which the mold stands: 2 mm beyond the bowl's own wall."""
+        return self.params.tip_height_mm + self.bowl_wall_mm + 2.0
+
+    @property
+    def foot_radius_mm(self) -> float:
+        """The foot begins where the bowl's outside would overhang by more than 45 degrees when printed."""
+        return (self.params.outer_radius_mm + self.bowl_wall_mm) * math.sin(math.radians(45.0))
+
+    @property
+    def bowl_seams_deg(self) -> tuple[float, float, float]:
+        """Azimuths of the bowl's three jigsaw seams."""
+        return (0.0, 120.0, 240.0)
+
+    @property
+    def collar_seams_deg(self) -> tuple[float, float, float]:
+        """Azimuths of the collar's seams, staggered so that bolts tie each segment to two of the other half."""
+        return (60.0, 180.0, 300.0)
+
+    # --- hanger -----------------------------------------------------------------------------------------------
+    @property
+    def collar_screw_depth_mm(self) -> float:
+        """Depth of the pilot holes in the collar for the M3 screws that hold the hanger."""
+        return 12.0
+
+    @property
+    def collar_screw_circle_radius_mm(self) -> float:
+        """Outside the cavity at the bottom of the pilot hole by 1.7 mm of PLA (pilot radius 1.3)."""
+        return self.params.outer_radius_at(self.collar_screw_depth_mm) + 3.0
+
+    @property
+    def hanger_radius_mm(self) -> float:
+        """Covers its screws' heads."""
+        return self.collar_screw_circle_radius_mm + 4.5
+
+    @property
+    def hanger_thickness_mm(self) -> float:
+        """Stiff enough to close the mold against thick silicone (E)."""
+        return 8.0
+
+    @property
+    def vent_circle_radius_mm(self) -> float:
+        """Vents lead on from the notches in the edge of the TPU flange."""
+        return self.params.rim_radius_mm - 0.75
+
+    @property
+    def vent_azimuths_deg(self) -> tuple[float, ...]:
+        """Vents between the nuts."""
+        return tuple(36.0 * k for k in range(10))
+
+    # --- core -------------------------------------------------------------------------------------------------
+    @property
+    def neck_radius_mm(self) -> float:
+        """The core fills the bore of the TPU flange but for the joint clearance."""
+        return self.params.bore_radius_mm - self.joint_clearance_mm
+
+    @property
+    def ramp_deg(self) -> float:
+        """Rise of the silicone fillet from the bore to the inner sphere: lets pieces start inward and upward."""
+        return 30.0
+
+    @property
+    def exit_radius_mm(self) -> float:
+        """Circle through which every core piece must pass: the opening less the neck's clearance and half a mm."""
+        return min(self.neck_radius_mm, self.params.opening_radius_mm) - 0.5
+
+    @property
+    def centre_inradius_mm(self) -> float:
+        """Distance of the keys' inner faces from the axis."""
+        return 0.6 * self.exit_radius_mm
+
+    @property
+    def centre_short_inradius_mm(self) -> float:
+        """Distance of the wides' inner faces from the axis: where the hexagon's corners put its short edges."""
+        return 0.5 * self.centre_inradius_mm + math.sqrt(0.75) * self.key_half_width_mm
+
+    @property
+    def key_half_width_mm(self) -> float:
+        """Half the width of a key: wide enough that the wides between the keys still pass the opening."""
+        return 0.58 * self.exit_radius_mm
+
+    @property
+    def core_tab_radius_mm(self) -> float:
+        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys)."""
+        return 4.0
+
+    @property
+    def core_draft_deg(self) -> float:
+        """Taper of the centre piece: one degree, the least that lets a long printed prism go."""
+        return 1.0
+
+    @property
+    def core_screws_mm(self) -> dict[str, tuple[tuple[float, float], ...]]:
+        """Places (x, y) of the M3 screws from hanger to core, by piece."""
+        key_x = (self.centre_inradius_mm + 2 * self.core_tab_radius_mm + self.neck_radius_mm) / 2
+        wide_x = (self.centre_short_inradius_mm + self.neck_radius_mm) / 2
+        places: dict[str, tuple[tuple[float, float], ...]] = {"core_centre": ((10.0, 0.0), (-10.0, 0.0))}
+        for k, azimuth in enumerate(self.key_azimuths_deg):
+            places[f"core_key_{k + 1}"] = (rotated((key_x, 0.0), azimuth),)
+            places[f"core_wide_{k + 1}"] = (rotated((wide_x, 0.0), azimuth + 60.0),)
+        return places
+
+    @property
+    def key_azimuths_deg(self) -> tuple[float, float, float]:
+        """Directions of the three keys; the wides lie 60 degrees further."""
+        return (0.0, 120.0, 240.0)
+
+
+def rotated(point: tuple[float, float], azimuth_deg: float) -> tuple[float, float]:
+    """Turn a point (x, y) about the axis."""
+    c, s = math.cos(math.radians(azimuth_deg)), math.sin(math.radians(azimuth_deg))
+    return (c * point[0] - s * point[1], s * point[0] + c * point[1])

@@ -1,0 +1,49 @@
+"""The ring spacer: a printed ring in the base's recess that lifts the LED ring over the TPU flange.
+
+Endcap frame, millimetres; keeps its size at every diameter. It stands on the recess's floor and is held by two drops
+of glue. Printed as it stands: nothing hangs over but the 11 degree cone underneath, 0.7 mm high. All sizes here are
+our estimate (E) but the recess's (M, facts.md).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cad import base
+from cad.part import Part
+
+if TYPE_CHECKING:
+    from cad.params import EndcapParams
+
+CLEARANCE_MM = 0.15  # E: a side, printed joint
+OUTER_RADIUS_MM = base.RECESS_RADIUS_MM - CLEARANCE_MM
+INNER_RADIUS_MM = 30.0  # clears the camera's board (corners at 22.5) and its view
+SEAT_Z_MM = 5.4  # back of the LED ring's board: its LEDs then shine over the 6 mm TPU flange
+LIP_RADIUS_MM = 31.4  # the lip centres the board
+LIP_HEIGHT_MM = 1.4  # under the board's 1.6, so that the lip casts no shadow
+NOTCH_WIDTH_MM = 9.0  # for the plug under the board, at azimuth 90 degrees; also keeps the board from turning
+NOTCH_OUTER_RADIUS_MM = 37.0
+NOTCH_FLOOR_Z_MM = 0.8
+NOTCH_AZIMUTH_DEG = 90.0  # the side of a cable way
+
+
+def ring_spacer_part(params: EndcapParams) -> Part:
+    """Build the ring spacer (the same at every size)."""
+    from build123d import Axis, Box, Face, Pos, Rot, Wire, revolve
+
+    profile = [
+        (INNER_RADIUS_MM, 0, -base.RECESS_DEPTH_MM),
+        (base.RECESS_FLOOR_RADIUS_MM - CLEARANCE_MM, 0, -base.RECESS_DEPTH_MM),
+        (OUTER_RADIUS_MM, 0, -base.RECESS_EDGE_DEPTH_MM),
+        (OUTER_RADIUS_MM, 0, SEAT_Z_MM),
+        (LIP_RADIUS_MM, 0, SEAT_Z_MM),
+        (LIP_RADIUS_MM, 0, SEAT_Z_MM + LIP_HEIGHT_MM),
+        (INNER_RADIUS_MM, 0, SEAT_Z_MM + LIP_HEIGHT_MM),
+    ]
+    ring = revolve(Face(Wire.make_polygon(profile)), Axis.Z)
+    low_x, top_z = INNER_RADIUS_MM - 5.0, SEAT_Z_MM + LIP_HEIGHT_MM + 1.0
+    notch = Rot(0, 0, NOTCH_AZIMUTH_DEG) * (
+        Pos((low_x + NOTCH_OUTER_RADIUS_MM) / 2, 0, (NOTCH_FLOOR_Z_MM + top_z) / 2)
+        * Box(NOTCH_OUTER_RADIUS_MM - low_x, NOTCH_WIDTH_MM, top_z - NOTCH_FLOOR_Z_MM)
+    )
+    return Part("ring_spacer", "printed", "PLA", base.one_solid("ring_spacer", ring - notch), (0.96, 0.84, 0.36))

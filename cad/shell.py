@@ -1,0 +1,28 @@
+"""The shell: the silicone body as cast, reference for volume and mechanics.
+
+As a solid it is the envelope of the cast, dents included, with the TPU flange outside it; the gyroid inside the wall
+is a mesh, so what the TPU displaces is subtracted from the shell's mesh (``fab.shell_mesh``). Millimetres, endcap frame.
+"""
+
+from __future__ import annotations
+
+from build123d import Plane, Solid
+
+from cad.mold_layout import MoldLayout
+from cad.part import Part
+from cad.solids import drill, one_solid
+
+COLOR = (0.35, 0.72, 0.68)
+
+
+def shell_part(layout: MoldLayout, core: Solid) -> Part:
+    """Build the shell round a core.
+
+    Args:
+        layout: mold sizes.
+        core: the whole core with bumps (:func:`cad.mold_core.core_body`).
+    """
+    params = layout.params
+    sphere = Solid.make_sphere(params.outer_radius_mm, Plane(origin=(0, 0, params.centre_height_mm)), -90, 90, 360)
+    below = drill((0, 0), 2 * params.outer_radius_mm, -2 * params.outer_radius_mm, params.flange_thickness_mm)
+    return Part("shell", "cast", "silicone", one_solid(sphere.cut(below, core), "shell"), COLOR)

@@ -1,0 +1,72 @@
+"""STEP files (ISO 10303-21) that say the same thing in the same bytes, however often OCCT writes them.
+
+OCCT's text changes from run to run in four places, none of them geometry: the header's path and time stamp, the
+translator's running count, the running count of assembly uses, and the order of the colours (a hash of addresses).
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+STEP_TIME = "2000-01-01T00:00:00"  # what the header says instead of now
+_STYLE_ROOT = "MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION("
+_STATEMENT = re.compile(r"#(\d+) = (.*?;)\n", re.DOTALL)
+
+
+def canonical_step(text: str) -> str:
+    """Bring a STEP file written by OCCT into the form that depends on its content alone.
+
+    Args:
+        text: a whole STEP file.
+
+    Returns:
+        The same model; colours renumbered at the end of the file in the order of the solids they colour.
+    """
+    count = itertools.count(1)
+
+    def header(match: re.Match[str]) -> str:
+        return re.sub(r"FILE_NAME\('[^']*','[^']*'", f"FILE_NAME('endcap','{STEP_TIME}'", _one_line(match[0]))
+
+    def use(match: re.Match[str]) -> str:
+        return re.sub(r"\('[0-9]+'", f"('{next(count)}'", _one_line(match[0]), count=1)
+
+    text = re.sub(r"^FILE_NAME\([^;]*;", header, text, count=1, flags=re.MULTILINE)
+    text = re.sub(r"NEXT_ASSEMBLY_USAGE_OCCURRENCE\([^;]*;", use, text)
+    text = re.sub(r"(Open CASCADE STEP translator [0-9.]+) [0-9.]+", r"\1", text)
+    return _sort_styles(text)
+
+
+def _sort_styles(text: str) -> str:
+    """Put the styles, which OCCT writes last, in the order of the solids they colour, and renumber them."""
+    start = re.search(r"^#\d+ = " + re.escape(_STYLE_ROOT), text, flags=re.MULTILINE)
+    if start is None:
+        return text
+    end = text.index("ENDSEC;", start.start())
+    entities = {int(m[1]): _one_line(m[2]) for m in _STATEMENT.finditer(text, start.start(), end)}
+    first = min(entities)
+    roots = [key for key, body in entities.items() if body.startswith(_STYLE_ROOT)]
+
+    def reached(key: int) -> list[int]:
+        """Styles below one root, in the order of the text."""
+        below = [int(ref) for ref in re.findall(r"#(\d+)", entities[key]) if int(ref) in entities]
+        return [key, *(found for child in below for found in reached(child))]
+
+    def targets(root: int) -> list[int]:
+        """Numbers outside the styles: what is coloured, and its context."""
+        refs = (int(ref) for key in reached(root) for ref in re.findall(r"#(\d+)", entities[key]))
+        return sorted(ref for ref in refs if ref not in entities)
+
+    order = dict.fromkeys(key for root in sorted(roots, key=targets) for key in reached(root))
+    order.update(dict.fromkeys(sorted(entities)))  # nothing may get lost
+    number = {key: first + i for i, key in enumerate(order)}
+    lines = [
+        f"#{number[key]} = " + re.sub(r"#(\d+)", lambda m: f"#{number.get(int(m[1]), int(m[1]))}", entities[key]) + "\n"
+        for key in order
+    ]
+    return text[: start.start()] + "".join(lines) + text[end:]
+
+
+def _one_line(statement: str) -> str:
+    """Undo the line breaks, which fall elsewhere when a number grows a digit."""
+    return re.sub(r"\n\s*", "", statement)

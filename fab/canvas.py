@@ -1,0 +1,267 @@
+"""A picture being drawn without a screen: panels of shaded surfaces, labels and leader lines (plain VTK, off screen).
+
+Pixels are those of the finished picture, x to the right, y up, from the lower left corner. Drawn at
+``SUPERSAMPLING`` times that size and averaged down, which is what smooths edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkRenderingCore import vtkRenderer
+
+Color = tuple[float, float, float]
+Point = tuple[float, float]
+SUPERSAMPLING = 2
+BACKGROUND: Color = (1.0, 1.0, 1.0)
+INK: Color = (0.13, 0.15, 0.18)
+CREASE_DEG = 28.0  # edges sharper than this are shaded sharp and drawn
+MAX_SMOOTH_FACES = 250_000  # larger meshes have facets smaller than a pixel: flat shading, no edges
+
+
+@dataclass(frozen=True)
+class View:
+    """Orthographic view; rows of ``axes`` are the picture's right, up, and the direction toward the viewer."""
+
+    axes: tuple[tuple[float, float, float], ...]
+
+    @classmethod
+    def looking_from(cls, toward: tuple[float, float, float], up: tuple[float, float, float]) -> View:
+        """View from a direction, with a world direction that points up in the picture."""
+        viewer = np.asarray(toward, dtype=float) / np.linalg.norm(toward)
+        right = np.cross(up, viewer)
+        right /= np.linalg.norm(right)
+        return cls(tuple(tuple(float(x) for x in row) for row in (right, np.cross(viewer, right), viewer)))  # type: ignore[arg-type]
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Picture-plane coordinates in mm of world points: (n, 3) -> (n, 2)."""
+        return np.asarray(points) @ np.array(self.axes[:2]).T
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles with one colour each.
+
+    Attributes:
+        vertices: (n, 3) mm.
+        faces: (m, 3) indices.
+        colors: (m, 3) RGB in 0..1, or one RGB.
+        smooth: shade across shallow edges and draw the sharp ones.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    colors: np.ndarray
+    smooth: bool = True
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a panel puts world points: its rectangle in pixels, its scale and the mm point in its middle."""
+
+    view: View
+    rect: tuple[int, int, int, int]  # left, bottom, width, height
+    centre_mm: Point
+    px_per_mm: float
+
+    def pixels(self, points: np.ndarray) -> np.ndarray:
+        """Pixels of world points: (n, 3) -> (n, 2)."""
+        left, bottom, width, height = self.rect
+        middle = np.array([left + width / 2, bottom + height / 2])
+        return (self.view.project(points) - np.array(self.centre_mm)) * self.px_per_mm + middle
+
+
+class Canvas:
+    """A picture of fixed size; panels, labels and lines are added, then it is read once."""
+
+    def __init__(self, width_px: int, height_px: int) -> None:
+        import vtkmodules.vtkRenderingFreeType
+        import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (registers the renderer)
+        from vtkmodules.vtkRenderingCore import vtkRenderer
+
+        self.size = (width_px, height_px)
+        self._window = _window()
+        self._window.SetOffScreenRendering(1)
+        self._window.SetMultiSamples(0)
+        self._window.SetNumberOfLayers(2)
+        self._window.SetSize(width_px * SUPERSAMPLING, height_px * SUPERSAMPLING)
+        backdrop = vtkRenderer()
+        backdrop.SetBackground(*BACKGROUND)
+        self._window.AddRenderer(backdrop)
+        self._overlay = vtkRenderer()
+        self._overlay.SetLayer(1)
+        self._window.AddRenderer(self._overlay)
+
+    def panel(self, frame: Frame, surfaces: Iterable[Surface]) -> None:
+        """Draw surfaces, lit by a key, a fill and two back lights, into a rectangle."""
+        from vtkmodules.vtkRenderingCore import vtkLightKit, vtkRenderer
+
+        renderer = vtkRenderer()
+        renderer.SetBackground(*BACKGROUND)
+        left, bottom, width, height = frame.rect
+        renderer.SetViewport(
+            left / self.size[0], bottom / self.size[1], (left + width) / self.size[0], (bottom + height) / self.size[1]
+        )
+        self._window.AddRenderer(renderer)
+        for surface in surfaces:
+            for actor in _actors(surface):
+                renderer.AddActor(actor)
+        kit = vtkLightKit()
+        kit.SetKeyLightIntensity(0.95)
+        kit.SetKeyLightWarmth(0.5)
+        kit.SetFillLightWarmth(0.5)
+        kit.SetHeadLightWarmth(0.5)
+        kit.SetBackLightWarmth(0.5)
+        kit.SetKeyToFillRatio(2.2)
+        kit.SetKeyToHeadRatio(3.0)
+        kit.AddLightsToRenderer(renderer)
+        _aim(renderer, frame)
+
+    def text(self, at: Point, text: str, size_px: int, align: str = "center", color: Color = INK) -> None:
+        """Write one line; ``at`` is the middle of its height, at its left end, centre or right end (``align``)."""
+        from vtkmodules.vtkRenderingCore import vtkTextActor
+
+        actor = vtkTextActor()
+        actor.SetInput(text)
+        style = actor.GetTextProperty()
+        style.SetFontFamilyToArial()
+        style.SetFontSize(size_px * SUPERSAMPLING)
+        style.SetColor(*color)
+        style.SetVerticalJustificationToCentered()
+        {"left": style.SetJustificationToLeft, "center": style.SetJustificationToCentered,
+         "right": style.SetJustificationToRight}[align]()
+        actor.SetPosition(at[0] * SUPERSAMPLING, at[1] * SUPERSAMPLING)
+        self._overlay.AddViewProp(actor)
+
+    def line(self, points: Iterable[Point], color: Color = (0.45, 0.48, 0.52), width_px: float = 1.2) -> None:
+        """Draw a thin line through points, with a dot at its last."""
+        from vtkmodules.vtkCommonCore import vtkPoints
+        from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+        from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D
+
+        nodes, cells, data = vtkPoints(), vtkCellArray(), vtkPolyData()
+        ids = [nodes.InsertNextPoint(x * SUPERSAMPLING, y * SUPERSAMPLING, 0.0) for x, y in points]
+        cells.InsertNextCell(len(ids))
+        for index in ids:
+            cells.InsertCellPoint(index)
+        data.SetPoints(nodes)
+        data.SetLines(cells)
+        mapper, actor = vtkPolyDataMapper2D(), vtkActor2D()
+        mapper.SetInputData(data)
+        actor.SetMapper(mapper)
+        actor.GetProperty().SetColor(*color)
+        actor.GetProperty().SetLineWidth(width_px * SUPERSAMPLING)
+        self._overlay.AddViewProp(actor)
+
+    def image(self) -> np.ndarray:
+        """Render: (height, width, 3) uint8, first row at the top."""
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
+
+        self._window.Render()
+        grab = vtkWindowToImageFilter()
+        grab.SetInput(self._window)
+        grab.ReadFrontBufferOff()
+        grab.ShouldRerenderOff()
+        grab.Update()
+        width, height = self.size
+        k = SUPERSAMPLING
+        pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())[:, :3]
+        blocks = pixels.reshape(height, k, width, k, 3).astype(np.float32)
+        self._window.Finalize()
+        return np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)[::-1]
+
+
+def _window() -> Any:
+    """A window without a screen: EGL where VTK has it, or else VTK's own choice (which asks an X server first)."""
+    from vtkmodules import vtkRenderingOpenGL2
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow
+
+    return getattr(vtkRenderingOpenGL2, "vtkEGLRenderWindow", vtkRenderWindow)()
+
+
+def write_png(image: np.ndarray, path: Path) -> None:
+    """Write (h, w, 3) uint8 as PNG, without date or other metadata."""
+    from PIL import Image
+
+    Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG", optimize=False)
+
+
+def _aim(renderer: vtkRenderer, frame: Frame) -> None:
+    """Parallel camera that realises the frame."""
+    right, up, toward = (np.array(axis) for axis in frame.view.axes)
+    focus = right * frame.centre_mm[0] + up * frame.centre_mm[1]
+    camera = renderer.GetActiveCamera()
+    camera.ParallelProjectionOn()
+    camera.SetFocalPoint(*focus)
+    camera.SetPosition(*(focus + 1000.0 * toward))
+    camera.SetViewUp(*up)
+    camera.SetParallelScale(frame.rect[3] / 2 / frame.px_per_mm)
+    renderer.ResetCameraClippingRange()
+
+
+def _actors(surface: Surface) -> list[Any]:
+    """The shaded surface and, if it is smooth, its sharp edges."""
+    from vtkmodules.vtkFiltersCore import vtkFeatureEdges, vtkPolyDataNormals
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+    data = _poly_data(surface)
+    smooth = surface.smooth and len(surface.faces) <= MAX_SMOOTH_FACES
+    mapper, actor = vtkPolyDataMapper(), vtkActor()
+    mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 1.0)
+    actor.SetMapper(mapper)
+    shade = actor.GetProperty()
+    shade.SetAmbient(0.12)
+    shade.SetDiffuse(0.88)
+    shade.SetSpecular(0.10)
+    shade.SetSpecularPower(25.0)
+    if not smooth:
+        mapper.SetInputData(data)
+        shade.SetInterpolationToFlat()
+        return [actor]
+    normals = vtkPolyDataNormals()
+    normals.SetInputData(data)
+    normals.SetFeatureAngle(CREASE_DEG)
+    normals.ConsistencyOff()
+    mapper.SetInputConnection(normals.GetOutputPort())
+    edges, edge_mapper, edge_actor = vtkFeatureEdges(), vtkPolyDataMapper(), vtkActor()
+    edges.SetInputData(data)
+    edges.SetFeatureAngle(CREASE_DEG)
+    edges.BoundaryEdgesOff()
+    edges.NonManifoldEdgesOff()
+    edges.ColoringOff()
+    edge_mapper.SetInputConnection(edges.GetOutputPort())
+    edge_mapper.ScalarVisibilityOff()
+    edge_actor.SetMapper(edge_mapper)
+    edge_actor.GetProperty().SetColor(*INK)
+    edge_actor.GetProperty().SetOpacity(1.0)
+    edge_actor.GetProperty().SetLineWidth(0.7 * SUPERSAMPLING)
+    edge_actor.GetProperty().LightingOff()
+    return [actor, edge_actor]
+
+
+def _poly_data(surface: Surface) -> Any:
+    """VTK's record of a surface, colours on its cells."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+
+    points, cells, data = vtkPoints(), vtkCellArray(), vtkPolyData()
+    points.SetData(numpy_to_vtk(np.ascontiguousarray(surface.vertices, dtype=np.float32), deep=True))
+    count = len(surface.faces)
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(np.arange(0, 3 * count + 1, 3, dtype=np.int64), deep=True),
+        numpy_to_vtkIdTypeArray(np.ascontiguousarray(surface.faces, dtype=np.int64).reshape(-1), deep=True),
+    )
+    data.SetPoints(points)
+    data.SetPolys(cells)
+    colors = np.broadcast_to(np.round(np.asarray(surface.colors) * 255), (count, 3)).astype(np.uint8)
+    data.GetCellData().SetScalars(numpy_to_vtk(np.ascontiguousarray(colors), deep=True))
+    return data

@@ -1,0 +1,139 @@
+"""What the closed mold encloses: balance of volumes, thickness of the wall, leaks at the joints, trapped air.
+
+Everything is measured on the pieces' meshes as read back from their files, against the shell's solid or closed forms.
+Millimetres, endcap frame; the mold is poured with +z down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import manifold3d
+import numpy as np
+import trimesh
+
+from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.mold_core import ramp_end
+from cad.mold_layout import MoldLayout
+from fab.check import Check
+from fab.mesh import to_manifold
+
+BALANCE_RATIO = 5e-4
+WALL_ERROR_MM = 0.02
+OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfaces,
+INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
+WALL_SAMPLES = 4000
+LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
+VISCOSITY_PA_S = 35.0  # S: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
+POT_LIFE_S = 45 * 60.0  # S
+SILICONE_KG_M3 = 1240.0  # S
+GRAVITY_M_S2 = 9.81
+
+
+def balance_check(
+    layout: MoldLayout,
+    pieces: Mapping[str, trimesh.Trimesh],
+    interface: trimesh.Trimesh,
+    shell_volume_mm3: float,
+) -> Check:
+    """Cavity less core less TPU against the shell, as a ratio.
+
+    Args:
+        layout: mold sizes.
+        pieces: meshes of cup and core.
+        interface: mesh of the TPU interface with its gyroid.
+        shell_volume_mm3: volume of the shell's solid less the TPU above the flange.
+    """
+    cavity = cavity_body(layout, pieces) - to_manifold(interface)
+    return Check("cavity.balance_error_ratio", abs(cavity.volume() / shell_volume_mm3 - 1), high=BALANCE_RATIO)
+
+
+def cavity_body(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> manifold3d.Manifold:
+    """The space between the pieces of cup and core above the flange, with what of the joints lies next to it."""
+    params = layout.params
+    centre = [0.0, 0.0, params.centre_height_mm]
+    ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, 512).translate(centre)
+    space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
+    for mesh in pieces.values():
+        space = space - to_manifold(mesh)
+    return space - _core_filler(layout)
+
+
+def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:
+    """Largest deviation of the wall from T, sampled on rays from the sphere's centre.
+
+    Left out, as the wall is not T there by design: the bumps, the ramp at the rim, and the joints' own gaps.
+    """
+    params = layout.params
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(WALL_SAMPLES, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    ramp = (ramp_end(layout)[1] - params.centre_height_mm) / params.inner_radius_mm
+    dots = np.array([dot.direction for dot in dot_pattern(params)])
+    clear = np.cos(1.5 * DOT_RADIUS_MM / params.inner_radius_mm)
+    directions = directions[(directions[:, 2] > ramp + 0.02) & ((directions @ dots.T).max(axis=1) < clear)]
+
+    origin = np.array([0.0, 0.0, params.centre_height_mm])
+    core = trimesh.util.concatenate([mesh for name, mesh in pieces.items() if name.startswith("core_")])
+    cup = trimesh.util.concatenate([mesh for name, mesh in pieces.items() if name.startswith("cup_")])
+    outermost = _radii(core, origin, directions, np.fmax, 0.0)
+    nearest = _radii(cup, origin, directions, np.fmin, np.inf)
+    gaps = (outermost < params.inner_radius_mm - 1.0) | (nearest > params.outer_radius_mm + 1.0)
+    share_in_gaps = float(gaps.mean())
+    error = np.abs(nearest - outermost - params.wall_mm)[~gaps].max() if share_in_gaps < 0.1 else np.inf
+    return Check("cavity.wall_error_mm", float(error), high=WALL_ERROR_MM)
+
+
+def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
+    """Share of the pour that could creep through the bowl's joints before it sets.
+
+    Notes:
+        Flow between parallel plates, q = g^3 dp / (12 mu l) for each length of joint (Batchelor, An Introduction to
+        Fluid Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone.
+    """
+    params = layout.params
+    gap, path = layout.joint_clearance_mm * 1e-3, layout.bowl_wall_mm * 1e-3
+    head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
+    joints = len(layout.bowl_seams_deg) * np.pi / 2 * params.outer_radius_mm * 1e-3
+    flow_m3_s = gap**3 * head / (12 * VISCOSITY_PA_S * path) * joints
+    return Check("cavity.leak_ratio", float(flow_m3_s * POT_LIFE_S * 1e9 / shell_volume_mm3), high=LEAK_RATIO)
+
+
+def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
+    """Places of the cast, vents left out, where a bubble that rises along the surface would stay.
+
+    Poured with +z down, air moves to lower z. A vertex of the cast whose neighbours all lie deeper, and above which
+    (outside the cast) is mold, holds air, unless it is on the flange's level, where the vents are.
+    """
+    z = shell.vertices[:, 2]
+    neighbour_min = np.full(len(z), np.inf)
+    edges = shell.edges_unique
+    np.minimum.at(neighbour_min, edges[:, 0], z[edges[:, 1]])
+    np.minimum.at(neighbour_min, edges[:, 1], z[edges[:, 0]])
+    summit = (z < neighbour_min - 1e-6) & (z > layout.params.flange_thickness_mm + 0.01)
+    roofed = shell.vertex_normals[:, 2] < 0  # the mold lies on the upper side, as the machine is poured
+    return Check("cavity.air_traps", float((summit & roofed).sum()), high=0)
+
+
+def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
+    """A body just inside the core, that fills the joints between its pieces."""
+    params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
+    radius, centre = params.inner_radius_mm - INSIDE_MM, params.centre_height_mm
+    start = max(layout.neck_radius_mm - INSIDE_MM, 0.0)
+    heights = np.linspace(params.flange_thickness_mm - 1.0, centre + radius, 720)
+    cone = start + np.maximum(0.0, heights - params.flange_thickness_mm) / slope
+    sphere = np.sqrt(np.maximum(0.0, radius**2 - (heights - centre) ** 2))
+    outline = np.column_stack([np.minimum(cone, sphere), heights])
+    closed = [(0.0, heights[0]), *map(tuple, outline), (0.0, heights[-1])]
+    section = manifold3d.CrossSection([np.array(closed)], manifold3d.FillRule.Positive)
+    return manifold3d.Manifold.revolve(section, 512)
+
+
+def _radii(
+    mesh: trimesh.Trimesh, origin: np.ndarray, directions: np.ndarray, pick: np.ufunc, start: float
+) -> np.ndarray:
+    """Distance from the origin at which each ray (n, 3) meets a mesh: the largest or the smallest of the hits."""
+    places, rays, _ = mesh.ray.intersects_location(np.tile(origin, (len(directions), 1)), directions)
+    radii = np.full(len(directions), start)
+    pick.at(radii, rays, np.linalg.norm(places - origin, axis=1))
+    return radii

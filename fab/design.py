@@ -1,0 +1,110 @@
+"""One endcap, built: every part as a solid, every printed or cast part as a mesh.
+
+The gyroid, which needs no CAD kernel but half of the time, is made in a second process beside the solids.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import trimesh
+
+from cad.base import base_part
+from cad.camera import camera_part
+from cad.hanger import hanger_part
+from cad.interface import build_interface
+from cad.led_ring import led_ring_part
+from cad.mold_core import core_body, core_parts
+from cad.mold_cup import bowl_body, collar_body, cup_parts
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from cad.part import Part
+from cad.ring_spacer import ring_spacer_part
+from cad.shell import shell_part
+from fab.gyroid import InterfaceMesh, interface_mesh
+from fab.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
+
+Progress = Callable[[str], None]
+PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera")  # what the robot carries
+
+
+@dataclass(frozen=True)
+class Design:
+    """Everything that is made for one pair of parameters.
+
+    Attributes:
+        layout: sizes, with ``layout.params``.
+        parts: all parts by name; mold first, then the endcap from the tip down.
+        meshes: closed meshes by part name; that of ``interface`` has the gyroid, that of ``shell`` its imprint.
+        gyroid: how the gyroid came out.
+    """
+
+    layout: MoldLayout
+    parts: dict[str, Part]
+    meshes: dict[str, trimesh.Trimesh]
+    gyroid: InterfaceMesh
+
+    @property
+    def params(self) -> EndcapParams:
+        """The two numbers."""
+        return self.layout.params
+
+    @property
+    def mold(self) -> dict[str, trimesh.Trimesh]:
+        """Meshes of cup, core and hanger."""
+        return {name: self.meshes[name] for name in self.parts if name.startswith(("cup_", "core_", "hanger"))}
+
+
+def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
+    """Build every part as a solid, shared bodies once."""
+    progress("core")
+    core = core_body(layout)
+    parts = core_parts(layout, core)
+    progress("cup")
+    parts = [*cup_parts(layout, bowl_body(layout), collar_body(layout)), *parts, hanger_part(layout)]
+    progress("shell")
+    parts.append(shell_part(layout, core))
+    progress("interface, base, hardware")
+    makers = (build_interface, base_part, ring_spacer_part, led_ring_part, camera_part)
+    parts.extend(make(layout.params) for make in makers)
+    return {part.name: part for part in parts}
+
+
+def build_design(
+    params: EndcapParams, workers: Executor, progress: Progress, tolerance_mm: float = TOLERANCE_MM
+) -> Design:
+    """Build solids and meshes.
+
+    Args:
+        params: the two numbers.
+        workers: where the gyroid is made, while this process makes the solids.
+        progress: called with the name of each step as it begins.
+        tolerance_mm: chord tolerance of the meshes.
+    """
+    pending = workers.submit(interface_mesh, params)
+    layout = MoldLayout(params)
+    parts = build_solids(layout, progress)
+    progress("meshes")
+    meshes = {name: tessellate(part.solid, tolerance_mm) for name, part in parts.items() if name != "interface"}
+    progress("gyroid")
+    gyroid = pending.result()
+    meshes["interface"] = gyroid.mesh
+    meshes["shell"] = from_manifold(to_manifold(meshes["shell"]) - to_manifold(gyroid.mesh))
+    return Design(layout, parts, {name: meshes[name] for name in parts}, gyroid)
+
+
+def solid_volume_mm3(design: Design, name: str) -> float | None:
+    """Volume that a part's mesh should have, from its solid; None for the gyroid part, which has a check of its own."""
+    if name == "interface":
+        return None
+    volume = float(design.parts[name].solid.volume)
+    return volume - tpu_in_silicone_mm3(design) if name == "shell" else volume
+
+
+def tpu_in_silicone_mm3(design: Design) -> float:
+    """Volume of the gyroid above the flange, which the silicone does not fill."""
+    flange = design.params.flange_thickness_mm
+    return float(to_manifold(design.meshes["interface"]).trim_by_plane([0.0, 0.0, 1.0], flange).volume())
+

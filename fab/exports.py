@@ -1,0 +1,168 @@
+"""Write the export folder: meshes, solids, assemblies, pictures, manifest. It appears whole or not at all.
+
+Everything is written to a hidden folder beside the final one, which takes its name at the end. A second run with the
+same parameters gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+import trimesh
+
+from cad.assembly import build_assembly, write_assembly
+from cad.errors import FileError
+from cad.interface import build_zone
+from cad.step_file import canonical_step
+from fab.check import Check
+from fab.design import PRODUCT, Design
+from fab.mesh import write_stl
+from fab.render import PictureItem, render_exploded, render_parts, render_section
+
+DIGITS = 9  # significant figures in the manifest
+
+
+@contextmanager
+def whole_folder(final: Path) -> Iterator[Path]:
+    """Yield a folder to fill, that becomes ``final`` if nothing is raised and vanishes otherwise.
+
+    Raises:
+        FileError: the place cannot be written, or the disk is full; what stood at ``final`` before is untouched.
+    """
+    partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
+    retired = final.with_name(f".{final.name}.old-{os.getpid()}")
+    try:
+        partial.mkdir(parents=True)
+        yield partial
+        if final.exists():
+            final.rename(retired)
+        partial.rename(final)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileError(f"{final}: {reason}: free some space or name another folder with exports=DIR") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        shutil.rmtree(retired, ignore_errors=True)
+
+
+def write_meshes(design: Design, folder: Path) -> list[str]:
+    """Write ``<part>.stl`` for every printed or cast part; returns the parts' names."""
+    names = [name for name, part in design.parts.items() if part.role != "bought"]
+    for name in names:
+        write_stl(folder / f"{name}.stl", design.meshes[name])
+    return names
+
+
+def write_solids(design: Design, folder: Path) -> None:
+    """Write ``<part>.step`` for every printed or cast part; that of the interface has flange and gyroid envelope."""
+    from build123d import Compound, export_step
+
+    for name, part in design.parts.items():
+        if part.role == "bought":
+            continue
+        shape = Compound([part.solid, build_zone(design.params)]) if name == "interface" else part.solid
+        path = folder / f"{name}.step"
+        export_step(shape, path)
+        path.write_text(canonical_step(path.read_text()))
+
+
+def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
+    """Write one part as 3MF; identifiers, which the writer draws at random, are made from the part's name."""
+    named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
+    scene = trimesh.Scene({name: named})
+    source = ZipFile(BytesIO(scene.export(file_type="3mf")))
+    counter = iter(range(1 << 16))
+
+    def fixed(_: re.Match[bytes]) -> bytes:
+        return f'UUID="{uuid.uuid5(uuid.NAMESPACE_OID, f"{name}/{next(counter)}")}"'.encode()
+
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        for member in source.namelist():
+            data = re.sub(rb'UUID="[0-9a-f-]{36}"', fixed, source.read(member))
+            info = ZipInfo(member)
+            info.compress_type = ZIP_DEFLATED
+            archive.writestr(info, data)
+
+
+def write_assemblies(design: Design, folder: Path) -> None:
+    """Write the endcap assembled and exploded, as STEP and GLB."""
+    product = [design.parts[name] for name in PRODUCT]
+    write_assembly(build_assembly(product), folder / "assembly.step", folder / "assembly.glb")
+    exploded = build_assembly(product, exploded_offsets(design))
+    write_assembly(exploded, folder / "exploded.step", folder / "exploded.glb")
+
+
+def exploded_offsets(design: Design) -> dict[str, tuple[float, float, float]]:
+    """Displacements along the axis that pull the endcap apart, in steps of its own size."""
+    step = design.params.outer_radius_mm
+    order = {"shell": 0.75, "interface": 0.0, "led_ring": -0.45, "ring_spacer": -0.75, "camera": -1.1, "base": -1.75}
+    return {name: (0.0, 0.0, step * share) for name, share in order.items()}
+
+
+def write_pictures(design: Design, folder: Path) -> None:
+    """Write ``exploded.png``, ``section.png`` and ``parts.png``."""
+    offsets = exploded_offsets(design)
+    product = [_item(design, name, offsets[name]) for name in sorted(PRODUCT, key=lambda n: -offsets[n][2])]
+    render_exploded(product, folder / "exploded.png")
+    render_section(product, folder / "section.png")
+    render_parts([_item(design, name) for name in design.parts], folder / "parts.png")
+
+
+def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str, object]:
+    """Everything a reader or a program needs to know of the folder, in a fixed order."""
+    values = {check.name: check.value for check in checks}
+    parts = []
+    for name, part in design.parts.items():
+        mesh = design.meshes[name]
+        files = sorted(path for path in folder.iterdir() if path.stem == name)
+        parts.append(
+            {
+                "name": name,
+                "role": part.role,
+                "material": part.material,
+                "quantity": part.quantity,
+                "volume_mm3": {"solid": _figures(part.solid.volume), "mesh": _figures(mesh.volume)},
+                "bounding_box_mm": [[_figures(v) for v in corner] for corner in mesh.bounds],
+                "triangles": len(mesh.faces),
+                "watertight": bool(mesh.is_watertight),
+                "self_intersections": int(values.get(f"{name}.self_intersections", 0)),
+                "files": {path.name: _sha256(path) for path in files},
+            }
+        )
+    shared = sorted(path for path in folder.iterdir() if path.stem not in design.parts)
+    return {
+        "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
+        "digest": design.params.digest,
+        "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
+        "parts": parts,
+        "checks": [{"name": c.name, "value": _figures(c.value), "limit": c.limit, "ok": c.ok} for c in checks],
+        "files": {path.name: _sha256(path) for path in shared},
+    }
+
+
+def write_manifest(content: dict[str, object], folder: Path) -> None:
+    """Write ``manifest.json``."""
+    (folder / "manifest.json").write_text(json.dumps(content, indent=1) + "\n")
+
+
+def _item(design: Design, name: str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PictureItem:
+    part = design.parts[name]
+    return PictureItem(name, design.meshes[name], part.color, part.role, offset)
+
+
+def _figures(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -68,6 +68,11 @@ def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceM
     Raises:
         GeometryError: no period within reach gives the density, or the mesh is not closed.
     """
+    return with_flange(gyroid_sheet(params, step_mm), tessellate(build_flange(params)))
+
+
+def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
+    """The sheet alone, period tuned; needs no CAD kernel. It reaches a little into the flange, to fuse with it."""
     grid = zone_grid(params, step_mm)
     nodes = grid.points()
     zone_mm3 = zone_volume_mm3(params)
@@ -77,9 +82,12 @@ def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceM
         tpu = volume_above(sheet, params.flange_thickness_mm)
         return InterfaceMesh(sheet, period_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
 
-    tuned = tune_period(trial, AREA_PER_PERIOD * WALL_MM / DENSITY)
-    flange = to_manifold(tessellate(build_flange(params)))
-    return replace(tuned, mesh=from_manifold(to_manifold(tuned.mesh) + flange))
+    return tune_period(trial, AREA_PER_PERIOD * WALL_MM / DENSITY)
+
+
+def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
+    """The sheet fused with the flange's mesh."""
+    return replace(sheet, mesh=from_manifold(to_manifold(sheet.mesh) + to_manifold(flange)))
 
 
 def standing_sheet(

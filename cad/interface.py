@@ -29,7 +29,7 @@ POCKET_HEIGHT_MM = 2.0  # E: 1.8 nut and one 0.2 mm layer of sag of the roof
 POCKET_FLOOR_MM = 2.2  # E: TPU that a nut would have to pull through
 POCKET_END_GAP_MM = 0.1  # E: behind the seated nut
 RIB_HEIGHT_MM = 0.4  # E: step at the mouth; leaves 1.6 mm for the 1.8 mm nut, which snaps past 0.2 mm of TPU
-RIB_DEPTH_MM = 0.8  # E: two lines of a 0.4 mm nozzle
+NUT_PLAY_MM = 0.15  # E: between the seated nut and the rib; a 3 mm screw in a 3.4 mm hole finds the thread
 SCREW_HOLE_TOP_MM = 5.2  # E: leaves a roof of 0.8 mm, so that no silicone comes down the thread
 VENT_DIAMETER_MM = 3.0  # E: 35,000 cP silicone overflows through it under its own weight within the pot life
 BORE_MARGIN_MM = 0.5  # E: where a thick wall reaches inside the bore, the gyroid still stands on the flange
@@ -133,23 +133,24 @@ def _revolved(params: EndcapParams, cylinder: float, inner: float, outer: float,
 
 
 def _pocket(params: EndcapParams) -> tuple[Solid, Solid]:
-    """A nut's slot at azimuth 0, and its mouth over the retaining rib; both reach into the bore."""
-    bore = params.bore_radius_mm
-    end = params.screw_circle_radius_mm + bought_mm("nut_m3", "across_flats") / 2 + POCKET_END_GAP_MM
-    slot = _box(bore + RIB_DEPTH_MM, end, POCKET_WIDTH_MM, POCKET_FLOOR_MM, POCKET_FLOOR_MM + POCKET_HEIGHT_MM)
+    """A nut's seat at azimuth 0, and the mouth over the retaining rib, that reaches into the bore."""
+    half = bought_mm("nut_m3", "across_flats") / 2
+    rib = params.screw_circle_radius_mm - half - NUT_PLAY_MM
+    end = params.screw_circle_radius_mm + half + POCKET_END_GAP_MM
     top = POCKET_FLOOR_MM + POCKET_HEIGHT_MM
-    return slot, _box(bore - 3, bore + RIB_DEPTH_MM, POCKET_WIDTH_MM, POCKET_FLOOR_MM + RIB_HEIGHT_MM, top)
+    seat = _box(rib, end, POCKET_WIDTH_MM, POCKET_FLOOR_MM, top)
+    return seat, _box(params.bore_radius_mm - 3, rib, POCKET_WIDTH_MM, POCKET_FLOOR_MM + RIB_HEIGHT_MM, top)
 
 
 def _vent(params: EndcapParams, sphere: float) -> Solid:
     """A cylinder at azimuth 0 along the flange's outer surface, whose axis lies on it at bottom and top."""
-    from build123d import Location, Plane, Pos, Vector
+    from build123d import Location, Plane, Vector
 
     height = params.flange_thickness_mm
     foot = Vector(_sphere_section(params, sphere, 0.0), 0, 0)
     along = (Vector(_sphere_section(params, sphere, height), 0, height) - foot).normalized()
     plane = Plane(origin=foot - along * height, x_dir=(0, 1, 0), z_dir=along)
-    return Location(plane) * Pos(0, 0, 0) * _cylinder(VENT_DIAMETER_MM / 2, 3 * height)
+    return Location(plane) * _cylinder(VENT_DIAMETER_MM / 2, 3 * height)
 
 
 def _box(start: float, end: float, width: float, low: float, high: float) -> Solid:

@@ -56,9 +56,8 @@ def cavity_body(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> ma
     centre = [0.0, 0.0, params.centre_height_mm]
     ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, 512).translate(centre)
     space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
-    for mesh in pieces.values():
-        space = space - to_manifold(mesh)
-    return space - _core_filler(layout)
+    bodies = [to_manifold(mesh) for mesh in pieces.values()]
+    return manifold3d.Manifold.batch_boolean([space, *bodies, _core_filler(layout)], manifold3d.OpType.Subtract)
 
 
 def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:

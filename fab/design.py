@@ -23,7 +23,7 @@ from cad.params import EndcapParams
 from cad.part import Part
 from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
-from fab.gyroid import InterfaceMesh, interface_mesh
+from fab.gyroid import InterfaceMesh, interface_mesh, volume_above
 from fab.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
 
 Progress = Callable[[str], None]
@@ -95,16 +95,9 @@ def build_design(
     return Design(layout, parts, {name: meshes[name] for name in parts}, gyroid)
 
 
-def solid_volume_mm3(design: Design, name: str) -> float | None:
-    """Volume that a part's mesh should have, from its solid; None for the gyroid part, which has a check of its own."""
-    if name == "interface":
-        return None
+def mesh_volume_mm3(design: Design, name: str) -> float:
+    """Volume that a part's mesh should have, from its solid; for the shell, less the gyroid that it flows round."""
     volume = float(design.parts[name].solid.volume)
-    return volume - tpu_in_silicone_mm3(design) if name == "shell" else volume
-
-
-def tpu_in_silicone_mm3(design: Design) -> float:
-    """Volume of the gyroid above the flange, which the silicone does not fill."""
-    flange = design.params.flange_thickness_mm
-    return float(to_manifold(design.meshes["interface"]).trim_by_plane([0.0, 0.0, 1.0], flange).volume())
-
+    if name == "shell":
+        volume -= volume_above(design.meshes["interface"], design.params.flange_thickness_mm)
+    return volume

@@ -22,7 +22,7 @@ from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm
 from cad.mold_layout import MoldLayout
 from fab.mesh import to_manifold
 
-STEPS = 8  # samples on each leg after release, and as many before it
+STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
 SEARCH_MM = 0.25  # gaps beyond this are not told apart
 SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # pulls tried: from straight inward to nearly along the ramp
 TOUCH_MM = 1e-3  # float32 coordinates of a surface in contact
@@ -152,11 +152,12 @@ def least_gap_mm(mesh: trimesh.Trimesh, others: list[trimesh.Trimesh], legs: tup
     if not others:
         return SEARCH_MM
     piece, rest = to_manifold(mesh), [to_manifold(other) for other in others]
+    placed = [piece.translate([float(v) for v in shift]) for shift in _shifts(legs)]
     gaps = [
-        body.min_gap(piece.translate([float(v) for v in shift]), SEARCH_MM)
-        for shift in _shifts(legs)
+        body.min_gap(moved, SEARCH_MM)
+        for moved in placed
         for body in rest
-        if _boxes_within(body.bounding_box(), piece.translate([float(v) for v in shift]).bounding_box(), SEARCH_MM)
+        if _boxes_within(body.bounding_box(), moved.bounding_box(), SEARCH_MM)
     ]
     return min(gaps, default=SEARCH_MM)
 

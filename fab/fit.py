@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import manifold3d
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
@@ -15,7 +16,6 @@ from scipy.spatial import cKDTree
 from cad.mold_layout import MoldLayout
 from cad.part import Part
 from fab.check import Check
-from fab.mesh import to_manifold
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 AXIS_MM = 0.05  # the released patterns are known to this
 CLEARANCE_MM = 0.03  # two tessellations of a 0.15 mm joint: 0.01 each, and a corner
 BED_MM = 256.0
-MIN_WALL_MM = {"PLA": 0.8, "TPU": 0.4}  # two lines, or one, of a 0.4 mm nozzle
+MIN_WALL_MM = 0.8  # two lines of a 0.4 mm nozzle
 WALL_SAMPLES = 3000
 PARALLEL = 0.995  # cosine between the two faces of a wall
 MAX_OVERHANG_DEG = 45.0
@@ -58,7 +58,7 @@ def upright_axes(solid: Solid, radius_mm: float) -> np.ndarray:
     return np.array(axes).reshape(-1, 2)
 
 
-def clearance_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+def clearance_checks(layout: MoldLayout, bodies: Mapping[str, manifold3d.Manifold]) -> list[Check]:
     """Least gap between mated printed pieces, against the joint clearance."""
     nominal = layout.joint_clearance_mm
     pairs = {
@@ -69,10 +69,10 @@ def clearance_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) 
         "core_side": ("core_key_1", "core_wide_1"),
     }
     below = [0.0, 0.0, -1.0], -layout.params.flange_thickness_mm + 0.5  # the ramp meets the flange's edge at an angle
-    neck, flange = (to_manifold(meshes[name]).trim_by_plane(*below) for name in ("core_key_1", "interface"))
+    neck, flange = (bodies[name].trim_by_plane(*below) for name in ("core_key_1", "interface"))
     gaps = {"core_bore": neck.min_gap(flange, 1.0)}
     for name, (first, second) in pairs.items():
-        gaps[name] = to_manifold(meshes[first]).min_gap(to_manifold(meshes[second]), 1.0)
+        gaps[name] = bodies[first].min_gap(bodies[second], 1.0)
     checks = []
     for name, gap in gaps.items():
         checks.append(Check(f"joint_{name}.gap_mm", gap, nominal - CLEARANCE_MM, nominal + CLEARANCE_MM))
@@ -90,7 +90,7 @@ def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
     return Check(f"{name}.bed_mm", float(max(side, np.ptp(mesh.vertices[:, 2]))), high=BED_MM)
 
 
-def min_wall_check(name: str, material: str, mesh: trimesh.Trimesh) -> Check:
+def min_wall_check(name: str, mesh: trimesh.Trimesh) -> Check:
     """Thinnest wall of a part: two faces back to back, by rays from sampled points inward.
 
     Faces that meet at an angle end in an edge, which a printer rounds; only faces that run parallel are a wall.
@@ -100,7 +100,7 @@ def min_wall_check(name: str, material: str, mesh: trimesh.Trimesh) -> Check:
     places, rays, hit = mesh.ray.intersects_location(points + 1e-3 * inward, inward, multiple_hits=False)
     parallel = np.einsum("ij,ij->i", mesh.face_normals[hit], inward[rays]) > PARALLEL
     thickness = np.linalg.norm(places - points[rays], axis=1)[parallel]
-    return Check(f"{name}.min_wall_mm", float(thickness.min(initial=np.inf)), low=MIN_WALL_MM[material])
+    return Check(f"{name}.min_wall_mm", float(thickness.min(initial=np.inf)), low=MIN_WALL_MM)
 
 
 def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Check:

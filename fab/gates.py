@@ -5,23 +5,25 @@ Each mesh is read back from its STL: what is checked is what a slicer will read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import trimesh
 
 from cad.interface import build_zone
+from cad.params import EndcapParams
 from cad.part import Part
 from fab.bumps import bump_checks
 from fab.cavity import balance_check, leak_check, trapped_air_check, wall_check
 from fab.check import Check
-from fab.check_gyroid import gyroid_checks
-from fab.design import PRODUCT, Design, Progress, solid_volume_mm3
+from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
 from fab.extraction import Extraction, extract_core, extract_cup
 from fab.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
-from fab.mesh import read_stl
-from fab.mesh_checks import mesh_checks, overlap_checks, step_check
+from fab.gyroid_checks import gyroid_checks
+from fab.mesh import read_stl, to_manifold
+from fab.mesh_checks import mesh_checks, overlap_check, step_check
+from fab.nut_checks import nut_checks
 
 SHELL = "shell"
 
@@ -40,29 +42,28 @@ def run_gates(design: Design, folder: Path, workers: Executor, progress: Progres
     """
     made = [part for part in design.parts.values() if part.role != "bought"]
     single = [_submit(workers, design, part, folder) for part in made]
-    meshes = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
-    pieces = {name: meshes[name] for name in meshes if name.startswith(("cup_", "core_"))}
+    files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
+    gyroid = workers.submit(_interface_checks, design.params, files["interface"])
+    meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(("cup_", "core_"))}
 
-    progress("checks: gyroid")
-    gyroid = workers.submit(gyroid_checks, design.params, design.gyroid)
     progress("checks: extraction")
     checks = extraction_checks([*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)])
-    progress("checks: cavity and fit")
+    progress("checks: cavity")
     checks += cavity_gates(design, meshes, pieces)
+    progress("checks: fit")
     checks += fit_gates(design, meshes)
-    progress("checks: files")
-    for part in made:
-        solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
-        checks.append(step_check(part.name, solids, folder / f"{part.name}.step"))
-    for pending in single:
+    progress("checks: gyroid and files")
+    for pending in (*single, gyroid):
         checks += pending.result()
-    return checks + gyroid.result()
+    return checks
 
 
-def cavity_gates(design: Design, meshes: dict[str, trimesh.Trimesh], pieces: dict[str, trimesh.Trimesh]) -> list[Check]:
+def cavity_gates(
+    design: Design, meshes: Mapping[str, trimesh.Trimesh], pieces: Mapping[str, trimesh.Trimesh]
+) -> list[Check]:
     """Balance, wall, bumps, leak and air of the closed mold."""
-    cast = solid_volume_mm3(design, SHELL)
-    assert cast is not None
+    cast = mesh_volume_mm3(design, SHELL)
     return [
         balance_check(design.layout, pieces, meshes["interface"], cast),
         wall_check(design.layout, pieces),
@@ -72,18 +73,20 @@ def cavity_gates(design: Design, meshes: dict[str, trimesh.Trimesh], pieces: dic
     ]
 
 
-def fit_gates(design: Design, meshes: dict[str, trimesh.Trimesh]) -> list[Check]:
+def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
     """Overlaps, clearances, screw axes, walls, overhangs, beds."""
-    product = {name: meshes.get(name, design.meshes[name]) for name in PRODUCT}
-    mold = {name: meshes[name] for name in design.mold} | {"interface": meshes["interface"]}
-    checks = overlap_checks(product, "endcap") + overlap_checks(mold, "mold")
-    checks += clearance_checks(design.layout, meshes)
-    checks += screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout)
+    bodies = {name: to_manifold(mesh) for name, mesh in meshes.items()}
+    checks = [
+        overlap_check("endcap", [bodies[name] for name in PRODUCT]),
+        overlap_check("mold", [bodies[name] for name in (*design.mold, "interface")]),
+        *clearance_checks(design.layout, bodies),
+        *screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout),
+    ]
     for name, part in design.parts.items():
-        if part.role != "printed":
-            continue
-        checks.append(bed_check(name, meshes[name]))
-        checks.append(min_wall_check(name, part.material.split()[0], meshes[name]))
+        if part.role == "printed":
+            checks.append(bed_check(name, meshes[name]))
+        if part.material == "PLA":  # walls of the TPU part are those of its gyroid and its nut pockets
+            checks.append(min_wall_check(name, meshes[name]))
         if name.startswith("cup_"):
             checks.append(overhang_check(design.layout, name, meshes[name]))
     return checks
@@ -103,8 +106,16 @@ def extraction_checks(extractions: Sequence[Extraction]) -> list[Check]:
 
 
 def _submit(workers: Executor, design: Design, part: Part, folder: Path) -> Future[list[Check]]:
-    return workers.submit(_check_file, part.name, solid_volume_mm3(design, part.name), folder / f"{part.name}.stl")
+    solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
+    volumes = [float(solid.volume) for solid in solids]
+    wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
+    return workers.submit(_file_checks, part.name, wanted, volumes, folder)
 
 
-def _check_file(name: str, volume_mm3: float | None, path: Path) -> list[Check]:
-    return mesh_checks(name, read_stl(path), volume_mm3)
+def _file_checks(name: str, mesh_volume: float | None, solid_volumes: list[float], folder: Path) -> list[Check]:
+    mesh = read_stl(folder / f"{name}.stl")
+    return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, folder / f"{name}.step")]
+
+
+def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
+    return [*gyroid_checks(params, mesh), *nut_checks(params, mesh)]

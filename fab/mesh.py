@@ -94,13 +94,28 @@ def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
         points: (n, 3) coordinates in mm.
         triangles: (m, 3) indices.
     """
-    unique, inverse = np.unique(points.astype(np.float32), axis=0, return_inverse=True)
-    corners = inverse.reshape(-1)[triangles]
+    unique, inverse = _unique_rows(points.astype(np.float32))
+    corners = inverse[triangles]
     kept = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
     corners = corners[kept]
-    _, group, members = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True)
-    single = members[group.reshape(-1)] == 1
+    _, group = _unique_rows(np.sort(corners, axis=1))
+    single = np.bincount(group)[group] == 1
     return trimesh.Trimesh(unique.astype(np.float64), corners[single], process=False, validate=False)
+
+
+def _unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct rows of an (n, 3) array in ascending order, and each row's place among them.
+
+    By sorting columns: several times quicker than ``numpy.unique`` along an axis, which compares rows as bytes.
+    """
+    rows = rows + rows.dtype.type(0)  # -0 becomes 0
+    order = np.lexsort(rows.T[::-1])
+    ordered = rows[order]
+    fresh = np.ones(len(rows), dtype=bool)
+    fresh[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    places = np.empty(len(rows), dtype=np.int64)
+    places[order] = np.cumsum(fresh) - 1
+    return ordered[fresh], places
 
 
 def write_stl(path: Path, mesh: trimesh.Trimesh) -> None:

@@ -8,6 +8,7 @@ Notes:
 
 from __future__ import annotations
 
+import math
 import struct
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -56,6 +57,23 @@ def build_assembly(
         place = cq.Location(offsets.get(part.name, (0.0, 0.0, 0.0)))
         assembly.add(shape, name=part.name, color=cq.Color(*part.color), loc=place)
     return assembly
+
+
+def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float) -> dict[str, Offset]:
+    """Displacements along z that draw parts apart.
+
+    Args:
+        spans_mm: lowest and highest z of each part, in the order from base to dome. (The solid of the TPU interface is
+            its flange: give the span of its mesh.)
+        gap_mm: least clear height between one part and the next; parts that are further apart stay where they are.
+    """
+    offsets: dict[str, Offset] = {}
+    top = -math.inf
+    for name, (low, high) in spans_mm.items():
+        lift = max(0.0, top + gap_mm - low)
+        offsets[name] = (0.0, 0.0, lift)
+        top = high + lift
+    return offsets
 
 
 def write_assembly(assembly: cadquery.Assembly, step_path: Path, glb_path: Path) -> None:

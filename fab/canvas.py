@@ -114,6 +114,7 @@ class Canvas:
                 renderer.AddActor(actor)
         kit = vtkLightKit()
         kit.SetKeyLightIntensity(0.95)
+        kit.SetKeyLightAngle(42.0, 28.0)  # elevation, azimuth: from above and the right
         kit.SetKeyLightWarmth(0.5)
         kit.SetFillLightWarmth(0.5)
         kit.SetHeadLightWarmth(0.5)

@@ -22,8 +22,8 @@ WIDTH_PX = 1600
 LABEL_PX = 24
 SMALL_PX = 17
 GREY = (0.42, 0.45, 0.50)
-EXPLODED_VIEW = View.looking_from((-0.50, -0.72, 0.42), up=(0.90, -0.52, 0.0))
-SECTION_VIEW = View.looking_from((0.22, -1.0, 0.30), up=(0.0, 0.0, 1.0))
+EXPLODED_VIEW = View.looking_from((0.50, -0.72, 0.46), up=(-0.90, -0.45, 0.0))
+SECTION_VIEW = View.looking_from((0.0, -1.0, 0.30), up=(0.0, 0.0, 1.0))
 PART_VIEW = View.looking_from((0.55, -0.80, 0.62), up=(0.0, 0.0, 1.0))
 INSIDE_TINT = 0.45  # how far the surfaces behind a section fade to white, so that the cut stands out
 
@@ -58,15 +58,15 @@ def render_exploded(
     """
     places = [item.mesh.vertices + np.array(item.offset) for item in _some(items)]
     low, high = _bounds(view, places)
-    band = 4 * LABEL_PX  # free above and below, for labels
+    band = 3 * LABEL_PX  # below the parts, for their names
     scale = (width_px - 2 * LABEL_PX) / (high[0] - low[0])
-    height = math.ceil((high[1] - low[1]) * scale) + 2 * band
-    frame = Frame(view, (0, 0, width_px, height), tuple((low + high) / 2), scale)
-    canvas = Canvas(width_px, height)
+    drawn = math.ceil((high[1] - low[1]) * scale) + 2 * LABEL_PX
+    frame = Frame(view, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
+    canvas = Canvas(width_px, drawn + band)
     canvas.panel(frame, [Surface(p, i.mesh.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
     for item, points in zip(items, places, strict=True):
-        pixels = frame.pixels(points)
-        canvas.text((float(np.ptp(pixels[:, 0]) / 2 + pixels[:, 0].min()), LABEL_PX), _title(item.name), LABEL_PX)
+        x = frame.pixels(points)[:, 0]
+        canvas.text((float(x.min() + x.max()) / 2, band / 2), _title(item.name), LABEL_PX)
     _save(canvas, path)
 
 
@@ -136,7 +136,7 @@ def _some(items: Sequence[PictureItem]) -> Sequence[PictureItem]:
 
 
 def _title(name: str) -> str:
-    return name.replace("_", " ")
+    return name.replace("_", " ").replace("led ", "LED ")
 
 
 def _bounds(view: View, places: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -156,13 +156,12 @@ def _is_cap(half: trimesh.Trimesh) -> np.ndarray:
 
 
 def _anchor(half: trimesh.Trimesh, cap: np.ndarray, rank: int) -> np.ndarray:
-    """A point inside the part's cut face, on the left and right of the axis in turn."""
+    """Where a part's leader line ends: far out on its cut face, right and left of the axis in turn."""
     faces = half.vertices[half.faces[cap]] if cap.any() else half.vertices[half.faces]
     centres = faces.mean(axis=1)
     areas = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
-    side = centres[:, 0] < 0 if rank % 2 else centres[:, 0] >= 0
-    areas = np.where(side, areas, 0.0) if side.any() else areas
-    return centres[int(np.argmax(areas))]
+    outward = -centres[:, 0] if rank % 2 else centres[:, 0]
+    return centres[int(np.argmax(np.where(areas >= 0.05 * areas.max(), outward, -np.inf)))]
 
 
 def _label_sides(canvas: Canvas, labels: Sequence[tuple[str, Point]], side_px: int) -> None:

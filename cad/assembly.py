@@ -100,7 +100,25 @@ def _write_step(assembly: cadquery.Assembly, path: Path) -> None:
 
 
 def _write_glb(assembly: cadquery.Assembly, path: Path) -> None:
-    assembly.export(str(path), exportType="GLTF", tolerance=TOLERANCE_MM, angularTolerance=ANGLE_RAD)
+    """CadQuery's own export leaves millimetres where glTF means metres, and takes the tolerance relative to edges."""
+    from cadquery.occ_impl.assembly import toCAF
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.Message import Message_ProgressRange
+    from OCP.RWGltf import RWGltf_CafWriter
+    from OCP.RWMesh import RWMesh_CoordinateSystem
+    from OCP.TCollection import TCollection_AsciiString
+    from OCP.TColStd import TColStd_IndexedDataMapOfStringString
+
+    for child in assembly.children:
+        BRepMesh_IncrementalMesh(child.obj.wrapped, TOLERANCE_MM, False, ANGLE_RAD, True)
+    _, document = toCAF(assembly, True)
+    writer = RWGltf_CafWriter(TCollection_AsciiString(str(path)), True)
+    writer.ChangeCoordinateSystemConverter().SetInputLengthUnit(0.001)
+    writer.ChangeCoordinateSystemConverter().SetInputCoordinateSystem(
+        RWMesh_CoordinateSystem.RWMesh_CoordinateSystem_Zup
+    )
+    writer.SetMergeFaces(True)
+    writer.Perform(document, TColStd_IndexedDataMapOfStringString(), Message_ProgressRange())
     data = path.read_bytes()
     _require_whole(path, data[:4] == b"glTF" and struct.unpack_from("<I", data, 8)[0] == len(data))
 

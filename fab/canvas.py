@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Color = tuple[float, float, float]
 Point = tuple[float, float]
+Vector = tuple[float, float, float]
 SUPERSAMPLING = 2
 BACKGROUND: Color = (1.0, 1.0, 1.0)
 INK: Color = (0.13, 0.15, 0.18)
@@ -29,15 +30,16 @@ MAX_SMOOTH_FACES = 250_000  # larger meshes have facets smaller than a pixel: fl
 class View:
     """Orthographic view; rows of ``axes`` are the picture's right, up, and the direction toward the viewer."""
 
-    axes: tuple[tuple[float, float, float], ...]
+    axes: tuple[Vector, Vector, Vector]
 
     @classmethod
-    def looking_from(cls, toward: tuple[float, float, float], up: tuple[float, float, float]) -> View:
+    def looking_from(cls, toward: Vector, up: Vector) -> View:
         """View from a direction, with a world direction that points up in the picture."""
         viewer = np.asarray(toward, dtype=float) / np.linalg.norm(toward)
         right = np.cross(up, viewer)
         right /= np.linalg.norm(right)
-        return cls(tuple(tuple(float(x) for x in row) for row in (right, np.cross(viewer, right), viewer)))  # type: ignore[arg-type]
+        rows = [(float(x), float(y), float(z)) for x, y, z in (right, np.cross(viewer, right), viewer)]
+        return cls((rows[0], rows[1], rows[2]))
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Picture-plane coordinates in mm of world points: (n, 3) -> (n, 2)."""
@@ -135,8 +137,11 @@ class Canvas:
         style.SetFontSize(size_px * SUPERSAMPLING)
         style.SetColor(*color)
         style.SetVerticalJustificationToCentered()
-        {"left": style.SetJustificationToLeft, "center": style.SetJustificationToCentered,
-         "right": style.SetJustificationToRight}[align]()
+        {
+            "left": style.SetJustificationToLeft,
+            "center": style.SetJustificationToCentered,
+            "right": style.SetJustificationToRight,
+        }[align]()
         actor.SetPosition(at[0] * SUPERSAMPLING, at[1] * SUPERSAMPLING)
         self._overlay.AddViewProp(actor)
 

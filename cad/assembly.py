@@ -109,8 +109,8 @@ def _write_glb(assembly: cadquery.Assembly, path: Path) -> None:
     from OCP.TCollection import TCollection_AsciiString
     from OCP.TColStd import TColStd_IndexedDataMapOfStringString
 
-    for child in assembly.children:
-        BRepMesh_IncrementalMesh(child.obj.wrapped, TOLERANCE_MM, False, ANGLE_RAD, True)
+    for shape in assembly.shapes + [shape for child in assembly.children for shape in child.shapes]:
+        BRepMesh_IncrementalMesh(shape.wrapped, TOLERANCE_MM, False, ANGLE_RAD, True)
     _, document = toCAF(assembly, True)
     writer = RWGltf_CafWriter(TCollection_AsciiString(str(path)), True)
     writer.ChangeCoordinateSystemConverter().SetInputLengthUnit(0.001)

@@ -176,12 +176,16 @@ class Canvas:
         grab.ReadFrontBufferOff()
         grab.ShouldRerenderOff()
         grab.Update()
+        pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())[:, :3]
+        self._window.Finalize()
         width, height = self.size
         k = SUPERSAMPLING
-        pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())[:, :3]
-        blocks = pixels.reshape(height, k, width, k, 3).astype(np.float32)
-        self._window.Finalize()
-        return np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)[::-1]
+        fine = pixels.reshape(height * k, width * k, 3).astype(np.uint16)
+        total = np.full((height, width, 3), k * k // 2, dtype=np.uint16)  # so that the mean is rounded, not cut
+        for row in range(k):
+            for column in range(k):
+                total += fine[row::k, column::k]
+        return (total // (k * k)).astype(np.uint8)[::-1]
 
 
 def _window() -> Any:

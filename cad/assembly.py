@@ -8,6 +8,7 @@ Notes:
 
 from __future__ import annotations
 
+import math
 import struct
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -58,6 +59,23 @@ def build_assembly(
     return assembly
 
 
+def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float) -> dict[str, Offset]:
+    """Displacements along z that draw parts apart.
+
+    Args:
+        spans_mm: lowest and highest z of each part, in the order from base to dome. (The solid of the TPU interface is
+            its flange: give the span of its mesh.)
+        gap_mm: least clear height between one part and the next; parts that are further apart stay where they are.
+    """
+    offsets: dict[str, Offset] = {}
+    top = -math.inf
+    for name, (low, high) in spans_mm.items():
+        lift = max(0.0, top + gap_mm - low)
+        offsets[name] = (0.0, 0.0, lift)
+        top = high + lift
+    return offsets
+
+
 def write_assembly(assembly: cadquery.Assembly, step_path: Path, glb_path: Path) -> None:
     """Write an assembly as STEP and GLB; each appears whole or not at all.
 
@@ -82,7 +100,25 @@ def _write_step(assembly: cadquery.Assembly, path: Path) -> None:
 
 
 def _write_glb(assembly: cadquery.Assembly, path: Path) -> None:
-    assembly.export(str(path), exportType="GLTF", tolerance=TOLERANCE_MM, angularTolerance=ANGLE_RAD)
+    """CadQuery's own export leaves millimetres where glTF means metres, and takes the tolerance relative to edges."""
+    from cadquery.occ_impl.assembly import toCAF
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.Message import Message_ProgressRange
+    from OCP.RWGltf import RWGltf_CafWriter
+    from OCP.RWMesh import RWMesh_CoordinateSystem
+    from OCP.TCollection import TCollection_AsciiString
+    from OCP.TColStd import TColStd_IndexedDataMapOfStringString
+
+    for shape in assembly.shapes + [shape for child in assembly.children for shape in child.shapes]:
+        BRepMesh_IncrementalMesh(shape.wrapped, TOLERANCE_MM, False, ANGLE_RAD, True)
+    _, document = toCAF(assembly, True)
+    writer = RWGltf_CafWriter(TCollection_AsciiString(str(path)), True)
+    writer.ChangeCoordinateSystemConverter().SetInputLengthUnit(0.001)
+    writer.ChangeCoordinateSystemConverter().SetInputCoordinateSystem(
+        RWMesh_CoordinateSystem.RWMesh_CoordinateSystem_Zup
+    )
+    writer.SetMergeFaces(True)
+    writer.Perform(document, TColStd_IndexedDataMapOfStringString(), Message_ProgressRange())
     data = path.read_bytes()
     _require_whole(path, data[:4] == b"glTF" and struct.unpack_from("<I", data, 8)[0] == len(data))
 

@@ -5,8 +5,8 @@ those of facts.md ("Geometry"): M measured, S standard, E our estimate. All size
 
 Printed with its bottom (z = -16) on the bed: pockets for camera, ring, cable and M4 heads open upward; the lugs
 stand on the bed; only the seats under the M3 heads, 1.6 mm wide, and the roofs of the insert holes are bridged. Where
-the sphere would overhang by more than 45 degrees (D 110 to 247) its tangent cone takes over (at most 1.1 mm proud
-at D=130), so no support is needed.
+the sphere would overhang by more than 45 degrees (D 109 to 240, up to 55) its tangent cone takes over, at most 1.4 mm
+proud (1.1 mm at D=130), so no support is needed.
 
 The M3 screws are M3 x 10: with the seat at z = -5.5 the tip ends 0.5 mm, one pitch, above the nut that lies on
 z = 2.2 (nut 1.8 thick), and still holds all of it with the shortest screw the standard allows (10 - 0.29 mm). An
@@ -54,6 +54,7 @@ ARM_INSERT_DEPTH_MM = 9.2  # M
 LUG_RADIUS_MM = 7.5  # M
 LUG_TOP_Z_MM = -4.8  # E: 2 mm of roof over the insert
 MAX_OVERHANG_DEG = 45.0
+LAYER_MM = 0.2
 
 
 def base_part(params: EndcapParams) -> Part:
@@ -86,7 +87,9 @@ def flank_profile(params: EndcapParams) -> tuple[float, float, float]:
         sphere. Where the sphere never overhangs more, ``tangent_z`` is the bottom plane.
     """
     radius, centre, bottom_z = params.base_sphere_radius_mm, params.centre_height_mm, -params.base_thickness_mm
-    tangent_z = max(bottom_z, centre - radius * math.sin(math.radians(MAX_OVERHANG_DEG)))
+    tangent_z = centre - radius * math.sin(math.radians(MAX_OVERHANG_DEG))
+    if tangent_z < bottom_z + LAYER_MM:  # a cone lower than one printed layer is not worth its sliver of a face
+        tangent_z = bottom_z
     tangent_radius = math.sqrt(radius**2 - (tangent_z - centre) ** 2)
     return tangent_z, tangent_radius, tangent_radius - (tangent_z - bottom_z)
 
@@ -119,27 +122,22 @@ def _body(params: EndcapParams) -> Shape:
 
 
 def _cuts(params: EndcapParams) -> list[Shape]:
-    """Everything that is taken out of the body."""
+    """Everything that is taken out of the body; tools that touch are joined first, which halves the kernel's work."""
     from build123d import Pos, Rot
 
     bottom_z = -params.base_thickness_mm
-    screws = [
-        Rot(0, 0, azimuth) * cut
-        for azimuth in params.screw_azimuths_deg
-        for cut in _screw_cuts(params.screw_circle_radius_mm, bottom_z)
-    ]
-    insert = Pos(params.arm_circle_radius_mm, 0, 0) * _bore(
-        ARM_INSERT_RADIUS_MM, bottom_z, bottom_z + ARM_INSERT_DEPTH_MM
-    )
-    inserts = [Rot(0, 0, azimuth) * insert for azimuth in params.arm_azimuths_deg]
+    hole, *pocket = _screw_cuts(params.screw_circle_radius_mm, bottom_z)
+    screw = hole.fuse(*pocket)
+    arm = Pos(params.arm_circle_radius_mm, 0, 0)
+    insert = arm * _bore(ARM_INSERT_RADIUS_MM, bottom_z, bottom_z + ARM_INSERT_DEPTH_MM)
+    bolt = _bore(M4_HEAD_RADIUS_MM, M4_SEAT_Z_MM, 0.0).fuse(_bore(M4_HOLE_RADIUS_MM, bottom_z, M4_SEAT_Z_MM))
     x, y = M4_POSITION_MM
-    bolts = [
-        Pos(sx * x, sy * y, 0) * cut
-        for sx in (-1, 1)
-        for sy in (-1, 1)
-        for cut in (_bore(M4_HEAD_RADIUS_MM, M4_SEAT_Z_MM, 0.0), _bore(M4_HOLE_RADIUS_MM, bottom_z, M4_SEAT_Z_MM))
+    return [
+        _recess().fuse(*_camera_cuts(bottom_z)),
+        *(Rot(0, 0, azimuth) * screw for azimuth in params.screw_azimuths_deg),
+        *(Rot(0, 0, azimuth) * insert for azimuth in params.arm_azimuths_deg),
+        *(Pos(sx * x, sy * y, 0) * bolt for sx in (-1, 1) for sy in (-1, 1)),
     ]
-    return [_recess(), *_camera_cuts(bottom_z), *screws, *inserts, *bolts]
 
 
 def _bore(radius: float, low_z: float, high_z: float) -> Shape:

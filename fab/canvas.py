@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Color = tuple[float, float, float]
 Point = tuple[float, float]
+Vector = tuple[float, float, float]
 SUPERSAMPLING = 2
 BACKGROUND: Color = (1.0, 1.0, 1.0)
 INK: Color = (0.13, 0.15, 0.18)
@@ -29,15 +30,16 @@ MAX_SMOOTH_FACES = 250_000  # larger meshes have facets smaller than a pixel: fl
 class View:
     """Orthographic view; rows of ``axes`` are the picture's right, up, and the direction toward the viewer."""
 
-    axes: tuple[tuple[float, float, float], ...]
+    axes: tuple[Vector, Vector, Vector]
 
     @classmethod
-    def looking_from(cls, toward: tuple[float, float, float], up: tuple[float, float, float]) -> View:
+    def looking_from(cls, toward: Vector, up: Vector) -> View:
         """View from a direction, with a world direction that points up in the picture."""
         viewer = np.asarray(toward, dtype=float) / np.linalg.norm(toward)
         right = np.cross(up, viewer)
         right /= np.linalg.norm(right)
-        return cls(tuple(tuple(float(x) for x in row) for row in (right, np.cross(viewer, right), viewer)))  # type: ignore[arg-type]
+        rows = [(float(x), float(y), float(z)) for x, y, z in (right, np.cross(viewer, right), viewer)]
+        return cls((rows[0], rows[1], rows[2]))
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Picture-plane coordinates in mm of world points: (n, 3) -> (n, 2)."""
@@ -114,6 +116,7 @@ class Canvas:
                 renderer.AddActor(actor)
         kit = vtkLightKit()
         kit.SetKeyLightIntensity(0.95)
+        kit.SetKeyLightAngle(42.0, 28.0)  # elevation, azimuth: from above and the right
         kit.SetKeyLightWarmth(0.5)
         kit.SetFillLightWarmth(0.5)
         kit.SetHeadLightWarmth(0.5)
@@ -134,8 +137,11 @@ class Canvas:
         style.SetFontSize(size_px * SUPERSAMPLING)
         style.SetColor(*color)
         style.SetVerticalJustificationToCentered()
-        {"left": style.SetJustificationToLeft, "center": style.SetJustificationToCentered,
-         "right": style.SetJustificationToRight}[align]()
+        {
+            "left": style.SetJustificationToLeft,
+            "center": style.SetJustificationToCentered,
+            "right": style.SetJustificationToRight,
+        }[align]()
         actor.SetPosition(at[0] * SUPERSAMPLING, at[1] * SUPERSAMPLING)
         self._overlay.AddViewProp(actor)
 
@@ -170,12 +176,16 @@ class Canvas:
         grab.ReadFrontBufferOff()
         grab.ShouldRerenderOff()
         grab.Update()
+        pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())[:, :3]
+        self._window.Finalize()
         width, height = self.size
         k = SUPERSAMPLING
-        pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())[:, :3]
-        blocks = pixels.reshape(height, k, width, k, 3).astype(np.float32)
-        self._window.Finalize()
-        return np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)[::-1]
+        fine = pixels.reshape(height * k, width * k, 3).astype(np.uint16)
+        total = np.full((height, width, 3), k * k // 2, dtype=np.uint16)  # so that the mean is rounded, not cut
+        for row in range(k):
+            for column in range(k):
+                total += fine[row::k, column::k]
+        return (total // (k * k)).astype(np.uint8)[::-1]
 
 
 def _window() -> Any:

@@ -19,11 +19,11 @@ from fab.canvas import Canvas, Frame, Point, Surface, View, write_png
 from fab.mesh import from_manifold, to_manifold
 
 WIDTH_PX = 1600
-LABEL_PX = 24
-SMALL_PX = 17
+LABEL_RATIO = 0.015  # size of the names, of the picture's width
+SMALL_RATIO = 0.7  # size of the second line, of the first
 GREY = (0.42, 0.45, 0.50)
-EXPLODED_VIEW = View.looking_from((-0.50, -0.72, 0.42), up=(0.90, -0.52, 0.0))
-SECTION_VIEW = View.looking_from((0.22, -1.0, 0.30), up=(0.0, 0.0, 1.0))
+EXPLODED_VIEW = View.looking_from((0.50, -0.72, 0.46), up=(-0.90, -0.45, 0.0))
+SECTION_VIEW = View.looking_from((0.0, -1.0, 0.30), up=(0.0, 0.0, 1.0))
 PART_VIEW = View.looking_from((0.55, -0.80, 0.62), up=(0.0, 0.0, 1.0))
 INSIDE_TINT = 0.45  # how far the surfaces behind a section fade to white, so that the cut stands out
 
@@ -58,15 +58,16 @@ def render_exploded(
     """
     places = [item.mesh.vertices + np.array(item.offset) for item in _some(items)]
     low, high = _bounds(view, places)
-    band = 4 * LABEL_PX  # free above and below, for labels
-    scale = (width_px - 2 * LABEL_PX) / (high[0] - low[0])
-    height = math.ceil((high[1] - low[1]) * scale) + 2 * band
-    frame = Frame(view, (0, 0, width_px, height), tuple((low + high) / 2), scale)
-    canvas = Canvas(width_px, height)
+    label = _label_px(width_px)
+    band = 3 * label  # below the parts, for their names
+    scale = (width_px - 2 * label) / (high[0] - low[0])
+    drawn = math.ceil((high[1] - low[1]) * scale) + 2 * label
+    frame = Frame(view, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
+    canvas = Canvas(width_px, drawn + band)
     canvas.panel(frame, [Surface(p, i.mesh.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
     for item, points in zip(items, places, strict=True):
-        pixels = frame.pixels(points)
-        canvas.text((float(np.ptp(pixels[:, 0]) / 2 + pixels[:, 0].min()), LABEL_PX), _title(item.name), LABEL_PX)
+        x = frame.pixels(points)[:, 0]
+        canvas.text((float(x.min() + x.max()) / 2, band / 2), _title(item.name), label)
     _save(canvas, path)
 
 
@@ -87,7 +88,7 @@ def render_section(
     low, high = _bounds(view, [half.vertices for _, half in halves])
     side = width_px // 6  # free left and right, for labels
     scale = (width_px - 2 * side) / (high[0] - low[0])
-    height = math.ceil((high[1] - low[1]) * scale) + 3 * LABEL_PX
+    height = math.ceil((high[1] - low[1]) * scale) + 3 * _label_px(width_px)
     frame = Frame(view, (0, 0, width_px, height), tuple((low + high) / 2), scale)
     surfaces, anchors = [], []
     for rank, (item, half) in enumerate(halves):
@@ -112,7 +113,8 @@ def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH
         FileError: the picture could not be written.
     """
     columns = min(columns, len(_some(items)))
-    cell, caption = width_px // columns, 3 * LABEL_PX
+    label, cell = _label_px(width_px), width_px // columns
+    caption = 3 * label
     rows = math.ceil(len(items) / columns)
     canvas = Canvas(width_px, rows * (cell + caption))
     for index, item in enumerate(items):
@@ -124,8 +126,10 @@ def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH
         canvas.panel(frame, [Surface(item.mesh.vertices, item.mesh.faces, np.array(item.color))])
         size = " × ".join(f"{length:.0f}" for length in item.mesh.extents)
         middle = left + cell / 2
-        canvas.text((middle, bottom - 0.5 * LABEL_PX), _title(item.name), LABEL_PX)
-        canvas.text((middle, bottom - 1.6 * LABEL_PX), f"{item.role}  {size} mm".strip(), SMALL_PX, color=GREY)
+        canvas.text((middle, bottom - 0.5 * label), _title(item.name), label)
+        canvas.text(
+            (middle, bottom - 1.6 * label), f"{item.role}  {size} mm".strip(), round(SMALL_RATIO * label), color=GREY
+        )
     _save(canvas, path)
 
 
@@ -135,8 +139,12 @@ def _some(items: Sequence[PictureItem]) -> Sequence[PictureItem]:
     return items
 
 
+def _label_px(width_px: int) -> int:
+    return max(6, round(LABEL_RATIO * width_px))
+
+
 def _title(name: str) -> str:
-    return name.replace("_", " ")
+    return name.replace("_", " ").replace("led ", "LED ")
 
 
 def _bounds(view: View, places: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -156,28 +164,28 @@ def _is_cap(half: trimesh.Trimesh) -> np.ndarray:
 
 
 def _anchor(half: trimesh.Trimesh, cap: np.ndarray, rank: int) -> np.ndarray:
-    """A point inside the part's cut face, on the left and right of the axis in turn."""
+    """Where a part's leader line ends: far out on its cut face, right and left of the axis in turn."""
     faces = half.vertices[half.faces[cap]] if cap.any() else half.vertices[half.faces]
     centres = faces.mean(axis=1)
     areas = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
-    side = centres[:, 0] < 0 if rank % 2 else centres[:, 0] >= 0
-    areas = np.where(side, areas, 0.0) if side.any() else areas
-    return centres[int(np.argmax(areas))]
+    outward = -centres[:, 0] if rank % 2 else centres[:, 0]
+    return centres[int(np.argmax(np.where(areas >= 0.05 * areas.max(), outward, -np.inf)))]
 
 
 def _label_sides(canvas: Canvas, labels: Sequence[tuple[str, Point]], side_px: int) -> None:
     """Labels in a column at the left and at the right, joined to their points, never on one another."""
     width, height = canvas.size
+    label = _label_px(width)
+    line = 1.6 * label
     for is_left in (True, False):
         column = sorted((p[1], p[0], name) for name, p in labels if (p[0] < width / 2) == is_left)
-        y = 0.0
-        free = height - LABEL_PX
+        y = label - line
         for rank, (wanted, x, name) in enumerate(column):
-            room_above = (len(column) - 1 - rank) * 1.6 * LABEL_PX
-            y = max(y + 1.6 * LABEL_PX if rank else LABEL_PX, min(wanted, free - room_above))
-            edge = side_px * 0.8 if is_left else width - side_px * 0.8
-            canvas.line([(edge, y), (edge + (20 if is_left else -20), y), (x, wanted)])
-            canvas.text((edge - 8 if is_left else edge + 8, y), _title(name), LABEL_PX, "right" if is_left else "left")
+            room_above = (len(column) - 1 - rank) * line
+            y = max(y + line, min(wanted, height - label - room_above))
+            edge, inward = (0.8 * side_px, 1) if is_left else (width - 0.8 * side_px, -1)
+            canvas.line([(edge, y), (edge + inward * label, y), (x, wanted)])
+            canvas.text((edge - inward * label / 3, y), _title(name), label, "right" if is_left else "left")
 
 
 def _save(canvas: Canvas, path: Path) -> None:

@@ -1,0 +1,114 @@
+"""The assembly's files: names, colours, places and volumes after reading back; equal bytes from equal parts."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import struct
+
+import cadquery
+import pytest
+
+from cad.assembly import build_assembly, exploded_offsets, write_assembly
+from cad.camera import camera_part
+from cad.errors import FileError, GeometryError
+from cad.led_ring import led_ring_part
+from cad.params import EndcapParams
+from cad.ring_spacer import ring_spacer_part
+from cad.step_file import canonical_step
+
+
+@pytest.fixture(scope="module")
+def parts():
+    params = EndcapParams(130.0, 8.0)
+    return [camera_part(params), ring_spacer_part(params), led_ring_part(params)]
+
+
+def test_step_reads_back_with_names_colours_places_and_volumes(parts, tmp_path):
+    offsets = {"led_ring": (0.0, 0.0, 40.0)}
+    write_assembly(build_assembly(parts, offsets), tmp_path / "a.step", tmp_path / "a.glb")
+    children = {child.name: child for child in cadquery.Assembly.importStep(str(tmp_path / "a.step")).children}
+    assert list(children) == [part.name for part in parts]
+    for part in parts:
+        child = children[part.name]
+        assert child.color.toTuple()[:3] == pytest.approx(part.color, abs=0.01)
+        shape = child.obj.moved(child.loc)
+        assert shape.Volume() == pytest.approx(part.solid.volume, rel=1e-6)
+        lift = offsets.get(part.name, (0, 0, 0))[2]
+        assert shape.BoundingBox().zmax == pytest.approx(part.solid.bounding_box().max.Z + lift, abs=1e-3)
+
+
+def test_glb_is_in_metres_with_y_up(parts, tmp_path):
+    write_assembly(build_assembly(parts), tmp_path / "a.step", tmp_path / "a.glb")
+    data = (tmp_path / "a.glb").read_bytes()
+    scene = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    assert {part.name for part in parts} <= {node.get("name") for node in scene["nodes"]}
+    boxes = [scene["accessors"][p["attributes"]["POSITION"]] for m in scene["meshes"] for p in m["primitives"]]
+    top = [max(box["max"][axis] for box in boxes) for axis in range(3)]
+    assert top == pytest.approx([0.03885, 0.0185, 0.03885], abs=1e-4)  # spacer's radius, tip of the lens
+
+
+def test_equal_parts_give_equal_bytes(parts, tmp_path):
+    files = [(tmp_path / f"{k}.step", tmp_path / f"{k}.glb") for k in range(2)]
+    for pair in files:
+        write_assembly(build_assembly(parts), *pair)
+    for first, second in zip(*files, strict=True):
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_exporting_leaves_no_triangles_in_the_parts(parts, tmp_path):
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepTools import BRepTools
+    from OCP.TopLoc import TopLoc_Location
+
+    solid = parts[0].solid
+    BRepTools.Clean_s(solid.wrapped)
+    write_assembly(build_assembly(parts), tmp_path / "a.step", tmp_path / "a.glb")
+    assert all(BRep_Tool.Triangulation_s(face.wrapped, TopLoc_Location()) is None for face in solid.faces())
+
+
+STEP = """FILE_NAME('{path}','{time}',('Author'),(
+    'Open CASCADE'),'x');
+DATA;
+#4 = MANIFOLD_SOLID_BREP('a',#1);
+#5 = MANIFOLD_SOLID_BREP('b',#1);
+#6 = NEXT_ASSEMBLY_USAGE_OCCURRENCE('{count}','a','',#1,#2,$
+  );
+#7 = PRODUCT('Open CASCADE STEP translator 7.9 {count}');
+{styles}ENDSEC;
+END-ISO-10303-21;
+"""
+STYLE = """#{a} = MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',(
+    #{b}),#9);
+#{b} = STYLED_ITEM('color',(#{c}),#{solid});
+#{c} = COLOUR_RGB('',{red},0.,0.);
+"""
+
+
+def test_canonical_step_removes_what_changes_and_nothing_else():
+    first = STYLE.format(a=10, b=11, c=12, solid=4, red=0.1) + STYLE.format(a=13, b=14, c=15, solid=5, red=0.2)
+    second = STYLE.format(a=10, b=11, c=12, solid=5, red=0.2) + STYLE.format(a=13, b=14, c=15, solid=4, red=0.1)
+    one = canonical_step(STEP.format(path="/tmp/a", time="2024-01-01T10:00:00", count=9, styles=first))
+    two = canonical_step(STEP.format(path="/x", time="2025-01-01T10:00:00", count=10, styles=second))
+    assert one == two
+    assert "#11 = STYLED_ITEM('color',(#12),#4);\n#12 = COLOUR_RGB('',0.1,0.,0.);" in one
+    swapped = second.replace("0.2", "0.3")
+    assert canonical_step(STEP.format(path="/x", time="t", count=10, styles=swapped)) != one
+
+
+def test_exploded_offsets_open_every_gap():
+    spans = {"base": (-16.0, 0.0), "ring": (-1.0, 7.0), "shell": (6.0, 103.0)}
+    offsets = exploded_offsets(spans, 10.0)
+    moved = [(low + offsets[n][2], high + offsets[n][2]) for n, (low, high) in spans.items()]
+    assert offsets["base"] == (0.0, 0.0, 0.0)
+    assert [b[0] - a[1] for a, b in itertools.pairwise(moved)] == pytest.approx([10.0, 10.0])
+
+
+def test_bad_input(parts, tmp_path):
+    with pytest.raises(GeometryError, match="names must differ"):
+        build_assembly([parts[0], parts[0]])
+    with pytest.raises(GeometryError, match="nose"):
+        build_assembly(parts, {"nose": (0.0, 0.0, 1.0)})
+    with pytest.raises(FileError, match="gone"):
+        write_assembly(build_assembly(parts), tmp_path / "gone" / "a.step", tmp_path / "a.glb")
+    assert not list(tmp_path.iterdir())

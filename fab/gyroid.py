@@ -46,6 +46,7 @@ class InterfaceMesh:
     Attributes:
         mesh: closed mesh of flange and gyroid, coordinates as an STL holds them.
         period_mm: period of the gyroid.
+        wall_mm: thickness of its sheet.
         density: TPU in the zone over the zone's volume, after islands were dropped.
         dropped_fraction: TPU in islands that hung free at the zone's edge, over the TPU of the sheet.
         zone_volume_mm3: volume of the zone.
@@ -53,6 +54,7 @@ class InterfaceMesh:
 
     mesh: trimesh.Trimesh
     period_mm: float
+    wall_mm: float
     density: float
     dropped_fraction: float
     zone_volume_mm3: float
@@ -77,12 +79,12 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
     nodes = grid.points()
     zone_mm3 = zone_volume_mm3(params)
 
-    def trial(period_mm: float) -> InterfaceMesh:
-        sheet, dropped_mm3 = standing_sheet(grid, nodes, period_mm, params.flange_thickness_mm)
+    def trial(period_mm: float, wall_mm: float) -> InterfaceMesh:
+        sheet, dropped_mm3 = standing_sheet(grid, nodes, period_mm, params.flange_thickness_mm, wall_mm)
         tpu = volume_above(sheet, params.flange_thickness_mm)
-        return InterfaceMesh(sheet, period_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
+        return InterfaceMesh(sheet, period_mm, wall_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
 
-    return tune_period(trial, AREA_PER_PERIOD * WALL_MM / DENSITY)
+    return tune(trial)
 
 
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
@@ -91,7 +93,12 @@ def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
 
 
 def standing_sheet(
-    grid: ZoneGrid, nodes: np.ndarray, period_mm: float, floor_mm: float, newton_steps: int = 2
+    grid: ZoneGrid,
+    nodes: np.ndarray,
+    period_mm: float,
+    floor_mm: float,
+    wall_mm: float = WALL_MM,
+    newton_steps: int = 2,
 ) -> tuple[trimesh.Trimesh, float]:
     """The sheet, less what does not stand on the flange.
 
@@ -100,13 +107,14 @@ def standing_sheet(
         nodes: its points.
         period_mm: period of the gyroid.
         floor_mm: top of the flange; bodies of the sheet that reach below it stand on it.
+        wall_mm: thickness of the sheet.
         newton_steps: see :func:`gyroid_distance_mm`.
 
     Returns:
         ``(mesh, dropped volume in mm^3)``.
     """
     distance = gyroid_distance_mm(nodes, period_mm, 3 * grid.step_mm, newton_steps)
-    sheet = sheet_mesh(grid, distance, WALL_MM / 2)
+    sheet = sheet_mesh(grid, distance, wall_mm / 2)
     heights = sheet.vertices[:, 2]
     close = np.abs(heights - floor_mm) < _CLEAR_MM
     heights[close] = floor_mm + np.where(heights[close] < floor_mm, -_CLEAR_MM, _CLEAR_MM)
@@ -130,31 +138,32 @@ def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimes
     return kept, float(mesh.volume - kept.volume)
 
 
-def tune_period(trial: Callable[[float], InterfaceMesh], period_mm: float) -> InterfaceMesh:
-    """Search the period whose density is the target: density goes nearly as 1/period, so scale, then secant.
+def tune(trial: Callable[[float, float], InterfaceMesh]) -> InterfaceMesh:
+    """Bring the density to its target: once by the period, the last tenths of a per cent by the wall.
+
+    Density goes as wall over period. It jumps where a change of period sets an island free or ties it down, so no
+    period may give the target; the wall (a few micrometres) moves no island.
+
+    Args:
+        trial: period and wall in mm -> the sheet they give.
 
     Raises:
         GeometryError: not within the tolerance after ``MAX_TRIALS`` meshes.
     """
-    results = [trial(period_mm)]
-    while abs(results[-1].density / DENSITY - 1) > DENSITY_TOLERANCE:
-        if len(results) == MAX_TRIALS:
-            raise GeometryError(
-                f"gyroid density {results[-1].density:.5f} outside {DENSITY} +- {DENSITY_TOLERANCE:.1%} after "
-                f"{MAX_TRIALS} periods: use a finer step_mm"
-            )
-        results.append(trial(_next_period(results)))
-    return results[-1]
-
-
-def _next_period(results: list[InterfaceMesh]) -> float:
-    """Secant in log period and log density, its slope held near the law's -1."""
-    last = results[-1]
-    slope = -1.0
-    if len(results) > 1:
-        rise = math.log(last.density / results[-2].density)
-        slope = min(-0.5, max(-2.0, rise / math.log(last.period_mm / results[-2].period_mm)))
-    return last.period_mm * math.exp(math.log(DENSITY / last.density) / slope)
+    period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / DENSITY, WALL_MM
+    result = trial(period_mm, wall_mm)
+    for repeat in range(MAX_TRIALS):
+        if abs(result.density / DENSITY - 1) <= DENSITY_TOLERANCE:
+            return result
+        if repeat == 0:
+            period_mm *= result.density / DENSITY
+        else:
+            wall_mm *= DENSITY / result.density
+        result = trial(period_mm, wall_mm)
+    raise GeometryError(
+        f"gyroid density {result.density:.5f} outside {DENSITY} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials: "
+        "use a finer step_mm"
+    )
 
 
 def gyroid_distance_mm(points: np.ndarray, period_mm: float, band_mm: float, newton_steps: int = 2) -> np.ndarray:

@@ -108,7 +108,7 @@ def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3
 
 def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VOXEL_MM) -> CastSpace:
     """Voxels of TPU and of the space between core and cup, from the flange to a ball above the zone."""
-    floor, top = params.flange_thickness_mm, params.interlock_top_mm + 2 * BALL_DIAMETER_MM
+    floor, top = params.flange_thickness_mm, params.interlock_top_mm + BALL_DIAMETER_MM
     widest = params.outer_radius_mm
     if params.centre_height_mm > top:
         widest = params.outer_radius_at(top)

@@ -101,21 +101,24 @@ class NutPocket:
         local = np.array(place, dtype=float) + (self._params.screw_circle_radius_mm, 0, 0)
         return local @ self._axes
 
-    def _hits(self, place: tuple[float, float, float], direction: tuple[float, float, float]) -> list[float]:
+    def _hits(
+        self, place: tuple[float, float, float], direction: tuple[float, float, float]
+    ) -> list[tuple[float, bool]]:
+        """Walls along a ray: distance, and whether it enters TPU there."""
         start, way = self._point(place), np.array(direction, dtype=float) @ self._axes
         hits = self._body.ray_cast(start.tolist(), (start + _FAR * way).tolist())
-        return [float(np.linalg.norm(np.asarray(hit.position) - start)) for hit in hits]
+        return [(float(way @ (np.asarray(hit.position) - start)), float(way @ np.asarray(hit.normal)) < 0) for hit in hits]
 
     def _reach(self, place: tuple[float, float, float], direction: tuple[float, float, float]) -> float:
         """Way to the first wall; 0 where the place itself lies in TPU."""
         hits = self._hits(place, direction)
-        if len(hits) % 2:
-            return 0.0
-        return hits[0] if hits else _FAR
+        if not hits:
+            return _FAR
+        return hits[0][0] if hits[0][1] else 0.0
 
     def _first_wall(self, x: float, y: float, start: float) -> float:
         """TPU of the first wall above ``start``, counted up to the flange's top."""
-        heights = [start + hit for hit in self._hits((x, y, start), (0, 0, 1))]
+        heights = [start + way for way, _ in self._hits((x, y, start), (0, 0, 1))]
         if len(heights) < 2:
             return 0.0
         return max(0.0, min(heights[1], self._params.flange_thickness_mm) - heights[0])

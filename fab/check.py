@@ -30,7 +30,7 @@ class Check:
     @property
     def ok(self) -> bool:
         """Whether the value lies within the limits (a NaN never does)."""
-        return self.low <= self.value <= self.high
+        return bool(self.low <= self.value <= self.high)
 
     @property
     def limit(self) -> str:

@@ -63,7 +63,9 @@ def parse_options(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         name, equals, value = word.partition("=")
         if not equals or name not in DEFAULTS or not value:
-            raise ParameterError(f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name)
+            raise ParameterError(
+                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name
+            )
         options[name] = value
     return options
 
@@ -131,8 +133,12 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
         failed = [check for check in checks if not check.ok]
         if failed:
             for check in failed:
-                print(f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
-            raise ChecksFailedError(f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written")
+                print(
+                    f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr
+                )
+            raise ChecksFailedError(
+                f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written"
+            )
         progress("assembly and pictures")
         files.write_assemblies(design, folder)
         files.write_pictures(design, folder)
@@ -140,7 +146,9 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
             archive.result()
         files.write_manifest(files.manifest(design, checks, folder), folder)
         count = len(list(folder.iterdir()))
-    print(f"{final}: {count} files, {len(design.parts)} parts, all {len(checks)} checks passed, {progress.seconds:.0f} s")
+    print(
+        f"{final}: {count} files, {len(design.parts)} parts, all {len(checks)} checks passed, {progress.seconds:.0f} s"
+    )
     return 0
 
 

@@ -97,10 +97,7 @@ def core_parts(layout: MoldLayout, body: Solid) -> list[Part]:
     for name, prism in core_prisms(layout).items():
         places = layout.core_screws_mm[name]
         holes = [drill(place, PILOT_RADIUS_MM, 0.0, PILOT_DEPTH_MM) for place in places]
-        parts.append(
-            Part(
-                name, "printed", "PLA", one_solid(cut_holes(one_solid(body.intersect(prism), name), holes), name), COLOR
-            )
-        )
+        piece = cut_holes(one_solid(body.intersect(prism), name), holes)
+        parts.append(Part(name, "printed", "PLA", one_solid(piece, name), COLOR))
     order = {name: i for i, name in enumerate(REMOVAL_ORDER)}
     return sorted(parts, key=lambda part: order[part.name])

@@ -98,7 +98,7 @@ class NutPocket:
         return sum(self._reach((x, y, self._middle), (0, 0, side)) for side in (-1, 1))
 
     def _point(self, place: tuple[float, float, float]) -> np.ndarray:
-        local = np.array(place, dtype=float) + (self._params.screw_circle_radius_mm, 0, 0)
+        local = np.add(place, (self._params.screw_circle_radius_mm, 0.0, 0.0))
         return local @ self._axes
 
     def _hits(

@@ -1,0 +1,173 @@
+"""Lens calibration from views of a flat board with known points (the corners of a chessboard, a dot grid).
+
+Rays instead of normalised image points make the start valid past 90 degrees from the axis, where a homography of
+pixels fails. Lengths in mm, pixels in px; frames as in :mod:`sensing.camera_model`, board points at z = 0.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from cad.errors import FileError
+from sensing.calibrate_dots import CalibrationError
+from sensing.camera_model import Array, FisheyeCamera, monotonic_half_angle_deg, radial, rotation_matrix
+
+MIN_VIEWS = 3
+MIN_POINTS = 6  # a view: four fix its homography, two more check it
+START_FOCAL = 0.5  # f / image height of a 180 degree lens that fills the frame
+STARTS = (0.5, 0.7, 1.0, 1.4)  # factors on it that are tried: the best residual wins
+
+
+@dataclass(frozen=True)
+class BoardView:
+    """One view: points (n, 2) on the board in mm and where they are seen, (n, 2) in px."""
+
+    board_mm: Array
+    pixels: Array
+
+
+@dataclass(frozen=True)
+class BoardCalibration:
+    """Lens and board poses.
+
+    Attributes:
+        camera: intrinsics.
+        T_camera_board: (v, 4, 4) pose of each view's board.
+        residual_px: (n, 2) predicted minus seen, all views.
+    """
+
+    camera: FisheyeCamera
+    T_camera_board: Array
+    residual_px: Array
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance of predicted and seen points."""
+        return float(np.sqrt((self.residual_px**2).sum(1).mean()))
+
+
+def read_views(path: str | Path) -> list[BoardView]:
+    """Views from a CSV with the columns view, x_mm, y_mm, u_px, v_px.
+
+    Raises:
+        FileError: missing file or columns, or text that is not a number (naming the line).
+    """
+    rows: dict[str, list[list[float]]] = defaultdict(list)
+    try:
+        with Path(path).open(newline="") as stream:
+            table = csv.DictReader(stream)
+            for row in table:
+                rows[row["view"]].append([float(row[name]) for name in ("x_mm", "y_mm", "u_px", "v_px")])
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error.strerror})") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(
+            f"{path}: line {table.line_num}: need columns view,x_mm,y_mm,u_px,v_px of numbers ({error})"
+        ) from error
+    arrays = [np.array(values) for values in rows.values()]
+    return [BoardView(values[:, :2], values[:, 2:]) for values in arrays]
+
+
+def calibrate_from_board(views: Sequence[BoardView], size_px: tuple[int, int]) -> BoardCalibration:
+    """Focal lengths, centre and k1..k4 from several views of a board.
+
+    Raises:
+        CalibrationError: too few views or points, or a fit that does not reach 5 px.
+    """
+    if len(views) < MIN_VIEWS or any(len(view.pixels) < MIN_POINTS for view in views):
+        raise CalibrationError(f"{len(views)} views: need {MIN_VIEWS} or more with {MIN_POINTS} or more points each")
+    tries = []
+    for factor in STARTS:
+        found = _solve(views, size_px, START_FOCAL * factor * size_px[1])
+        if found is not None:
+            tries.append(found)
+    if not tries:
+        raise CalibrationError("no start led to a lens: check that board points and pixels belong together")
+    best = min(tries, key=lambda result: result.rms_px)
+    if best.rms_px > 5:
+        raise CalibrationError(f"residual {best.rms_px:.1f} px over 5: check the order of the board's points")
+    return best
+
+
+def _solve(views: Sequence[BoardView], size_px: tuple[int, int], focal: float) -> BoardCalibration | None:
+    """From one starting focal length (equidistant lens); ``None`` where the start is impossible."""
+    width, height = size_px
+    start = FisheyeCamera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, max_half_angle_deg=179.0)
+    poses = []
+    for view in views:
+        rays = start.unproject(view.pixels)
+        if not np.isfinite(rays).all():
+            return None
+        poses.append(_pose_from_rays(view.board_mm, rays))
+    points = [np.column_stack([view.board_mm, np.zeros(len(view.board_mm))]) for view in views]
+    seen = np.vstack([view.pixels for view in views])
+
+    def residual(vector: Array) -> Array:
+        parts = []
+        for index, board in enumerate(points):
+            pose = vector[8 + 6 * index : 14 + 6 * index]
+            parts.append(_project(vector[:8], board @ rotation_matrix(pose[:3]).T + pose[3:]))
+        return (np.vstack(parts) - seen).ravel()
+
+    vector = np.concatenate([start.parameters, *poses])
+    fixed = _sparsity(points)
+    found = least_squares(residual, vector, x_scale="jac", jac_sparsity=fixed, loss="soft_l1", max_nfev=300)
+    k1, k2, k3, k4 = found.x[4:8]
+    view_deg = min(95.0, 0.99 * monotonic_half_angle_deg(found.x[4:8]))
+    if not (found.x[:2] > 0).all():
+        return None
+    fx, fy, cx, cy = found.x[:4]
+    camera = FisheyeCamera(width, height, fx, fy, cx, cy, (k1, k2, k3, k4), view_deg)
+    T = np.tile(np.eye(4), (len(views), 1, 1))
+    for index in range(len(views)):
+        pose = found.x[8 + 6 * index : 14 + 6 * index]
+        T[index, :3, :3], T[index, :3, 3] = rotation_matrix(pose[:3]), pose[3:]
+    return BoardCalibration(camera, T, residual(found.x).reshape(-1, 2))
+
+
+def _project(lens: Array, points: Array) -> Array:
+    """The camera model's equation without its checks (the solver may pass through lenses that fold)."""
+    rho = np.hypot(points[:, 0], points[:, 1])
+    scale = radial(np.arctan2(rho, points[:, 2]), lens[4:])[0] / np.maximum(rho, 1e-12)
+    return lens[:2] * scale[:, None] * points[:, :2] + lens[2:4]
+
+
+def _pose_from_rays(board_mm: Array, rays: Array) -> Array:
+    """Rotation vector and translation (6,) of a flat board: the null vector of ray x (H [x, y, 1]) = 0."""
+    size = np.abs(board_mm - board_mm.mean(0)).max()
+    plane = np.column_stack([(board_mm - board_mm.mean(0)) / size, np.ones(len(board_mm))])
+    x, y, z = rays.T[:, :, None]
+    zero = np.zeros_like(plane)
+    rows = np.block([[zero, -z * plane, y * plane], [z * plane, zero, -x * plane], [-y * plane, x * plane, zero]])
+    H = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    H = H * np.sign(np.sum((plane @ H.T) * rays))
+    H = H / np.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
+    u, _, vt = np.linalg.svd(np.column_stack([H[:, 0], H[:, 1], np.cross(H[:, 0], H[:, 1])]))
+    R = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    shift = H[:, 2] * size - R[:, :2] @ board_mm.mean(0)
+    return np.concatenate([_rotation_vector(R), shift])
+
+
+def _rotation_vector(R: Array) -> Array:
+    """Inverse of ``rotation_matrix``, through the quaternion (stable at half a turn)."""
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())
+
+
+def _sparsity(points: Sequence[Array]) -> Array:
+    """Which parameters each residual depends on: all lens numbers, one pose."""
+    counts = [2 * len(board) for board in points]
+    pattern = np.zeros((sum(counts), 8 + 6 * len(points)))
+    pattern[:, :8] = 1
+    row = 0
+    for index, count in enumerate(counts):
+        pattern[row : row + count, 8 + 6 * index : 14 + 6 * index] = 1
+        row += count
+    return pattern

@@ -35,6 +35,7 @@ from sensing.camera_model import (
     radial,
     rotation_matrix,
 )
+from sensing.camera_nominal import nominal_mount
 
 NAMES = (
     "f_px",
@@ -61,7 +62,7 @@ class MountPrior:
 
     Attributes:
         centre_px: optical axis against the frame's centre at 480 rows (M: the visible disc lies within 10 px).
-        k: distortion about the equisolid lens r = 2 sin(theta / 2), whose series is k1 = -1/24, k2 = 1/1920.
+        k: distortion k1, k2 about the nominal lens (E: lens to lens).
         tilt_deg: optical axis against the endcap's axis (E: four M2 screws in printed holes).
         lateral_mm: pupil off the endcap's axis (E: screw clearance).
         height_mm: pupil above the mating plane about ``params.camera_height_mm`` (E).
@@ -112,18 +113,6 @@ class Calibration:
         return "\n".join(lines)
 
 
-def default_mount(params: EndcapParams, width_px: int = 640, height_px: int = 480) -> MountedCamera:
-    """The nominal camera of a design: equisolid lens of the released sensor's focal length, on the axis, no tilt.
-
-    The focal length is the mean of the released photos (247 px at 480 rows, E because it goes with the pupil's height).
-    """
-    focal = 247.0 * height_px / 480
-    lens = FisheyeCamera(
-        width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, (-1 / 24, 1 / 1920, 0.0, 0.0)
-    )
-    return mount(lens, (0.0, 0.0, params.camera_height_mm))
-
-
 def calibrate_from_dots(
     found_px: Array,
     params: EndcapParams,
@@ -147,7 +136,7 @@ def calibrate_from_dots(
         CalibrationError: pattern not recognised or too few dots.
     """
     prior = prior or MountPrior()
-    start = default_mount(params, *size_px)
+    start = nominal_mount(params, *size_px)
     if lens is not None:
         start = MountedCamera(lens, start.T_camera_endcap)
     problem = _Problem.of(start, prior, params, hold_lens=lens is not None)

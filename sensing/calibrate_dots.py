@@ -75,8 +75,9 @@ def find_dots(image_bgr: NDArray[np.uint8]) -> Array:
     centres = np.stack(
         [np.bincount(labels.ravel(), weight * axis.ravel(), count) / total for axis in (columns, rows)], -1
     )
-    keep = (area > AREA_PX[0]) & (area < AREA_PX[1])
-    keep[0] = False
+    left, top, width, height = stats[:, :4].T
+    whole = (left > 0) & (top > 0) & (left + width < labels.shape[1]) & (top + height < labels.shape[0])
+    keep = (area > AREA_PX[0]) & (area < AREA_PX[1]) & whole  # a dot cut by the frame has its centre elsewhere
     return centres[keep]
 
 

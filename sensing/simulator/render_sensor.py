@@ -134,7 +134,7 @@ def develop(signal: Floats, sensor: Sensor) -> Image:
     """Tone curve, the camera's sharpening, and a JPEG round trip."""
     image = pixel_values(signal, tone_table(sensor))
     if sensor.sharpen > 0:
-        sigma = 1.4 * image.shape[0] / 480
+        sigma = 1.2 * image.shape[0] / 480
         soft = cv2.GaussianBlur(image, (0, 0), sigma)
         image = np.asarray(cv2.addWeighted(image, 1 + sensor.sharpen, soft, -sensor.sharpen, 0))
     if sensor.jpeg_quality > 0:

@@ -30,6 +30,8 @@ class Paint:
         jitter_mm: hand-painting scatter of the ink's centre about the dent (M: 0.3, 1 px on the photos).
         roughness: waviness of the ink's edge, fraction of the dot radius.
         radius_scale: ink radius over dent radius.
+        unevenness: how much the ink's tone varies inside a dot and between dots, 1 as on the photos.
+        clouds: faint large-scale variation of the silicone's reflectance (E).
     """
 
     unpainted: float = 0.0
@@ -42,6 +44,8 @@ class Paint:
     jitter_mm: float = 0.2
     roughness: float = 0.06
     radius_scale: float = 1.0
+    unevenness: float = 1.0
+    clouds: float = 0.012
 
 
 @dataclass(frozen=True)
@@ -85,8 +89,8 @@ class Optics:
         circle_soft_deg: width of that edge.
     """
 
-    defocus_px: float = 0.6
-    defocus_edge_px: float = 0.9
+    defocus_px: float = 0.5
+    defocus_edge_px: float = 0.8
     vignetting: float = 4.0
     circle_deg: float = 91.5
     circle_soft_deg: float = 1.2
@@ -113,7 +117,7 @@ class Sensor:
     read_noise_e: float = 12.0
     gamma: float = 2.2
     black: float = 7.0
-    sharpen: float = 0.6
+    sharpen: float = 0.9
     jpeg_quality: int = 92
 
 
@@ -185,6 +189,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     "jitter_mm": (0, 5),
     "roughness": (0, 0.5),
     "radius_scale": (0.2, 2),
+    "unevenness": (0, 2),
+    "clouds": (0, 0.2),
     "count": (1, 360),
     "radius_mm": (0, 200),
     "height_mm": (-50, 50),

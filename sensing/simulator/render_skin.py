@@ -37,8 +37,9 @@ SILICONE = np.array(
         (180, 0.520, 0.520, 0.058),
     ]
 )
-INK = (0.030, 0.038, 0.040)  # M: dots away from the glint
-FLANK = (0.010, 0.014, 0.012)  # M: the dark edge of a filled dent
+INK = (0.022, 0.035, 0.034)  # M: dots away from the glint
+FLANK = (0.006, 0.009, 0.008)  # M: the dark edge of a filled dent
+FLANK_WIDTH_MM = 0.45  # E
 SEAM_WIDTH_MM = 0.35  # E
 SEAM_DEPTH = 0.14  # how much darker (E)
 KEY_FACE = 0.55  # inner face of a key piece over the core's radius
@@ -76,7 +77,7 @@ def paint_skin(params: EndcapParams, paint: Paint, texels: int, seed: int) -> Sk
     """
     rng = np.random.default_rng([seed, 1])
     canvas = _Canvas.blank(params, texels)
-    _silicone(canvas, rng)
+    _silicone(canvas, rng, paint.clouds)
     if paint.seams:
         _seams(canvas, params)
     dents = np.array([dot_position_mm(params, dot) for dot in dot_pattern(params)])
@@ -143,14 +144,14 @@ class _Canvas:
         return self.texture[rows, columns], offset @ away, offset @ around, texel
 
 
-def _silicone(canvas: _Canvas, rng: np.random.Generator) -> None:
+def _silicone(canvas: _Canvas, rng: np.random.Generator, strength: float) -> None:
     """Base colour with faint clouds."""
     n = len(canvas.texture)
     polar = np.degrees(np.arccos(np.clip((canvas.points[..., 2] - canvas.centre[2]) / canvas.radius, -1, 1)))
     clouds = cv2.resize(rng.normal(0, 1, (24, 24)), (n, n), interpolation=cv2.INTER_CUBIC)
     for channel in range(3):
         canvas.texture[..., channel] = np.interp(polar, SILICONE[:, 0], SILICONE[:, channel + 1])
-    canvas.texture[..., :3] *= (1 + 0.012 * clouds)[..., None]
+    canvas.texture[..., :3] *= (1 + strength * clouds)[..., None]
 
 
 def _seams(canvas: _Canvas, params: EndcapParams) -> None:
@@ -206,7 +207,7 @@ def _ink(canvas: _Canvas, at: Array, paint: Paint, rng: np.random.Generator, sme
     radius = DOT_RADIUS_MM * paint.radius_scale
     amplitudes, phases = rng.normal(0, 1, 4), rng.random(4) * 2 * np.pi
     drag, length = rng.random() * 2 * np.pi, radius * rng.uniform(1.5, 3.0)
-    tone = rng.uniform(0.7, 1.5)
+    tone = 1 + paint.unevenness * rng.uniform(-0.3, 0.5)
     if smeared:
         window, a, b, texel = canvas.patch(at, radius + length)
         along, across = a * np.cos(drag) + b * np.sin(drag), b * np.cos(drag) - a * np.sin(drag)
@@ -217,8 +218,11 @@ def _ink(canvas: _Canvas, at: Array, paint: Paint, rng: np.random.Generator, sme
     wave = sum(amplitudes[k] / (k + 2) * np.cos((k + 2) * angle + phases[k]) for k in range(4))
     inside = radius * (1 + paint.roughness * wave) - np.hypot(a, b)
     cover = np.clip(inside / texel + 0.5, 0, 1)
-    flank = np.clip(1 - inside / 0.45, 0, 1)
-    color = np.array(INK) * tone * (1 - flank)[..., None] + np.array(FLANK) * flank[..., None]
+    flank = np.clip(1.2 - inside / FLANK_WIDTH_MM, 0, 1)
+    slope = (a * np.cos(drag) + b * np.sin(drag)) / radius
+    uneven = 0.45 * slope + 0.3 * wave * (np.hypot(a, b) / radius) ** 2
+    middle = np.array(INK) * (tone * np.clip(1 + paint.unevenness * uneven, 0.3, 2) * (1 - flank))[..., None]
+    color = middle + np.array(FLANK) * flank[..., None]
     _mix(window, color, cover, 1 - flank)
 
 

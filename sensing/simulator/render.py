@@ -83,6 +83,8 @@ class DomeRenderer:
         self.settings = settings or RenderSettings()
         self.mounted = mounted or nominal_mount(params)
         self._mesh = surface_mesh(params, self.settings.mesh)
+        rim = 0.99 * self._mesh.rim_polar
+        self._inner = np.linalg.norm(self._mesh.disc, axis=1) < rim  # the outermost cells are slivers
         self._skin = paint_skin(params, self.settings.paint, self.settings.texels, self.settings.seed)
         self.surface_mm = self._mesh.vertices_mm if surface_mm is None else np.asarray(surface_mm, dtype=float)
         self._to_mesh = (
@@ -186,7 +188,7 @@ class DomeRenderer:
         visible = inside & self._skin.painted
         vertices, pupil = self._vertices(displacement), self.mounted.pupil_endcap_mm
         facing = (vertex_normals(vertices, self._mesh.triangles) * (pupil - vertices)).sum(1) > 0
-        if not facing.all():  # otherwise nothing can hide anything
+        if not facing[self._inner].all():  # otherwise nothing can hide anything
             nearest = self._trace(self.mounted, vertices, np.zeros((len(vertices), 1), np.float32))[1]
             columns, rows = np.round(pixels[visible]).astype(int).T
             distance = np.linalg.norm(points[visible] - pupil, axis=1)

@@ -33,10 +33,10 @@ def rasterise(
         width: columns of the result.
 
     Returns:
-        ``(height, width, c)`` values and ``(height, width)`` depth, ``inf`` where nothing is seen.
+        Values ``(c, height, width)`` and depth ``(height, width)``; 0 and ``inf`` where nothing is seen.
     """
     channels = values.shape[1]
-    image = np.zeros((height, width, channels), np.float32)
+    image = np.zeros((channels, height, width), np.float32)
     nearest = np.full((height, width), np.inf, np.float32)
     for t in range(triangles.shape[0]):
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -60,7 +60,7 @@ def rasterise(
                         nearest[y, x] = z
                         fa, fb, fc = np.float32(wa), np.float32(wb), np.float32(wc)
                         for c in range(channels):
-                            image[y, x, c] = fa * values[i, c] + fb * values[j, c] + fc * values[k, c]
+                            image[c, y, x] = fa * values[i, c] + fb * values[j, c] + fc * values[k, c]
                 elif (wb < 0 and db <= 0) or (wc < 0 and dc <= 0) or (wa < 0 and db + dc >= 0):
                     break  # outside and moving away: nothing more in this row
                 wb += db

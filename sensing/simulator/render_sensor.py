@@ -14,50 +14,41 @@ Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
 BRONZE = np.array([0.30, 0.55, 1.0], np.float32)  # colour of dried ink's reflection, BGR (M: dots at the tip)
 AMBIENT_TINT = np.array([1.0, 1.0, 0.6], np.float32)  # light that met teal silicone before (E)
-TONE_STEPS = 4096
+TONE_STEPS = 1 << 15
 TOE = 0.002  # below this signal the tone curve is straight: a power law would blow up the noise of black
 
 
-@numba.njit(cache=True, fastmath=True)
 def radiance_image(
     seen: Floats, depth: Floats, texture: Floats, extent: float, transmission: Floats, weights: Floats
 ) -> Floats:
-    """Light of every pixel from the rasteriser's attributes.
+    """Light (h, w, 3) of every pixel from the rasteriser's attributes.
 
     Args:
-        seen: (h, w, 5) disc x, disc y, irradiance, silicone lobe, ink lobe.
+        seen: (5, h, w) disc x, disc y, irradiance, silicone lobe, ink lobe.
         depth: (h, w), ``inf`` where no surface is seen.
         texture: (n, n, 4) skin.
         extent: disc coordinate of the texture's edge.
         transmission: (h, w) of the lens.
-        weights: (3, 3): per colour the ambient light, silicone gloss and ink gloss.
+        weights: (3, 3): ambient light, silicone gloss and ink gloss, each per colour.
     """
-    height, width, n = seen.shape[0], seen.shape[1], texture.shape[0]
-    out = np.zeros((height, width, 3), np.float32)
-    scale = np.float32(n / (2 * extent))
-    middle = np.float32(n / 2 - 0.5)
+    n = len(texture)
+    columns, rows = (plane * np.float32(n / (2 * extent)) + np.float32(n / 2 - 0.5) for plane in seen[:2])
+    paint = np.asarray(cv2.remap(texture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    passed = (transmission * np.isfinite(depth)).astype(np.float32)
+    return np.asarray(_combined(paint.astype(np.float32, copy=False), seen, passed, weights))
+
+
+@numba.njit(cache=True, fastmath=True)
+def _combined(paint: Floats, seen: Floats, transmission: Floats, weights: Floats) -> Floats:
+    height, width = transmission.shape
+    out = np.empty((height, width, 3), np.float32)
     for y in range(height):
         for x in range(width):
-            if not depth[y, x] < 1e30:
-                continue
-            column = min(max(seen[y, x, 0] * scale + middle, np.float32(0)), np.float32(n - 1.001))
-            row = min(max(seen[y, x, 1] * scale + middle, np.float32(0)), np.float32(n - 1.001))
-            i, j = int(row), int(column)
-            fy, fx = row - np.float32(i), column - np.float32(j)
-            d = fy * fx
-            a, b, c = np.float32(1) - fy - fx + d, fx - d, fy - d
-            ink = (
-                a * texture[i, j, 3]
-                + b * texture[i, j + 1, 3]
-                + c * texture[i + 1, j, 3]
-                + d * texture[i + 1, j + 1, 3]
-            )
-            direct, gloss, glint = seen[y, x, 2], seen[y, x, 3] * (np.float32(1) - ink), seen[y, x, 4] * ink
+            ink, passed = paint[y, x, 3], transmission[y, x]
+            gloss, glint = seen[3, y, x] * (np.float32(1) - ink), seen[4, y, x] * ink
             for k in range(3):
-                above = a * texture[i, j, k] + b * texture[i, j + 1, k]
-                below = c * texture[i + 1, j, k] + d * texture[i + 1, j + 1, k]
-                light = (above + below) * (direct + weights[0, k]) + weights[1, k] * gloss + weights[2, k] * glint
-                out[y, x, k] = light * transmission[y, x]
+                reflected = paint[y, x, k] * (seen[2, y, x] + weights[0, k])
+                out[y, x, k] = passed * (reflected + weights[1, k] * gloss + weights[2, k] * glint)
     return out
 
 
@@ -93,12 +84,12 @@ def _gaussian(image: Floats, sigma: float) -> Floats:
     return np.asarray(cv2.GaussianBlur(image, (size, size), sigma))
 
 
-def tone_table(sensor: Sensor) -> Floats:
-    """Pixel value (float, 0..255) at TONE_STEPS + 1 equal steps of signal from 0 to 1."""
+def tone_table(sensor: Sensor) -> Image:
+    """Pixel value at TONE_STEPS + 1 equal steps of signal from 0 to 1."""
     signal = np.linspace(0, 1, TONE_STEPS + 1)
     power = np.maximum(signal, TOE) ** (1 / sensor.gamma)
     value = np.where(signal < TOE, TOE ** (1 / sensor.gamma) * signal / TOE, power)
-    return (sensor.black + (255 - sensor.black) * value).astype(np.float32)
+    return np.round(sensor.black + (255 - sensor.black) * value).astype(np.uint8)
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -117,16 +108,14 @@ def signal_of(radiance: Floats, noise: Floats, exposure: float, gain: float, ful
 
 
 @numba.njit(cache=True, fastmath=True)
-def pixel_values(signal: Floats, table: Floats) -> Image:
+def pixel_values(signal: Floats, table: Image) -> Image:
     """8-bit values of a signal by the tone table, clipped at black and white."""
     out = np.empty(signal.shape, np.uint8)
     flat, result = signal.ravel(), out.ravel()
-    steps = table.size - 1
+    steps = np.float32(table.size - 1)
     for i in range(flat.size):
-        place = min(max(flat[i], np.float32(0)), np.float32(1)) * steps
-        k = min(int(place), steps - 1)
-        part = place - k
-        result[i] = np.uint8(table[k] * (1 - part) + table[k + 1] * part + np.float32(0.5))
+        place = np.int32(min(max(flat[i], np.float32(0)), np.float32(1)) * steps + np.float32(0.5))
+        result[i] = table[place]
     return out
 
 

@@ -1,7 +1,8 @@
 """Camera calibration: from one photo of the sensor's own dots, or from views of a board.
 
     python -m sensing.calibrate --photo a.jpg --diameter 130 --wall 8 --out camera.json --picture fit.png
-    python -m sensing.calibrate --board views.csv --size 640x480 --out camera.json
+    python -m sensing.calibrate --board board*.jpg --corners 9x6 --square 10 --out lens.json
+    python -m sensing.calibrate --photo a.jpg --lens lens.json --diameter 130 --wall 8 --out camera.json
 
 The dots alone cannot tell the camera's height from its lens: on the axis of a sphere any height fits with some
 radial function r(theta) (moving the pupil 35 mm changes the residual of the released photos by 1 %). So calibration
@@ -13,19 +14,14 @@ Endcap and camera frames as in :mod:`sensing.camera_model`; lengths in mm, pixel
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from cad.errors import EndcapError
 from cad.params import EndcapParams
-from sensing.calibrate_board import calibrate_from_board, read_views
-from sensing.calibrate_dots import NOISE_PX, CalibrationError, assign_dots, find_dots, pattern_points, read_dots
-from sensing.calibrate_picture import draw_fit, read_image, write_image
+from sensing.calibrate_dots import NOISE_PX, CalibrationError, assign_dots, pattern_points
 from sensing.camera_model import (
     Array,
     FisheyeCamera,
@@ -235,60 +231,7 @@ def _rotation(vector: Array) -> Array:
     return rotation_matrix([vector[5], vector[6], 0]) @ rotation_matrix([0, 0, vector[7]])
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    options = _parser().parse_args(arguments)
-    try:
-        return _from_board(options) if options.board else _from_photo(options)
-    except EndcapError as error:
-        print(f"sensing.calibrate: {error}", file=sys.stderr)
-        return 2
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m sensing.calibrate", description=(__doc__ or "").split("\n\n")[0])
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--photo", help="one photo of the undeformed sensor")
-    source.add_argument("--board", help="CSV of board views: view,x_mm,y_mm,u_px,v_px")
-    parser.add_argument("--dots", help="CSV of dot centres (u_px,v_px) instead of finding them in the photo")
-    parser.add_argument("--diameter", type=float, default=130.0, metavar="D", help="outer diameter in mm (130)")
-    parser.add_argument("--wall", type=float, default=8.0, metavar="T", help="wall in mm (8)")
-    parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
-    parser.add_argument("--azimuth-hint", type=float, default=0.0, metavar="DEG", help="turn of the image, +-90 (0)")
-    parser.add_argument("--size", default="640x480", help="image size of the board views (640x480)")
-    parser.add_argument("--out", required=True, help="camera.json to write")
-    parser.add_argument("--picture", help="photo with the fit drawn in")
-    return parser
-
-
-def _from_photo(options: argparse.Namespace) -> int:
-    params = EndcapParams(options.diameter, options.wall)
-    image = read_image(options.photo)
-    found = read_dots(options.dots) if options.dots else find_dots(image)
-    lens = MountedCamera.load(options.lens).camera if options.lens else None
-    size = (image.shape[1], image.shape[0])
-    if lens is not None and (lens.width_px, lens.height_px) != size:
-        raise CalibrationError(
-            f"{options.lens}: lens of {lens.width_px}x{lens.height_px}, photo of {size[0]}x{size[1]}"
-        )
-    result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
-    result.mounted.save(options.out)
-    if options.picture:
-        write_image(options.picture, draw_fit(image, result, params))
-    print(result.report())
-    return 0
-
-
-def _from_board(options: argparse.Namespace) -> int:
-    try:
-        width, height = (int(part) for part in options.size.lower().split("x"))
-    except ValueError as error:
-        raise CalibrationError(f"--size {options.size}: give WIDTHxHEIGHT, for example 640x480") from error
-    result = calibrate_from_board(read_views(options.board), (width, height))
-    mount(result.camera, (0.0, 0.0, 0.0)).save(options.out)
-    print(f"{len(result.T_camera_board)} views, residual {result.rms_px:.3f} px rms; pose in the endcap: use --lens")
-    return 0
-
-
 if __name__ == "__main__":
+    from sensing.calibrate_cli import main
+
     raise SystemExit(main())

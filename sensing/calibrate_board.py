@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -76,6 +77,21 @@ def read_views(path: str | Path) -> list[BoardView]:
         ) from error
     arrays = [np.array(values) for values in rows.values()]
     return [BoardView(values[:, :2], values[:, 2:]) for values in arrays]
+
+
+def find_board(image_bgr: NDArray[np.uint8], inner: tuple[int, int], square_mm: float) -> BoardView | None:
+    """Corners of a chessboard in a photo; ``None`` where it is not found (cut off, blurred or bent too strongly).
+
+    Args:
+        image_bgr: (h, w, 3) photo.
+        inner: inner corners along the board's x and y, for example (9, 6) for 10 x 7 squares.
+        square_mm: side of a square.
+    """
+    found, corners = cv2.findChessboardCornersSB(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), inner)
+    if not found:
+        return None
+    grid = np.stack(np.meshgrid(np.arange(inner[0]), np.arange(inner[1])), -1).reshape(-1, 2)
+    return BoardView(np.asarray(grid * square_mm, dtype=float), np.asarray(corners, dtype=float).reshape(-1, 2))
 
 
 def calibrate_from_board(views: Sequence[BoardView], size_px: tuple[int, int]) -> BoardCalibration:

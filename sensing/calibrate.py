@@ -31,7 +31,7 @@ from sensing.camera_model import (
     radial,
     rotation_matrix,
 )
-from sensing.camera_nominal import nominal_mount
+from sensing.camera_nominal import K, nominal_mount
 
 NAMES = (
     "f_px",
@@ -58,10 +58,12 @@ class MountPrior:
 
     Attributes:
         centre_px: optical axis against the frame's centre at 480 rows (M: the visible disc lies within 10 px).
-        k: distortion k1, k2 about the nominal lens (E: lens to lens).
+        k: distortion k1, k2 about ``k_centre`` (E: lens to lens).
         tilt_deg: optical axis against the endcap's axis (E: four M2 screws in printed holes).
         lateral_mm: pupil off the endcap's axis (E: screw clearance).
-        height_mm: pupil above the mating plane about ``params.camera_height_mm`` (E).
+        height_mm: pupil above the mating plane (E), about ``height_centre_mm``.
+        k_centre: the nominal lens.
+        height_centre_mm: ``None`` for ``params.camera_height_mm``.
     """
 
     centre_px: float = 8.0
@@ -69,6 +71,8 @@ class MountPrior:
     tilt_deg: float = 2.0
     lateral_mm: float = 1.0
     height_mm: float = 1.5
+    k_centre: tuple[float, float] = (K[0], K[1])
+    height_centre_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -161,7 +165,9 @@ class _Problem:
         camera = start.camera
         tilt = np.radians(prior.tilt_deg)
         centre = prior.centre_px * camera.height_px / 480
-        mean = [camera.fx_px, camera.cx_px, camera.cy_px, *camera.k[:2], 0, 0, 0, 0, 0, params.camera_height_mm]
+        height = params.camera_height_mm if prior.height_centre_mm is None else prior.height_centre_mm
+        k_centre = camera.k[:2] if hold_lens else prior.k_centre
+        mean = [camera.fx_px, camera.cx_px, camera.cy_px, *k_centre, 0, 0, 0, 0, 0, height]
         pose = [tilt, tilt, np.inf, prior.lateral_mm, prior.lateral_mm, prior.height_mm]
         sigma = np.array([np.inf, centre, centre, *prior.k, *pose])
         if hold_lens:

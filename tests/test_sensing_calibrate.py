@@ -7,11 +7,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.optimize._numdiff import approx_derivative
 
 from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.calibrate import MountPrior, calibrate_from_dots
-from sensing.calibrate_board import BoardView, calibrate_from_board
+from sensing.calibrate_board import BoardView, _grouped_jacobian, calibrate_from_board
 from sensing.calibrate_cli import main
 from sensing.calibrate_dots import CalibrationError, find_dots, pattern_points, read_dots
 from sensing.camera_model import FisheyeCamera, MountedCamera, mount, rotation_matrix
@@ -134,6 +135,19 @@ def test_board_recovers_the_lens() -> None:
     noisy = calibrate_from_board(board_views(lens, 12, 0.3)[0], SIZE)
     assert noisy.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
     assert np.abs(noisy.camera.project(rays[:14]) - lens.project(rays[:14])).max() < 1.0
+
+
+def test_grouped_jacobian_is_the_full_one() -> None:
+    owner = np.repeat([0, 1, 2], [2, 3, 2])
+
+    def residual(vector: np.ndarray) -> np.ndarray:
+        poses = vector[8:].reshape(3, 6)[owner]
+        shared = np.sin(vector[:8] * np.arange(1, 9)).sum()
+        return np.stack([shared + (poses**2).sum(1), shared * np.cos(poses).sum(1)], -1).ravel()
+
+    vector = np.random.default_rng(0).normal(0, 1, 26)
+    J = _grouped_jacobian(residual, vector, owner)
+    assert np.allclose(J, approx_derivative(residual, vector, method="3-point"), atol=1e-6)
 
 
 def board_photo(lens: FisheyeCamera, R: np.ndarray, t: np.ndarray) -> np.ndarray:

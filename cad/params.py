@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 
 from cad import feasible, scaling
 
+
 @dataclass(frozen=True)
 class EndcapParams:
     """The endcap of outer diameter D and wall thickness T.

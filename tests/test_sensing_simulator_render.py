@@ -17,7 +17,7 @@ from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_cli import main
 from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance
 from sensing.simulator.render_mesh import interpolation_matrix, sphere_points, surface_mesh, vertex_normals
-from sensing.simulator.render_raster import rasterise
+from sensing.simulator.render_raster import interpolate, rasterise
 from sensing.simulator.render_sensor import pixel_values, signal_of, tone_table
 from sensing.simulator.render_settings import Lamp, Optics, Paint, RenderSettings, Sensor
 
@@ -190,19 +190,35 @@ def test_fold_hides_dots() -> None:
 def test_rasteriser_covers_every_pixel_once_and_keeps_the_nearest() -> None:
     square = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
     triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    values = np.column_stack([square, np.ones(4)]).astype(np.float32)
-    image, depth = rasterise(square, np.full(4, 2.0), values, triangles, 10, 10)
+    values = np.zeros((4, 5), np.float32)
+    values[:, :2] = square
+    owner, weights, depth = rasterise(square, np.full(4, 2.0), triangles, 10, 10)
+    image = interpolate(owner, weights, values, triangles)
     rows, columns = np.mgrid[:10, :10]
     assert np.allclose(image[0], columns, atol=1e-5) and np.allclose(image[1], rows, atol=1e-5)
-    assert (depth == 2).all()
-    both = np.vstack([square, square])
+    assert np.allclose(depth, 2) and not np.isnan(image).any()
+    both, depths = np.vstack([square, square]), np.repeat([5.0, 1.0], 4)
     far_then_near = np.vstack([triangles, triangles + 4]).astype(np.int32)
-    depths = np.repeat([5.0, 1.0], 4)
-    layered = np.repeat([[1.0], [2.0]], 4, axis=0).astype(np.float32)
     for order in (far_then_near, far_then_near[::-1].copy()):
-        assert np.allclose(rasterise(both, depths, layered, order, 10, 10)[0], 2)
-    nan = np.full((4, 2), np.nan)
-    assert np.isinf(rasterise(nan, np.ones(4), values, triangles, 10, 10)[1]).all()
+        assert np.allclose(rasterise(both, depths, order, 10, 10)[2], 1)
+    owner, _, depth = rasterise(np.full((4, 2), np.nan), np.ones(4), triangles, 10, 10)
+    assert np.isinf(depth).all() and (owner == -1).all()
+
+
+def test_rasteriser_leaves_no_hole_and_agrees_with_point_in_triangle() -> None:
+    """Random triangles against a direct evaluation at every pixel."""
+    rng = np.random.default_rng(8)
+    corners, depths = rng.uniform(-10, 50, (60, 2)), rng.uniform(1, 5, 60)
+    triangles = np.arange(60, dtype=np.int32).reshape(20, 3)
+    owner, _, depth = rasterise(corners, depths, triangles, 40, 40)
+    y, x = np.mgrid[:40, :40]
+    best = np.full((40, 40), np.inf)
+    for i, j, k in triangles:
+        system = np.vstack([corners[[i, j, k]].T, np.ones(3)])
+        weights = np.einsum("ab,bhw->ahw", np.linalg.inv(system), np.stack([x, y, np.ones_like(x)]))
+        inside = (weights >= -1e-9).all(0)
+        best = np.where(inside, np.minimum(best, np.einsum("a,ahw->hw", depths[[i, j, k]], weights)), best)
+    assert np.allclose(depth, best, rtol=1e-5) and ((owner >= 0) == np.isfinite(best)).all()
 
 
 def test_command_line(tmp_path, capsys) -> None:

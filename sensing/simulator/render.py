@@ -26,7 +26,7 @@ from sensing.camera_model import Array, MountedCamera
 from sensing.camera_nominal import nominal_mount
 from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance
 from sensing.simulator.render_mesh import interpolation_matrix, surface_mesh, vertex_normals
-from sensing.simulator.render_raster import rasterise
+from sensing.simulator.render_raster import interpolate, rasterise
 from sensing.simulator.render_sensor import (
     AMBIENT_TINT,
     BRONZE,
@@ -163,22 +163,24 @@ class DomeRenderer:
         normals = vertex_normals(vertices, self._mesh.triangles)
         lit = shade(vertices, normals, self.mounted.pupil_endcap_mm, leds, brightness / tip)
         values = np.concatenate([self._mesh.disc.astype(np.float32), lit], 1)
-        seen, nearest = self._trace(self._fine, vertices, values)
+        owner, corners, _ = self._trace(self._fine, vertices)
+        seen = interpolate(owner, corners, values, self._mesh.triangles)
         ambient = float(brightness.sum()) * lamp.ambient * AMBIENT_TINT
         weights = np.stack([ambient, np.full(3, lamp.gloss), lamp.ink_gloss * BRONZE]).astype(np.float32)
         same = settings.optics == self.settings.optics
-        transmission = self._transmission if same else lens_transmission(self._fine.camera, settings.optics)
-        return radiance_image(seen, nearest, self._skin.texture, self._skin.extent, transmission, weights)
+        passed = self._transmission if same else lens_transmission(self._fine.camera, settings.optics)
+        passed = np.where(owner >= 0, passed, np.float32(0))
+        return radiance_image(seen, self._skin.texture, self._skin.extent, passed, weights)
 
     def _vertices(self, displacement: Array) -> Array:
         moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
         return np.ascontiguousarray(self._mesh.vertices_mm + moved)
 
-    def _trace(self, mounted: MountedCamera, vertices: Array, values: Floats) -> tuple[Floats, Floats]:
-        """What each pixel sees: interpolated vertex values, and the distance from the pupil."""
+    def _trace(self, mounted: MountedCamera, vertices: Array) -> tuple[NDArray[np.int32], Floats, Floats]:
+        """The triangle that each pixel sees, where in it, and how far from the pupil."""
         depth = np.linalg.norm(vertices - mounted.pupil_endcap_mm, axis=1)
         size = mounted.camera.height_px, mounted.camera.width_px
-        return rasterise(mounted.project(vertices), depth, values, self._mesh.triangles, *size)
+        return rasterise(mounted.project(vertices), depth, self._mesh.triangles, *size)
 
     def _dots(self, displacement: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the ink's centres are seen, and which of them can be."""
@@ -189,7 +191,7 @@ class DomeRenderer:
         vertices, pupil = self._vertices(displacement), self.mounted.pupil_endcap_mm
         facing = (vertex_normals(vertices, self._mesh.triangles) * (pupil - vertices)).sum(1) > 0
         if not facing[self._inner].all():  # otherwise nothing can hide anything
-            nearest = self._trace(self.mounted, vertices, np.zeros((len(vertices), 1), np.float32))[1]
+            nearest = self._trace(self.mounted, vertices)[2]
             columns, rows = np.round(pixels[visible]).astype(int).T
             distance = np.linalg.norm(points[visible] - pupil, axis=1)
             visible[visible] = distance < nearest[rows, columns] + HIDDEN_MM

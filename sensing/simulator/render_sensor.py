@@ -18,24 +18,20 @@ TONE_STEPS = 1 << 15
 TOE = 0.002  # below this signal the tone curve is straight: a power law would blow up the noise of black
 
 
-def radiance_image(
-    seen: Floats, depth: Floats, texture: Floats, extent: float, transmission: Floats, weights: Floats
-) -> Floats:
+def radiance_image(seen: Floats, texture: Floats, extent: float, transmission: Floats, weights: Floats) -> Floats:
     """Light (h, w, 3) of every pixel from the rasteriser's attributes.
 
     Args:
         seen: (5, h, w) disc x, disc y, irradiance, silicone lobe, ink lobe.
-        depth: (h, w), ``inf`` where no surface is seen.
         texture: (n, n, 4) skin.
         extent: disc coordinate of the texture's edge.
-        transmission: (h, w) of the lens.
+        transmission: (h, w) of the lens, 0 where no surface is seen.
         weights: (3, 3): ambient light, silicone gloss and ink gloss, each per colour.
     """
     n = len(texture)
     columns, rows = (plane * np.float32(n / (2 * extent)) + np.float32(n / 2 - 0.5) for plane in seen[:2])
     paint = np.asarray(cv2.remap(texture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-    passed = (transmission * np.isfinite(depth)).astype(np.float32)
-    return np.asarray(_combined(paint.astype(np.float32, copy=False), seen, passed, weights))
+    return np.asarray(_combined(paint.astype(np.float32, copy=False), seen, transmission, weights))
 
 
 @numba.njit(cache=True, fastmath=True)

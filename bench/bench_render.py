@@ -15,6 +15,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import matplotlib
 import numpy as np
 
@@ -71,6 +72,7 @@ def dot_centres(light: np.ndarray, near_px: np.ndarray, visible: np.ndarray) -> 
 
 def main() -> None:
     """Run the studies and write table and picture."""
+    cv2.setNumThreads(1)
     base = RenderSettings(seed=5, paint=PAINT)
     reference, _, renderer = light_and_time(base.at_level("reference"), 1)
     truth = renderer.render(field(renderer.surface_mm))

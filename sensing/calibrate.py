@@ -5,7 +5,7 @@
     python -m sensing.calibrate --photo a.jpg --lens lens.json --diameter 130 --wall 8 --out camera.json
 
 The dots alone cannot tell the camera's height from its lens: on the axis of a sphere any height fits with some
-radial function r(theta) (moving the pupil 35 mm changes the residual of the released photos by 1 %). So calibration
+radial function r(theta) (moving the pupil 35 mm changes the residual of the released photos by 2 %). So calibration
 from dots is a maximum-posterior fit with stated priors (:class:`MountPrior`), and every parameter is reported with
 its posterior deviation beside its prior's. A board calibration has no such weakness: use its lens here with ``--lens``.
 

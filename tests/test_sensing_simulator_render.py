@@ -228,6 +228,12 @@ def test_command_line(tmp_path, capsys) -> None:
     beside = tmp_path / "b.png"
     assert main(["--out", str(beside), "--level", "draft", "--beside", str(out)]) == 0
     assert cv2.imread(str(beside)).shape == (480, 1280, 3)
+    disc = np.random.default_rng(0).uniform(-1.5, 1.5, (2000, 2))
+    nodes = sphere_points(PARAMS, disc)
+    np.savez(tmp_path / "u.npz", surface_mm=nodes, displacement_mm=bulge(nodes))
+    moved = tmp_path / "c.png"
+    assert main(["--out", str(moved), "--level", "draft", "--displacement", str(tmp_path / "u.npz")]) == 0
+    assert np.abs(cv2.imread(str(moved)).astype(int) - cv2.imread(str(out))).mean() > 0.3
     for arguments, words in (
         (["--out", str(tmp_path / "a.tiff"), "--level", "draft"], "end the name in .png"),
         (["--out", str(out), "--beside", "none.jpg"], "none.jpg: missing"),

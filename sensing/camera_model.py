@@ -281,8 +281,9 @@ def radial(theta: Array, k: Array) -> tuple[Array, Array]:
 
 def monotonic_half_angle_deg(k: ArrayLike) -> float:
     """Largest angle (degrees, at most 180) up to which r(theta) grows: the first root of r'(theta)."""
-    k1, k2, k3, k4 = np.asarray(k, dtype=float)
-    roots = np.roots([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])
+    slope = np.array([1.0, 3.0, 5.0, 7.0, 9.0]) * np.concatenate([[1.0], np.asarray(k, dtype=float)])
+    slope[np.abs(slope) * np.pi ** (2.0 * np.arange(5)) < 1e-14] = 0.0  # too small to matter, and would overflow
+    roots = np.roots(slope[::-1])
     real = roots[np.isreal(roots)].real
     squares = real[real > 0]
     return min(180.0, math.degrees(math.sqrt(squares.min()))) if len(squares) else 180.0

@@ -86,6 +86,12 @@ def test_inverse_for_any_valid_lens(k1: float, k2: float, angle: float) -> None:
     assert np.abs(camera.project(camera.unproject(camera.project(points))) - camera.project(points)).max() < 1e-8
 
 
+def test_where_the_lens_folds() -> None:
+    assert monotonic_half_angle_deg((-1 / 3, 0, 0, 0)) == pytest.approx(np.degrees(1.0))
+    assert monotonic_half_angle_deg((0, 0, 0, 0)) == monotonic_half_angle_deg((0.1, 5e-324, 0, 0)) == 180
+    assert monotonic_half_angle_deg((1e-300, -1e-310, 0, -1 / 9)) == pytest.approx(np.degrees(1.0))
+
+
 def test_crop_and_area_resize_move_pixels_as_they_should() -> None:
     points = random_points(100, 60)
     crop = CAMERA.cropped(80, 0, 480, 480)

@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return make_molds(params, Path(options["exports"]))
     except EndcapError as error:
         print(f"make molds: {error}", file=sys.stderr)
-        return 2
+        return 1 if isinstance(error, ChecksFailedError) else 2
     except KeyboardInterrupt:
         print("make molds: interrupted; nothing was left behind", file=sys.stderr)
         return 130
@@ -94,9 +94,10 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
         exports: folder that receives ``params.label``.
 
     Returns:
-        0, or 1 where a check failed (then nothing is left).
+        0.
 
     Raises:
+        ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
     final = exports / params.label

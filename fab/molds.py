@@ -22,7 +22,7 @@ WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
 HELP = """\
 options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
-  T=8              thickness of its wall, mm (5 to a fifth of the radius; see README for the region)
+  T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
   exports=DIR      folder that receives D130_T8/ (default: exports/)
 
 The folder appears whole, after every check has passed, or not at all.

@@ -22,7 +22,8 @@ from sensing.simulator.state import Refusal
 from sensing.simulator.system import Factorisation, factorise
 
 TOLERANCE = 1e-9  # residual over contact force
-FLOOR_N = 1e-7  # contact force below which the residual counts in absolute terms (round-off of the bulk term)
+FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
+FLOOR_PER_BULK_MM2 = 1.5e-3  # the same, as a share of the bulk modulus: ten times the round-off of its forces
 MAX_ITERATIONS = 40
 TRUE_BELOW = 0.05  # relative residual under which the true friction bound takes over
 LAGGED_AFTER_FAILURE = 3
@@ -127,7 +128,8 @@ def evaluate(
     target = problem.mesh_force_n
     gap = 0.0 if target is None else normal - target
     potential = energy + contact.energy - (0.0 if target is None else target * depth_mm)
-    scale = max(float(np.linalg.norm(external)), target or 0.0, FLOOR_N)
+    floor = max(FLOOR_N, FLOOR_PER_BULK_MM2 * model.solid.law.bulk_mpa)
+    scale = max(float(np.linalg.norm(external)), target or 0.0, floor)
     error = float(np.hypot(np.linalg.norm(residual), gap)) / scale
     return Iterate(
         displacement, depth_mm, contact, internal, potential, residual, gap, error if np.isfinite(error) else np.inf
@@ -239,7 +241,7 @@ def _direction(problem: StepProblem, here: Iterate, symmetric: bool) -> _Directi
     solid = problem.model.solid
     matrix = solid.tangent(here.displacement) + contact_tangent(problem, here.contact)
     factor, negative = _positive(matrix) if symmetric else (factorise(matrix, symmetric=False), -1)
-    column, row, kappa = _border(problem, here.contact)
+    column, row, kappa = border(problem, here.contact)
     if problem.normal_n is None:
         free = factor.solve(-here.residual)
         schur = kappa - float(row @ factor.solve(column))
@@ -259,8 +261,8 @@ def _direction(problem: StepProblem, here: Iterate, symmetric: bool) -> _Directi
     return _Direction(solid.spread(free), depth, slope, negative, schur / problem.model.force_share)
 
 
-def _border(problem: StepProblem, contact: ContactResponse) -> tuple[Array, Array, float]:
-    """Column df/dd, row dN/du and slope dN/dd at fixed shell."""
+def border(problem: StepProblem, contact: ContactResponse) -> tuple[Array, Array, float]:
+    """Column dr/dd over the unknowns, row dN/du and slope dN/dd at fixed shell."""
     outward = np.tile(problem.frame[:, 0], 9)
     columns = (contact.stiffness @ outward).reshape(-1, 9, 3)
     rows = (outward @ contact.stiffness).reshape(-1, 9, 3)

@@ -24,6 +24,7 @@ MAX_HALVINGS = 6
 MAX_DEPTH_RATIO = 0.6  # of R: the contact law knows no self-contact of the inner surface
 MAX_FRICTION = 5.0
 FIRST_TOUCH_MM = 1e-3
+WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class Press:
         position = self.model.solid.mesh.points + here.displacement
         wrench = contact_wrench(self.model, position, here.contact)
         reaction = reaction_wrench(self.model, here.internal)
-        load = max(float(np.linalg.norm(wrench[:3])), newton.FLOOR_N)
+        load = max(float(np.linalg.norm(wrench[:3])), WRENCH_FLOOR_N)
         scale = np.array([load] * 3 + [load * self.model.geometry.outer_radius_mm] * 3)
         certificate = Certificate(
             residual=here.error,

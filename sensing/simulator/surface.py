@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
@@ -23,6 +24,7 @@ from sensing.simulator.shell import ShellModel
 
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
+ON_RAY = 1e-9  # relative miss of the ray
 
 
 @dataclass(frozen=True)
@@ -85,8 +87,8 @@ def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0
     local = np.zeros((len(wanted), 2))
     chosen = np.zeros(len(wanted), dtype=np.int64)
     for candidate in near.T:
-        found = _invert(relative[candidate], wanted)
-        excess = np.abs(found).max(axis=1)
+        found, missed = _invert(relative[candidate], wanted)
+        excess = np.where(missed, np.inf, np.abs(found).max(axis=1))
         better = excess < best
         best[better], local[better], chosen[better] = excess[better], found[better], candidate[better]
     if not best.max() <= 1 + EDGE_TOLERANCE:
@@ -101,8 +103,11 @@ def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0
     return SurfaceSampler(faces[chosen], weights, flip, turn)
 
 
-def _invert(corners: Array, wanted: Array) -> Array:
-    """Local coordinates (k, 2) where faces (k, 9, 3) cross directions (k, 3): Newton on the two tangential parts."""
+def _invert(corners: Array, wanted: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Local coordinates (k, 2) where faces (k, 9, 3) cross directions (k, 3), and which were missed (k,).
+
+    Newton on the two tangential parts of the point.
+    """
     helper = np.where(np.abs(wanted[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(wanted, helper)
     tangents = np.stack([first, np.cross(wanted, first)], axis=1)  # (k, 2, 3)
@@ -113,4 +118,6 @@ def _invert(corners: Array, wanted: Array) -> Array:
         jacobian = np.einsum("kti,kai,kas->kts", tangents, corners, grad)
         change = np.linalg.solve(jacobian, np.einsum("kti,ki->kt", tangents, point)[..., None])[..., 0]
         local = np.clip(local - change, -3.0, 3.0)
-    return local
+    point = np.einsum("ka,kai->ki", shape_quad(local)[0], corners)
+    along = np.einsum("ki,ki->k", point, wanted)
+    return local, ~(np.linalg.norm(point - along[:, None] * wanted, axis=1) < ON_RAY * along)

@@ -73,7 +73,7 @@ class Press:
         Raises:
             Refusal: the path leaves the model, has no stable equilibrium, or cannot be followed.
         """
-        self._check(target)
+        self.check(target)
         if target.normal_n == 0:  # without load nothing ties the depth: the body is lifted clear
             target = replace(target, normal_n=None, depth_mm=-FIRST_TOUCH_MM)
         here, done, size, halvings, spent, substeps = state, 0.0, 1.0, 0, 0, 0
@@ -173,7 +173,8 @@ class Press:
     def _touches(self, problem: newton.StepProblem, displacement: Array, depth_mm: float) -> bool:
         return bool(problem.contact(displacement, depth_mm, None, None).gap.min() < 0)
 
-    def _check(self, target: Target) -> None:
+    def check(self, target: Target) -> None:
+        """Refuse a target that the model does not cover."""
         if (target.normal_n is None) == (target.depth_mm is None):
             raise Refusal("path", f"{target} must give exactly one of normal_n and depth_mm")
         numbers = [v for v in (target.normal_n, target.depth_mm, *target.shift_mm) if v is not None]

@@ -16,13 +16,13 @@ from sensing.simulator.state import Refusal
 from sensing.simulator.surface import dot_directions, surface_sampler
 
 PATH = [Target(normal_n=n) for n in (4.0, 8.0, 10.0)] + [
-    Target(normal_n=10.0, shift_mm=shift) for shift in ((0.5, 0.3), (0.8, 0.8), (0.3, 1.2))
+    Target(normal_n=10.0, shift_mm=shift) for shift in ((0.5, 0.0), (1.0, 0.0), (0.4, 0.0))
 ]
 
 
 @pytest.fixture(scope="module")
 def press() -> Press:
-    model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), "draft")
+    model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), "draft", half=True)
     return Press(model, Indenter(tilt_deg=30), 0.5)
 
 

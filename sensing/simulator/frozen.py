@@ -30,10 +30,12 @@ MAX_TANGENTS = 12
 class FrozenPress:
     """Level 2 on top of a level 1 press; counts what it did in ``fast_steps`` and ``fallbacks``."""
 
-    def __init__(self, press: Press, tolerance: float = TOLERANCE) -> None:
+    def __init__(
+        self, press: Press, tolerance: float = TOLERANCE, tangents: list[StoredTangent] | None = None
+    ) -> None:
         self.press = press
         self.tolerance = tolerance
-        self.tangents: list[StoredTangent] = []
+        self.tangents = tangents if tangents is not None else []  # may be shared by presses of one model and tilt
         self.fast_steps = 0
         self.fallbacks = 0
 
@@ -63,7 +65,9 @@ class FrozenPress:
         return found
 
     def _store(self, state: State) -> None:
-        self.tangents = [*self.tangents[-(MAX_TANGENTS - 1) :], stored_tangent(self.press.model, state)]
+        if len(self.tangents) >= MAX_TANGENTS:
+            del self.tangents[0]
+        self.tangents.append(stored_tangent(self.press.model, state))
 
     def _fast(self, state: State, target: Target, tangent: StoredTangent) -> State | None:
         problem = self.press.problem(state, target)

@@ -212,6 +212,8 @@ def _contact_direction(
 ) -> tuple[Array, float, float]:
     """Newton direction of the patch and the depth; only degrees of freedom of loaded faces enter the dense solve."""
     active = np.flatnonzero((contact.pressure > 0).any(axis=1))
+    if not len(active):  # the body is clear: the patch goes where the solid puts it
+        return -wrong, 0.0 if problem.normal_n is None else float("nan"), 0.0
     nodes = np.unique(tangent.surface.nodes[active])
     place = np.full(len(tangent.nodes), -1)
     place[nodes] = np.arange(len(nodes))

@@ -17,7 +17,7 @@ import numpy as np
 from sensing.simulator import newton
 from sensing.simulator.condensed import CondensedStep, StoredTangent, stored_tangent
 from sensing.simulator.element import Array
-from sensing.simulator.press import Press, Target
+from sensing.simulator.press import Press, Target, lifted
 from sensing.simulator.state import State
 
 TOLERANCE = 1e-5  # residual over contact force; the bench measures what it costs in marker error
@@ -49,8 +49,9 @@ class FrozenPress:
         Raises:
             Refusal: level 1 refuses.
         """
-        if self.tangents and state.contact is not None and state.normal_n > 0 and target.normal_n != 0:
-            self.press.check(target)
+        self.press.check(target)
+        target = lifted(target)
+        if self.tangents and state.contact is not None and state.normal_n > 0:
             tangent = min(self.tangents, key=lambda t: _distance(t, state, target))
             found = self._fast(state, target, tangent)
             if found is not None:

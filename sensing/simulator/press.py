@@ -74,8 +74,7 @@ class Press:
             Refusal: the path leaves the model, has no stable equilibrium, or cannot be followed.
         """
         self.check(target)
-        if target.normal_n == 0:  # without load nothing ties the depth: the body is lifted clear
-            target = replace(target, normal_n=None, depth_mm=-FIRST_TOUCH_MM)
+        target = lifted(target)
         here, done, size, halvings, spent, substeps = state, 0.0, 1.0, 0, 0, 0
         while done < 1 - 1e-12:
             share = min(1.0, done + size)
@@ -187,6 +186,11 @@ class Press:
             raise Refusal("range", f"depth_mm={target.depth_mm:g} over {limit:g} (0.6 R): self-contact is not modelled")
         if self.model.half and target.shift_mm[1] != 0:
             raise Refusal("path", f"shift_mm={target.shift_mm} leaves the mirror plane: build the whole model")
+
+
+def lifted(target: Target) -> Target:
+    """The target itself, or, at zero force, the body lifted clear: without load nothing ties the depth."""
+    return replace(target, normal_n=None, depth_mm=-FIRST_TOUCH_MM) if target.normal_n == 0 else target
 
 
 def _between(state: State, target: Target, share: float) -> Target:

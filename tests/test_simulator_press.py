@@ -146,7 +146,7 @@ def test_tangent_and_border_are_the_slope_of_the_residual(whole: ShellModel) -> 
     h, depth = 1e-7, state.depth_mm + 0.05
     middle = newton.evaluate(problem, state.displacement, depth)
     column, row, kappa = newton.border(problem, middle.contact)
-    tangent = whole.solid.tangent(state.displacement) + newton.contact_tangent(problem, middle.contact)
+    tangent = whole.solid.assemble(newton.tangent(problem, state.displacement, middle.contact))
     up = newton.evaluate(problem, state.displacement + h * way, depth + h)
     down = newton.evaluate(problem, state.displacement - h * way, depth - h)
     slope = (up.residual - down.residual) / (2 * h)

@@ -198,7 +198,7 @@ def stored_tangent(model: ShellModel, state: State) -> StoredTangent:
     rows = equation[live]
     unit = np.zeros((solid.unknowns, len(rows)))
     unit[rows, np.arange(len(rows))] = 1.0
-    factor = factorise(solid.tangent(state.displacement))
+    factor = factorise(solid, solid.tangent(state.displacement))
     response = np.ascontiguousarray(factor.solve(unit))
     compliance = (response[rows] + response[rows].T) / 2
     return StoredTangent(

@@ -19,7 +19,7 @@ from sensing.simulator.contact import ContactMemory, ContactResponse, respond
 from sensing.simulator.element import Array
 from sensing.simulator.shell import ShellModel
 from sensing.simulator.state import Refusal
-from sensing.simulator.system import Factorisation, factorise
+from sensing.simulator.system import Factorisation, Solid, factorise, factorise_sparse
 
 TOLERANCE = 1e-9  # residual over contact force
 FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
@@ -189,15 +189,12 @@ def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: 
     return displacement + direction.change, depth_mm + direction.depth_mm
 
 
-def contact_tangent(problem: StepProblem, contact: ContactResponse) -> sparse.csc_matrix:
-    """Contact's part of the tangent over the unknowns."""
-    solid = problem.model.solid
+def tangent(problem: StepProblem, displacement: Array, contact: ContactResponse) -> Array:
+    """Element matrices (e, 81, 81) of solid and contact; the outer face's nodes are the last nine of an element."""
+    blocks = problem.model.solid.tangent(displacement)
     active = np.flatnonzero((contact.pressure > 0).any(axis=1))
-    values = np.zeros(solid.pattern.nnz)
-    slots = solid.slots[problem.model.surface.cells[active], 54:, 54:]
-    live = slots >= 0
-    np.add.at(values, slots[live], contact.stiffness[active][live])
-    return sparse.csc_matrix((values, solid.pattern.indices, solid.pattern.indptr), shape=solid.pattern.shape)
+    blocks[problem.model.surface.cells[active], 54:, 54:] += contact.stiffness[active]
+    return blocks
 
 
 def _lagged_iteration(problem: StepProblem, here: Iterate) -> tuple[Iterate, int, float]:
@@ -239,8 +236,8 @@ def _search_residual(problem: StepProblem, here: Iterate, direction: _Direction)
 
 def _direction(problem: StepProblem, here: Iterate, symmetric: bool) -> _Direction:
     solid = problem.model.solid
-    matrix = solid.tangent(here.displacement) + contact_tangent(problem, here.contact)
-    factor, negative = _positive(matrix) if symmetric else (factorise(matrix, symmetric=False), -1)
+    blocks = tangent(problem, here.displacement, here.contact)
+    factor, negative = _positive(solid, blocks) if symmetric else (factorise(solid, blocks, symmetric=False), -1)
     column, row, kappa = border(problem, here.contact)
     if problem.normal_n is None:
         free = factor.solve(-here.residual)
@@ -274,14 +271,17 @@ def border(problem: StepProblem, contact: ContactResponse) -> tuple[Array, Array
     return model.solid.gather(nodal_column), model.solid.gather(nodal_row), slope
 
 
-def _positive(matrix: sparse.csc_matrix) -> tuple[Factorisation, int]:
+def _positive(solid: Solid, blocks: Array) -> tuple[Factorisation, int]:
     """Factors of the tangent, shifted along its diagonal until it is positive; and its own negative pivots."""
-    factor = factorise(matrix)
+    factor = factorise(solid, blocks)
     negative = factor.negative
+    if negative == 0:
+        return factor, 0
+    matrix = solid.assemble(blocks)
     shift = 1e-4 * float(np.abs(matrix.diagonal()).mean())
     for _ in range(MAX_SHIFTS):
+        factor = factorise_sparse((matrix + shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
         if factor.negative == 0:
             return factor, negative
-        factor = factorise((matrix + shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
         shift *= 4
     raise Refusal("unconverged", f"the tangent stays indefinite ({negative} negative pivots) under any small shift")

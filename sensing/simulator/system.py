@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from cad.materials import HyperelasticLaw
-from sensing.simulator import elastic
+from sensing.simulator import elastic, multifrontal
 from sensing.simulator.element import Array
 from sensing.simulator.mesh import HexMesh, Index
 
@@ -31,6 +31,7 @@ class Solid:
         equation: position of a degree of freedom among the unknowns, -1 where fixed (3 n,).
         slots: position of every element entry in ``pattern.data``, -1 where fixed (e, 81, 81).
         pattern: empty matrix (unknowns, unknowns) in CSC with the union of all element couplings.
+        fronts: plan of the factorisation.
     """
 
     mesh: HexMesh
@@ -40,6 +41,7 @@ class Solid:
     equation: Index
     slots: NDArray[np.int32]
     pattern: sparse.csc_matrix
+    fronts: tuple[multifrontal.Front, ...]
 
     @property
     def unknowns(self) -> int:
@@ -69,9 +71,9 @@ class Solid:
         _scatter_force(element_force, self.mesh.cells, force)
         return force
 
-    def tangent(self, displacement: Array) -> sparse.csc_matrix:
-        """Assembled consistent tangent over the unknowns."""
-        return self.assemble(elastic.tangent(self.law, self.data, displacement[self.mesh.cells]))
+    def tangent(self, displacement: Array) -> Array:
+        """Consistent element tangents (e, 81, 81) at a displacement (n, 3)."""
+        return elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
 
     def assemble(self, blocks: Array) -> sparse.csc_matrix:
         """Sparse matrix from element matrices (e, 81, 81)."""
@@ -82,47 +84,50 @@ class Solid:
 
 @dataclass(frozen=True)
 class Factorisation:
-    """LU factors of a tangent; ``negative`` counts negative pivots where no pivoting broke the symmetry, else -1."""
+    """Factors of a tangent; ``negative`` counts its negative pivots (0 proves it positive), -1 where unknown."""
 
-    superlu: Any
+    factors: Any
     negative: int
 
     def solve(self, right: Array) -> Array:
         """Solution for one (n,) or several (n, m) right-hand sides."""
-        return np.asarray(self.superlu.solve(np.ascontiguousarray(right)))
+        return np.asarray(self.factors.solve(right))
 
 
 def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -> Solid:
-    """Number the unknowns along a fill-reducing order and lay out the sparse pattern."""
-    first = _number(mesh, fixed, np.flatnonzero(~fixed.ravel()))
-    pattern, _ = _layout(mesh, first)
-    order = _elimination_order(mesh, fixed, pattern)
-    equation = _number(mesh, fixed, np.flatnonzero(~fixed.ravel())[order])
+    """Number the unknowns along nested dissection and lay out fronts and sparse pattern."""
+    live = np.flatnonzero(~fixed.ravel())
+    free = np.full(mesh.points.size, -1, dtype=np.int64)
+    free[live] = np.arange(len(live))
+    dofs = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(-1, 81)
+    order, fronts = multifrontal.plan(free[dofs], mesh.points[mesh.cells].mean(axis=1), len(live))
+    equation = np.full(mesh.points.size, -1, dtype=np.int64)
+    equation[live] = order
     pattern, slots = _layout(mesh, equation)
-    return Solid(mesh, law, elastic.element_data(mesh), fixed.ravel(), equation, slots, pattern)
+    return Solid(mesh, law, elastic.element_data(mesh), fixed.ravel(), equation, slots, pattern, tuple(fronts))
 
 
-def factorise(matrix: sparse.csc_matrix, symmetric: bool = True) -> Factorisation:
-    """Factorise in the given order.
+def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisation:
+    """Factorise element matrices (e, 81, 81).
+
+    A symmetric matrix that is not positive goes to SuperLU, whose unpivoted factors count the negative pivots.
 
     Raises:
-        RuntimeError: an exactly singular matrix (SuperLU's own message).
+        numpy.linalg.LinAlgError, RuntimeError: an exactly singular matrix.
     """
-    threshold = 0.0 if symmetric else 0.01
+    try:
+        return Factorisation(multifrontal.FrontalFactors(list(solid.fronts), blocks, symmetric), 0 if symmetric else -1)
+    except multifrontal.NotPositive:
+        return factorise_sparse(solid.assemble(blocks))
+
+
+def factorise_sparse(matrix: sparse.csc_matrix) -> Factorisation:
+    """Factorise a symmetric, perhaps indefinite matrix in the given order, without pivoting."""
     lu = splu(
-        matrix,
-        permc_spec="NATURAL",
-        diag_pivot_thresh=threshold,
-        options={"SymmetricMode": True, "Equil": False},
+        matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
     )
     unpivoted = bool(np.array_equal(lu.perm_r, lu.perm_c))
-    return Factorisation(lu, int((lu.U.diagonal() < 0).sum()) if symmetric and unpivoted else -1)
-
-
-def _number(mesh: HexMesh, fixed: NDArray[np.bool_], free_in_order: Index) -> Index:
-    equation = np.full(mesh.points.size, -1, dtype=np.int64)
-    equation[free_in_order] = np.arange(len(free_in_order))
-    return equation
+    return Factorisation(lu, int((lu.U.diagonal() < 0).sum()) if unpivoted else -1)
 
 
 def _layout(mesh: HexMesh, equation: Index) -> tuple[sparse.csc_matrix, NDArray[np.int32]]:
@@ -138,15 +143,6 @@ def _layout(mesh: HexMesh, equation: Index) -> tuple[sparse.csc_matrix, NDArray[
     shape = (count, count)
     pattern = sparse.csc_matrix((np.ones(len(keys)), (keys % count).astype(np.int32), indptr), shape=shape)
     return pattern, slots
-
-
-def _elimination_order(mesh: HexMesh, fixed: NDArray[np.bool_], pattern: sparse.csc_matrix) -> Index:
-    """Minimum degree on A^T + A from SuperLU, asked of a diagonally dominant matrix with the same pattern."""
-    dominant = pattern + sparse.identity(pattern.shape[0], format="csc") * (2.0 * np.diff(pattern.indptr).max())
-    lu = splu(
-        dominant.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    return np.argsort(lu.perm_c).astype(np.int64)
 
 
 @njit(cache=True)

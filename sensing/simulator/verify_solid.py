@@ -25,7 +25,7 @@ def equilibrium(solid: Solid, displacement: Array, load: Array | None = None) ->
         residual = solid.gather(internal - force)
         if np.linalg.norm(residual) < 1e-11 * max(np.abs(internal).max(), 1e-9):
             return displacement
-        change = solid.spread(factorise(solid.tangent(displacement)).solve(-residual))
+        change = solid.spread(factorise(solid, solid.tangent(displacement)).solve(-residual))
         step, slope = 1.0, float(residual @ solid.gather(change))
         while step > 1e-4:
             trial = displacement + step * change
@@ -58,7 +58,7 @@ def lame_error(across: int, layers: int, poisson: float, inner_mm: float = 1.0, 
     solid = build_solid(mesh, law, np.abs(mesh.points) < 1e-9)
     pressure = 1e-3
     load = face_load(mesh, mesh.inner, INNER_FACE, pressure)
-    found = solid.spread(factorise(solid.tangent(np.zeros_like(mesh.points))).solve(solid.gather(load)))
+    found = solid.spread(factorise(solid, solid.tangent(np.zeros_like(mesh.points))).solve(solid.gather(load)))
     local, _ = volume_rule()
     value, _ = shape_hex(local)
     weight = solid.data.weight
@@ -107,7 +107,7 @@ def cantilever_ratio(poisson: float, load_n: float = 1e-4) -> float:
     simpson = np.array([1, 4, 1])
     load = np.zeros_like(mesh.points)
     load[tip, 2] = load_n * simpson[y] * simpson[z] / 36
-    found = solid.spread(factorise(solid.tangent(np.zeros_like(mesh.points))).solve(solid.gather(load)))
+    found = solid.spread(factorise(solid, solid.tangent(np.zeros_like(mesh.points))).solve(solid.gather(load)))
     bend = load_n * 20.0**3 / (3 * law.young_mpa / 12)
     shear = load_n * 20.0 / (5 / 6 * law.shear_mpa)
     return float(found[tip, 2].mean() / (bend + shear))

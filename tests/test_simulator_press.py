@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cad.dots import dot_pattern, dot_position_mm
 from cad.materials import silicone
 from cad.params import EndcapParams
-from cad.dots import dot_pattern, dot_position_mm
 from sensing.simulator import newton
 from sensing.simulator.geometry import ShellGeometry, shell_geometry
 from sensing.simulator.indenter import Indenter

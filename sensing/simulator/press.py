@@ -155,8 +155,10 @@ class Press:
     def _step(self, state: State, target: Target) -> State:
         problem = self.problem(state, target)
         displacement, depth = self.first_guess(state, target)
-        if target.normal_n is not None and not self._touches(problem, displacement, depth):
-            raise Refusal("unconverged", f"the body has lost contact at depth {depth:.3f} mm")
+        if target.normal_n is not None:
+            apart = float(problem.contact(displacement, depth, None, None).gap.min())
+            if apart >= 0:  # between Gauss points: bring the body to the nearest one, or the force has nothing to act on
+                depth += apart + FIRST_TOUCH_MM
         solution = newton.solve(problem, displacement, depth)
         if solution.negative_pivots != 0:
             raise Refusal(
@@ -168,9 +170,6 @@ class Press:
         if state.depth_mm > MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm:
             raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
         return state
-
-    def _touches(self, problem: newton.StepProblem, displacement: Array, depth_mm: float) -> bool:
-        return bool(problem.contact(displacement, depth_mm, None, None).gap.min() < 0)
 
     def check(self, target: Target) -> None:
         """Refuse a target that the model does not cover."""

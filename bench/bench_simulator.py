@@ -28,12 +28,13 @@ HERE = Path(__file__).parent
 
 
 def run(density: MeshDensity, penalty: float) -> dict:
-    """One path: markers, seconds a step, unknowns."""
+    """One path: markers, seconds a step, the model."""
     model = shell_model(GEOMETRY, LAW, density, half=True, penalty_ratio=penalty)
     sampler = surface_sampler(model, dot_directions(GEOMETRY))
     press = Press(model, Indenter(30.0), 0.5)
     press.advance(press.start(), Target(normal_n=1.0))  # compile
-    state, markers, depths, begin = press.start(), [], [], time.process_time()
+    state, markers, depths = press.start(), [], []
+    begin = time.process_time()
     for force in FORCES_N:
         state = press.advance(state, Target(normal_n=force))
         markers.append(sampler.sample(state.displacement))
@@ -104,7 +105,7 @@ def plot(curve: list) -> None:
         axes.loglog([c[1] for c in curve], [100 * c[2][index] for c in curve], marker="o", label=label)
     for unknowns, seconds, wrong in curve:
         axes.annotate(f"{unknowns}", (seconds, 100 * wrong[7]), fontsize=7)
-    axes.set(xlabel="processor seconds a press step", ylabel="marker error, % rms", title="Level 1 against converged mesh")
+    axes.set(xlabel="processor seconds a press step", ylabel="marker error, % rms", title="Level 1")
     axes.legend(fontsize=7)
     figure.savefig(HERE / "simulator.png", dpi=110)
 

@@ -19,7 +19,8 @@ from sensing.simulator.surface import turn_wrench
 def short_path(_: int, number: int, azimuths: int) -> LoadPath:
     """Three states, so that the tests stay quick."""
     targets = (Target(normal_n=0.0), Target(normal_n=3.0 + number), Target(normal_n=4.0, shift_mm=(0.3, 0.2)))
-    points = tuple(Waypoint(phase, target) for phase, target in zip(("approach", "load", "circle"), targets, strict=True))
+    phases = ("approach", "load", "circle")
+    points = tuple(Waypoint(phase, target) for phase, target in zip(phases, targets, strict=True))
     return LoadPath(number, 20.0, 0.5, tuple(30.0 * (k + 1) for k in range(azimuths)), points)
 
 
@@ -102,7 +103,7 @@ def test_bad_requests_are_refused(tmp_path: Path, capsys: Any) -> None:
         DataRequest(frames=10, protocol="dance")
     with pytest.raises(ParameterError, match="frames=0 outside"):
         DataRequest(frames=0)
-    with pytest.raises(ParameterError, match="tolerance=0.5 outside"):
+    with pytest.raises(ParameterError, match=r"tolerance=0\.5 outside"):
         DataRequest(frames=1, tolerance=0.5)
     assert main(["data", "--out", str(tmp_path), "--density", "lush"]) == 2
     assert "density='lush' is unknown" in capsys.readouterr().err

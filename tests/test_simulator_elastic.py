@@ -29,9 +29,8 @@ def test_force_is_the_slope_of_the_energy(warped: tuple[HexMesh, np.ndarray]) ->
     way = np.random.default_rng(4).normal(size=u.shape)
     _, force = elastic.energy_and_force(YEOH, data, u)
     h = 1e-6
-    slope = (elastic.energy_and_force(YEOH, data, u + h * way)[0] - elastic.energy_and_force(YEOH, data, u - h * way)[0]) / (
-        2 * h
-    )
+    up, down = (elastic.energy_and_force(YEOH, data, u + sign * h * way)[0] for sign in (1, -1))
+    slope = (up - down) / (2 * h)
     assert slope == pytest.approx(float((force * way).sum()), rel=1e-8)
 
 
@@ -41,9 +40,8 @@ def test_tangent_is_the_slope_of_the_force(warped: tuple[HexMesh, np.ndarray]) -
     way = np.random.default_rng(5).normal(size=u.shape)
     tangent = elastic.tangent(YEOH, data, u)
     h = 1e-6
-    slope = (elastic.energy_and_force(YEOH, data, u + h * way)[1] - elastic.energy_and_force(YEOH, data, u - h * way)[1]) / (
-        2 * h
-    )
+    up, down = (elastic.energy_and_force(YEOH, data, u + sign * h * way)[1] for sign in (1, -1))
+    slope = (up - down) / (2 * h)
     exact = np.einsum("eab,eb->ea", tangent, way.reshape(len(u), 81)).reshape(u.shape)
     assert np.abs(slope - exact).max() < 1e-7 * np.abs(exact).max()
     assert np.abs(tangent - tangent.transpose(0, 2, 1)).max() < 1e-14 * np.abs(tangent).max()

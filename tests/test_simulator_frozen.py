@@ -63,5 +63,5 @@ def test_contact_outside_the_patch_is_noticed(press: Press, monkeypatch: pytest.
 def test_level_2_refuses_what_level_1_refuses(press: Press) -> None:
     fast = FrozenPress(press)
     state = fast.advance(fast.start(), PATH[0])
-    with pytest.raises(Refusal, match="^range: normal_n=-1"):
+    with pytest.raises(Refusal, match=r"^range: normal_n=-1"):
         fast.advance(state, Target(normal_n=-1.0))

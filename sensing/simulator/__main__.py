@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     press.add_argument("--radius", type=float, default=20, help="radius of sphere or edge, mm")
     press.set_defaults(run=_press)
     data = commands.add_parser(
-        "data", help="write labelled marker displacements", description="Write labelled frames; resumes where it stopped."
+        "data", help="write labelled marker displacements", description="Write labelled frames; resumes."
     )
     _shell_options(data)
     data.add_argument("--frames", type=int, default=2000, help="least number of frames (default 2000)")

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from sensing.simulator.element import OUTER_FACE, Array, face_rule, shape_quad
 from sensing.simulator.mesh import HexMesh, Index
@@ -85,7 +86,7 @@ class ContactResponse:
     pressure: Array
     gap: Array
     traction: Array
-    slipping: Array
+    slipping: NDArray[np.bool_]
     position: Array
     share: Array
     gradient: Array
@@ -154,7 +155,7 @@ def respond(
 
 @njit(cache=True)
 def _distance(body, y, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Signed distance of y (3,) to the body at its place of first touch; gradient (3,) and Hessian (3, 3) are filled."""
+    """Signed distance of y (3,) to the body at its first touch; fills gradient (3,) and Hessian (3, 3)."""
     hessian[:] = 0.0
     if body[0] == 0.0:
         value = 0.0
@@ -238,7 +239,9 @@ def _respond(  # type: ignore[no-untyped-def]
                 limit = bound[f, q] if lagged else friction * p
                 if size <= limit:
                     energy += 0.5 * w * size * size / eps
-                    turn = gap0[f, q] / ((gap0[f, q] - gap) ** 2 * share[f, q]) if not frozen and gap0[f, q] > 0 else 0.0
+                    turn = 0.0
+                    if not frozen and gap0[f, q] > 0:
+                        turn = gap0[f, q] / ((gap0[f, q] - gap) ** 2 * share[f, q])
                     for i in range(3):
                         tau[i] = trial[i]
                         for j in range(3):

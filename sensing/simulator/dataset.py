@@ -181,7 +181,9 @@ def solve_paths(request: DataRequest, paths: list[LoadPath], model: ShellModel) 
                         "frame_marker_mm": sampler.sample(state.displacement).astype(np.float32),
                     }
                 )
-    arrays = {name: np.array([row[name] for row in rows]) for rows in (states, frames) for name in (rows[0] if rows else {})}
+    arrays = {
+        name: np.array([row[name] for row in rows]) for rows in (states, frames) for name in (rows[0] if rows else {})
+    }
     arrays["refusals"] = np.array(refusals, dtype=np.str_)
     return arrays
 
@@ -193,7 +195,7 @@ def inner_nodes(model: ShellModel) -> Index:
 
 
 def surface_arrays(model: ShellModel) -> dict[str, Any]:
-    """Inner surface at rest: ``position`` (k, 3), ``face`` (f, 9) into it, ``dot_direction`` (m, 3), ``centre`` (3,)."""
+    """Inner surface at rest: ``position`` (k, 3), ``face`` (f, 9), ``dot_direction`` (m, 3), ``centre`` (3,)."""
     mesh = model.solid.mesh
     nodes, inverse = np.unique(mesh.cells[mesh.inner][:, INNER_FACE], return_inverse=True)
     return {

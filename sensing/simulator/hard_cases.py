@@ -18,6 +18,7 @@ from sensing.simulator.state import Refusal, State
 
 RESIDUAL_LIMIT = 1e-9
 WRENCH_LIMIT = 1e-6
+TILTED = Indenter(tilt_deg=30)
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class HardCase:
     wall_mm: float = 8.0
     poisson: float = 0.49
     friction: float = 0.5
-    indenter: Indenter = Indenter(tilt_deg=30)
+    indenter: Indenter = TILTED
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,9 @@ def _depths(*depths: float) -> tuple[Target, ...]:
 
 CASES: tuple[HardCase, ...] = (
     HardCase("wall 3 mm, 5 N", _press(2, 5), wall_mm=3),
-    HardCase("wall 3 mm axial, force to 15 N (snaps)", _press(*range(1, 16)), wall_mm=3, friction=0, indenter=Indenter()),
+    HardCase(
+        "wall 3 mm axial, force to 15 N (snaps)", _press(*range(1, 16)), wall_mm=3, friction=0, indenter=Indenter()
+    ),
     HardCase("wall 3 mm axial, depth to 12 mm", _depths(*range(1, 13)), wall_mm=3, friction=0, indenter=Indenter()),
     HardCase("wall 4 mm axial, force to 30 N", _press(*range(3, 31, 3)), wall_mm=4, friction=0, indenter=Indenter()),
     HardCase("wall 5 mm, 35 N", _press(10, 20, 35), wall_mm=5),
@@ -79,7 +82,9 @@ CASES: tuple[HardCase, ...] = (
         tuple(Target(normal_n=15, shift_mm=(s, 0.0)) for s in (0, 1, 2, 1, 0, -1, -2, -1, 0)),
         friction=0.3,
     ),
-    HardCase("gross sliding, 10 mm in one step", (*_press(10), Target(normal_n=10, shift_mm=(10.0, 0.0))), friction=0.3),
+    HardCase(
+        "gross sliding, 10 mm in one step", (*_press(10), Target(normal_n=10, shift_mm=(10.0, 0.0))), friction=0.3
+    ),
     HardCase("contact at the rim (tilt 90)", _press(5, 15), indenter=Indenter(tilt_deg=90)),
     HardCase("contact below the equator (tilt 100)", _press(5, 15), indenter=Indenter(tilt_deg=100)),
     HardCase("grazing contact, 1e-3 mm", _depths(1e-3)),

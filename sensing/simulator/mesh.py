@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,7 +163,7 @@ def _disc_quads(density: MeshDensity) -> Array:
         for i in range(density.core):
             u, v = np.meshgrid(steps[2 * i : 2 * i + 3], steps[2 * j : 2 * j + 3])
             quads.append(_core_point(u, v, core_radius).reshape(9, 2))
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         ring = np.array([low, (low + high) / 2, high])
         for side in range(4):
             for j in range(density.core):

@@ -9,6 +9,7 @@ takes element matrices as they come. Unknowns are numbered in elimination order,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -117,7 +118,7 @@ class FrontalFactors:
         self.fronts = fronts
         self.symmetric = symmetric
         self.count = sum(front.own for front in fronts)
-        self.parts: list[tuple[Array, ...]] = []
+        self.parts: list[tuple[Any, ...]] = []
         rests: dict[int, Array] = {}
         for number, front in enumerate(fronts):
             size, own = len(front.variables), front.own
@@ -181,12 +182,12 @@ class FrontalFactors:
         self.parts.append((both, below, right, order))
         return np.asarray(matrix[own:, own:] - below @ right, order="F")
 
-    def _forward(self, part: tuple[Array, ...], right: Array) -> Array:
+    def _forward(self, part: tuple[Any, ...], right: Array) -> Array:
         if self.symmetric:
             return np.asarray(blas.dtrsm(1.0, part[0], right, lower=1))
         return np.asarray(blas.dtrsm(1.0, part[0], right[part[3]], lower=1, diag=1))
 
-    def _backward(self, part: tuple[Array, ...], own: Array, shared: Array) -> Array:
+    def _backward(self, part: tuple[Any, ...], own: Array, shared: Array) -> Array:
         if self.symmetric:
             return np.asarray(blas.dtrsm(1.0, part[0], own - part[1].T @ shared, lower=1, trans_a=1))
         return np.asarray(blas.dtrsm(1.0, part[0], own - part[2] @ shared, lower=0))

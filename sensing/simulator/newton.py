@@ -183,7 +183,9 @@ def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: 
     moved = (here.contact.stiffness @ np.tile(travel, 9)).reshape(-1, 3)  # dr/dt = -stiffness
     pushed = np.zeros_like(displacement)
     np.add.at(pushed, problem.model.surface.nodes.ravel(), moved)
-    force_gap = here.force_gap - float(pushed.sum(axis=0) @ problem.frame[:, 0]) if problem.normal_n is not None else 0.0
+    force_gap = here.force_gap
+    if problem.normal_n is not None:
+        force_gap -= float(pushed.sum(axis=0) @ problem.frame[:, 0])
     linear = replace(here, residual=here.residual - problem.model.solid.gather(pushed), force_gap=force_gap)
     direction = _direction(problem, linear, symmetric=True)
     return displacement + direction.change, depth_mm + direction.depth_mm

@@ -157,7 +157,7 @@ class Press:
         displacement, depth = self.first_guess(state, target)
         if target.normal_n is not None:
             apart = float(problem.contact(displacement, depth, None, None).gap.min())
-            if apart >= 0:  # between Gauss points: bring the body to the nearest one, or the force has nothing to act on
+            if apart >= 0:  # between Gauss points: the body comes to the nearest one
                 depth += apart + FIRST_TOUCH_MM
         solution = newton.solve(problem, displacement, depth)
         if solution.negative_pivots != 0:

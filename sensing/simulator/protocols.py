@@ -1,8 +1,8 @@
 """Loading paths: what is pressed where, how hard and in which order (N, mm, degrees).
 
 ``static`` follows the paper's protocol (facts.md, "protocol"): tilts 10 to 50 degrees in steps of 10, normal force
-set-points 5 to 35 N, then a circle drawn on the plane; with the approach, the light touch and the unloading that a robot
-passes through. How many states each phase gets is ours (E): the paper does not publish it.
+set-points 5 to 35 N, then a circle drawn on the plane; with the approach, the light touch and the unloading that a
+robot passes through. How many states each phase gets is ours (E): the paper does not publish it.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import argparse
 import math
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
 
@@ -105,13 +106,16 @@ def _contact() -> str:
         f"point pressures scatter round Hertz's by {100 * ball.pressure_scatter:.0f} % rms, because there are more "
         "contact points than nodes on a face; sums over a face are right.\n"
     )
-    rows = []
+    thin = []
     for wall, density in ((3.0, MeshDensity(16, 16)), (2.0, MeshDensity(16, 16)), (1.5, MeshDensity(22, 22))):
         ratio = verify_contact.reissner_ratio(wall, density)
         thinness = wall / (65 - wall / 2)
-        rows.append((f"{wall:g}", f"{thinness:.4f}", f"{ratio:.3f}", f"{(1 - ratio) / thinness:.1f}"))
-    text += "\nReissner's point load (valid as T/R goes to 0; the open dome adds membrane compliance in proportion):\n\n"
-    return text + _table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), rows)
+        thin.append((f"{wall:g}", f"{thinness:.4f}", f"{ratio:.3f}", f"{(1 - ratio) / thinness:.1f}"))
+    text += (
+        "\nReissner's point load on the open dome. The form holds as T/R goes to 0; the defect falls about in proportion "
+        "to T/R, as the membrane compliance that it leaves out:\n\n"
+    )
+    return text + _table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), thin)
 
 
 def _march(model: ShellModel, friction: float, tilt: float, forces: tuple[float, ...]) -> list[State]:
@@ -149,8 +153,8 @@ def _shell(out: Path) -> str:
         rows.append((name, f"{depths[4]:.3f}", f"{depths[-1]:.3f}", f"{largest:.2f}", f"{100 * change[-1]:.2f} %"))
     plot = _plot(out, curves, geometry_line=closed_forms.point_stiffness_n_mm(geometry, table.neo_hooke()))
     return (
-        "## The shell\n\nD = 130, T = 8, Smooth-Sil 950, plane at tilt 30 degrees, friction 0.5, `data` mesh. Contact and "
-        f"clamp wrenches differ by at most {worst:.0e} of the load.\n\n"
+        "## The shell\n\nD = 130, T = 8, Smooth-Sil 950, plane at tilt 30 degrees, friction 0.5, `data` mesh. Contact "
+        f"and clamp wrenches differ by at most {worst:.0e} of the load.\n\n"
         + _table(("law", "depth at 20 N, mm", "at 35 N", "largest marker at 35 N, mm", "marker change at 35 N"), rows)
         + f"\n![Force by depth]({plot})\n"
     )
@@ -191,8 +195,8 @@ def _levels() -> str:
                  f"{1 / slow:.1f}", f"{1 / quick:.1f}", f"{fast.fallbacks} of {len(path)}")
             )  # fmt: skip
     text = (
-        "## Level 2 against level 1\n\nSame mesh (`data`), tilt 30, friction 0.5; tangents stored by an earlier pass over "
-        "the path. Processor time on one core, on a machine shared with others.\n\n"
+        "## Level 2 against level 1\n\nSame mesh (`data`), tilt 30, friction 0.5; tangents stored by an earlier pass "
+        "over the path. Processor time on one core, on a machine shared with others.\n\n"
     )
     header = ("path", "tolerance", "mean marker error", "largest", "level 1 states/s", "level 2 states/s", "fall-backs")
     return text + _table(header, rows)

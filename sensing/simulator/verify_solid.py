@@ -5,6 +5,8 @@ Each function solves one case on the simulator's own kernels and returns the num
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from cad.materials import HyperelasticLaw, hyperelastic_law
@@ -41,7 +43,7 @@ def patch_error(seed: int = 1) -> float:
     """Largest error of an affine deformation imposed on the boundary of a distorted mesh, over its size."""
     rng = np.random.default_rng(seed)
     box = box_mesh((2, 2, 2), (1.0, 1.0, 1.0))
-    boundary = ((np.abs(box.points) < 1e-9) | (np.abs(box.points - 1) < 1e-9)).any(axis=1)
+    boundary = np.asarray(((np.abs(box.points) < 1e-9) | (np.abs(box.points - 1) < 1e-9)).any(axis=1))
     points = box.points + np.where(boundary[:, None], 0.0, rng.normal(0, 0.03, box.points.shape))
     mesh = HexMesh(points, box.cells, box.outer, box.inner)
     solid = build_solid(mesh, hyperelastic_law(0.34, 0.49), np.repeat(boundary[:, None], 3, axis=1))
@@ -82,7 +84,7 @@ def inflated_sphere(
     solid = build_solid(mesh, law, fixed)
     displacement = np.zeros_like(mesh.points)
     stretches = np.linspace(1, inner_stretch, 6)
-    for before, stretch in zip(stretches[:-1], stretches[1:], strict=True):
+    for before, stretch in pairwise(stretches):
         displacement = _isochoric_guess(mesh.points, displacement, before, stretch, on_inner)
         displacement = equilibrium(solid, displacement)
     _, internal = solid.energy_and_force(displacement)

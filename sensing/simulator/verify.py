@@ -1,6 +1,6 @@
 """The verification report: ``python -m sensing.simulator.verify`` writes docs/verification.md and its plots.
 
-Every number in the report is computed by the run that writes it. ``--quick`` leaves the hard cases out.
+Every number in the report is computed by the run that writes its section; ``--only`` renews chosen sections.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.state import State
 from sensing.simulator.surface import dot_directions, surface_sampler
 
+HEAD = "# Verification of the simulator\n\nWritten by `python -m sensing.simulator.verify`; do not edit.\n"
 FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
 
 
@@ -34,28 +35,35 @@ def main(arguments: list[str] | None = None) -> int:
     """Write the report; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m sensing.simulator.verify", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs"), help="folder for verification.md (default docs)")
-    parser.add_argument("--quick", action="store_true", help="leave out the hard cases (minutes)")
+    parser.add_argument(
+        "--only", nargs="+", choices=list(SECTIONS), default=list(SECTIONS), help="renew these, keep the others"
+    )
     options = parser.parse_args(arguments)
-    begin = time.process_time()
+    path = options.out / "verification.md"
     try:
-        sections = [_solid(), _contact(), _shell(options.out), _levels()]
-        if not options.quick:
-            sections.append(_hard())
+        options.out.mkdir(parents=True, exist_ok=True)
+        parts = _read(path)
+        for name in options.only:
+            begin = time.process_time()
+            title, *rest = SECTIONS[name](options.out).split("\n", 1)
+            parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
     except EndcapError as error:
         print(error, file=sys.stderr)
         return 2
-    head = (
-        "# Verification of the simulator\n\n"
-        "Written by `python -m sensing.simulator.verify`"
-        + (" (--quick: without the hard cases)" if options.quick else "")
-        + f"; {time.process_time() - begin:.0f} s of processor time on one core. Do not edit.\n"
-    )
-    options.out.mkdir(parents=True, exist_ok=True)
-    temporary = options.out / ".verification.md.part"
-    temporary.write_text("\n".join([head, *sections]) + "\n", encoding="utf-8")
-    temporary.replace(options.out / "verification.md")
-    print(options.out / "verification.md")
+    temporary = path.with_name(".verification.md.part")
+    text = [HEAD, *(f"{title}\n{body}" for title, body in parts.items())]
+    temporary.write_text("\n".join(text), encoding="utf-8")
+    temporary.replace(path)
+    print(path)
     return 0
+
+
+def _read(path: Path) -> dict[str, str]:
+    """Sections of an earlier report, title -> body."""
+    if not path.exists():
+        return {}
+    parts = path.read_text(encoding="utf-8").split("\n## ")[1:]
+    return {"## " + part.split("\n", 1)[0]: part.split("\n", 1)[1].rstrip("\n") + "\n" for part in parts}
 
 
 def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
@@ -63,7 +71,7 @@ def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
 
 
-def _solid() -> str:
+def _solid(_: Path) -> str:
     _say("solid")
     rows = [("patch test, distorted 2x2x2 mesh", f"relative error {verify_solid.patch_error():.0e}")]
     for poisson in (0.3, 0.4999):
@@ -89,7 +97,7 @@ def _solid() -> str:
     return "## The solid\n\nNo locking: errors hardly depend on Poisson's ratio.\n\n" + _table(("case", "result"), rows)
 
 
-def _contact() -> str:
+def _contact(_: Path) -> str:
     _say("contact")
     ball = verify_contact.ball_on_block()
     rows = [
@@ -112,8 +120,8 @@ def _contact() -> str:
         thinness = wall / (65 - wall / 2)
         thin.append((f"{wall:g}", f"{thinness:.4f}", f"{ratio:.3f}", f"{(1 - ratio) / thinness:.1f}"))
     text += (
-        "\nReissner's point load on the open dome. The form holds as T/R goes to 0; the defect falls about in proportion "
-        "to T/R, as the membrane compliance that it leaves out:\n\n"
+        "\nReissner's point load on the open dome. The form holds as T/R goes to 0; the defect falls about in "
+        "proportion to T/R, as the membrane compliance that it leaves out:\n\n"
     )
     return text + _table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), thin)
 
@@ -160,7 +168,7 @@ def _shell(out: Path) -> str:
     )
 
 
-def _levels() -> str:
+def _levels(_: Path) -> str:
     _say("levels")
     geometry, law = shell_geometry(130, 8), silicone().neo_hooke()
     dots = dot_directions(geometry)
@@ -212,7 +220,7 @@ def _circle_path() -> list[Target]:
     return [Target(normal_n=force) for force in (5, 12, 20)] + circle
 
 
-def _hard() -> str:
+def _hard(_: Path) -> str:
     rows = []
     for case in hard_cases.CASES:
         _say(f"hard case: {case.name}")
@@ -252,6 +260,14 @@ def _say(what: str) -> None:
     if sys.stderr.isatty():
         print(what, file=sys.stderr)
 
+
+SECTIONS: dict[str, Callable[[Path], str]] = {
+    "solid": _solid,
+    "contact": _contact,
+    "shell": _shell,
+    "levels": _levels,
+    "hard": _hard,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

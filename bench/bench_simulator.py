@@ -49,24 +49,29 @@ def errors(found: dict, best: dict) -> list[float]:
     return [float(np.sqrt(((a - b) ** 2).mean() / (b**2).mean())) for a, b in pairs]
 
 
+def row(curve: str, setting: str, found: dict, wrong: list[float]) -> dict:
+    """One line of the table."""
+    return {
+        "curve": curve, "setting": setting, "unknowns": found["model"].solid.unknowns, "seconds": found["seconds"],
+        "error_2n": wrong[0], "error_5n": wrong[1], "error_15n_up": float(np.mean(wrong[3:])),
+    }  # fmt: skip
+
+
 def main() -> None:
     """Run the curves and write table and plot."""
     rows, curve = [], []
     best = run(DENSITIES["converged"], 25.0)
     for name in ("draft", "data", "fine", "reference", "converged"):
         found = best if name == "converged" else run(DENSITIES[name], 25.0)
+        size = found["model"].solid.unknowns
         wrong = errors(found, best)
-        unknowns = found["model"].solid.unknowns
-        curve.append((unknowns, found["seconds"], wrong))
-        rows.append({"curve": "mesh", "setting": name, "unknowns": unknowns, "seconds": found["seconds"],
-                     "error_2n": wrong[0], "error_5n": wrong[1], "error_15n_up": float(np.mean(wrong[3:]))})  # fmt: skip
+        curve.append((size, found["seconds"], wrong))
+        rows.append(row("mesh", name, found, wrong))
     stiff = run(DENSITIES["data"], 400.0)
     for penalty in (6.0, 25.0, 100.0, 400.0):
         found = stiff if penalty == 400.0 else run(DENSITIES["data"], penalty)
         wrong = errors(found, stiff)
-        rows.append({"curve": "penalty", "setting": penalty, "unknowns": found["model"].solid.unknowns,
-                     "seconds": found["seconds"], "error_2n": wrong[0], "error_5n": wrong[1],
-                     "error_15n_up": float(np.mean(wrong[3:]))})  # fmt: skip
+        rows.append(row("penalty", str(penalty), found, wrong))
     for name in ("data", "reference"):
         solid = shell_model(GEOMETRY, LAW, name, half=True).solid
         blocks = solid.tangent(np.zeros_like(solid.mesh.points))
@@ -86,11 +91,11 @@ def main() -> None:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(
-            {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
+            {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows
         )
     plot(curve[:-1])
-    for row in rows:
-        print(row, file=sys.stderr)
+    for line in rows:
+        print(line, file=sys.stderr)
 
 
 def plot(curve: list) -> None:

@@ -1,1 +1,1 @@
-"""A simulated endcap: mechanics, light and camera. Shares nothing with the estimator but the camera model."""
+"""A simulator of the endcap: shell mechanics, contact, light and camera. Shares only the camera model with sensing."""

@@ -1,0 +1,123 @@
+"""A picture pressed by a known displacement: the stand-in for a touched sensor, with exact truth.
+
+Units: full-size pixels. A displacement field says where each point of the *undeformed* picture goes, as the flow of
+the released pipeline does: the point at x is seen at x + u(x). The warped picture is I(y) = I0(x) with x + u(x) = y,
+found by fixed-point iteration (u is a contraction as long as its gradient stays under 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.records import Frame
+
+
+@dataclass(frozen=True)
+class Bump:
+    """A smooth local push: u(x) = push exp(-|x - centre|^2 / (2 width^2)).
+
+    Attributes:
+        centre_px: x, y.
+        push_px: x, y displacement at the centre.
+        width_px: standard deviation.
+    """
+
+    centre_px: tuple[float, float]
+    push_px: tuple[float, float]
+    width_px: float
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Sum of a translation, a rotation and bumps.
+
+    Attributes:
+        shift_px: x, y translation.
+        turn_rad: rotation about ``pivot_px`` (positive turns x toward y, clockwise on screen).
+        pivot_px: x, y.
+        bumps: local pushes.
+    """
+
+    shift_px: tuple[float, float] = (0.0, 0.0)
+    turn_rad: float = 0.0
+    pivot_px: tuple[float, float] = (319.5, 239.5)
+    bumps: tuple[Bump, ...] = ()
+
+    def at(self, x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
+        """(u, v) of the undeformed points (x, y), any shape."""
+        cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        dx, dy = x - self.pivot_px[0], y - self.pivot_px[1]
+        u = self.shift_px[0] + (cos - 1) * dx - sin * dy
+        v = self.shift_px[1] + sin * dx + (cos - 1) * dy
+        for bump in self.bumps:
+            square = (x - bump.centre_px[0]) ** 2 + (y - bump.centre_px[1]) ** 2
+            weight = np.exp(square / (-2 * bump.width_px**2))
+            u, v = u + bump.push_px[0] * weight, v + bump.push_px[1] * weight
+        return u, v
+
+    def scaled(self, factor: float) -> Displacement:
+        """The same pattern, ``factor`` times as large."""
+        bumps = tuple(
+            Bump(b.centre_px, (b.push_px[0] * factor, b.push_px[1] * factor), b.width_px) for b in self.bumps
+        )
+        shift = (self.shift_px[0] * factor, self.shift_px[1] * factor)
+        return Displacement(shift, self.turn_rad * factor, self.pivot_px, bumps)
+
+
+def warp_image(image: NDArray[np.uint8], displacement: Displacement, iterations: int = 12) -> NDArray[np.uint8]:
+    """The picture (H, W) or (H, W, 3) as seen after ``displacement``; beyond its frame the border is repeated."""
+    height, width = image.shape[:2]
+    y, x = np.mgrid[0:height, 0:width].astype(np.float32)
+    source_x, source_y = x, y
+    for _ in range(iterations):
+        u, v = displacement.at(source_x, source_y)
+        source_x, source_y = (x - u).astype(np.float32), (y - v).astype(np.float32)
+    return cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+
+
+def cell_truth(
+    displacement: Displacement, size: tuple[int, int], shape: tuple[int, int] = (30, 30), unit_px: float = 200.0
+) -> NDArray[np.float64]:
+    """(2, H, W) mean displacement of each cell of the centre square, in pixels of a ``unit_px`` wide crop.
+
+    Args:
+        displacement: the field.
+        size: (width, height) of the full-size picture.
+        shape: cells down and across.
+        unit_px: side of the square that the unit refers to.
+    """
+    side = min(size)
+    per_cell = 8  # midpoint rule; the error is far under 1e-3 px for bumps wider than a cell
+    across = (np.arange(shape[1] * per_cell) + 0.5) * side / (shape[1] * per_cell) - 0.5 + (size[0] - side) // 2
+    down = (np.arange(shape[0] * per_cell) + 0.5) * side / (shape[0] * per_cell) - 0.5 + (size[1] - side) // 2
+    uv = np.stack(displacement.at(*np.meshgrid(across, down)))
+    return uv.reshape(2, shape[0], per_cell, shape[1], per_cell).mean(axis=(2, 4)) * unit_px / side
+
+
+class WarpSource:
+    """Frames of one picture under a sequence of displacements, at a steady rate.
+
+    Args:
+        image: the undeformed picture.
+        displacements: one per frame.
+        rate_hz: frame rate that the capture times follow.
+        name: what the frames call their source.
+    """
+
+    def __init__(
+        self,
+        image: NDArray[np.uint8],
+        displacements: Sequence[Displacement],
+        rate_hz: float = 30.0,
+        name: str = "warped picture",
+    ) -> None:
+        self._image, self._displacements, self._rate_hz, self._name = image, displacements, rate_hz, name
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index, displacement in enumerate(self._displacements):
+            yield Frame(index / self._rate_hz, index, self._name, image=warp_image(self._image, displacement))

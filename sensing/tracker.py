@@ -1,0 +1,200 @@
+"""Follows the painted dots from frame to frame, tells how far each is to be trusted, and gives the field.
+
+Per frame: decode to the working size (half at 640 x 480), align every dot's window starting from the previous frame
+(:mod:`sensing.patches`), judge it by correlation with the reference and by what its neighbours predict, try bad ones
+again from that prediction and from rest, and search from scratch (:mod:`sensing.recovery`) when many are bad. Lost
+dots come back by themselves, because they are tried in every frame.
+
+Units: records are in full-size pixels; inside, pixels of the working picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cad.errors import ParameterError
+from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
+from sensing.dots import Dots, find_dots
+from sensing.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
+from sensing.gelslim import CROP_PX
+from sensing.patches import align, cut_patches
+from sensing.records import DotTracks, Frame, ShearField
+from sensing.recovery import recover
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Knobs of the tracker; each has its curve in bench/bench_fields.py.
+
+    Attributes:
+        shape: (H, W) of the field.
+        least_quality: correlation under which a dot is bad.
+        sure_quality: correlation from which the neighbours' opinion counts less.
+        restart_share: share of bad dots from which all are searched from scratch.
+        window: half width of a window over the dots' median diameter.
+        length_px: length of the field's kernel at 480 px.
+        noise: noise of the field's kernel.
+    """
+
+    shape: tuple[int, int] = (30, 30)
+    least_quality: float = 0.7
+    sure_quality: float = 0.9
+    restart_share: float = 0.15
+    window: float = 0.8
+    length_px: float = LENGTH_PX
+    noise: float = NOISE
+
+    def __post_init__(self) -> None:
+        if not -1 < self.least_quality <= self.sure_quality < 1:
+            raise ParameterError(
+                f"least_quality={self.least_quality}, sure_quality={self.sure_quality}: need "
+                "-1 < least_quality <= sure_quality < 1",
+                name="least_quality",
+                value=self.least_quality,
+            )
+
+
+class DotTracker:
+    """Frames in, dot tracks and fields out, against one undeformed reference.
+
+    Args:
+        reference: the undeformed picture.
+        config: knobs.
+        dots: dots in pixels of the working picture; found in the reference if not given.
+
+    Raises:
+        NoDotsError: the reference has no dots.
+    """
+
+    def __init__(self, reference: Frame, config: TrackerConfig | None = None, dots: Dots | None = None) -> None:
+        self.config = config or TrackerConfig()
+        self.size = frame_size(reference)
+        self.reduction = working_reduction(self.size)
+        gray = decode_gray(reference, self.reduction)
+        self.dots = find_dots(gray, source=reference.source) if dots is None else dots
+        count = len(self.dots)
+        diameter = float(np.median(self.dots.diameter_px))
+        half = int(np.clip(np.rint(self.config.window * diameter), 4, 12))
+        self._patches = cut_patches(gray, self.dots.position_px, half)
+        self.reference_px = to_full_px(self.dots.position_px, self.reduction)
+        self.operator: FieldOperator = field_operator(
+            self.reference_px, self.size, self.config.shape, self.config.length_px, self.config.noise
+        )
+        self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
+        self._all = np.arange(count)
+        self._displacement = np.zeros((count, 2))
+        self._live = np.zeros(count, bool)
+
+    def update(self, frame: Frame) -> DotTracks:
+        """Tracks of one frame.
+
+        Raises:
+            FrameError: the frame cannot be decoded or has another size than the reference.
+        """
+        gray = decode_gray(frame, self.reduction)
+        expected = tuple(-(-side // self.reduction) for side in self.size)
+        if gray.shape[::-1] != expected:
+            got = frame.size or tuple(side * self.reduction for side in gray.shape[::-1])
+            raise FrameError(
+                f"{frame.source}: frame of {got[0]}x{got[1]} px, the reference has {self.size[0]}x{self.size[1]}: "
+                "take a new reference at this size"
+            )
+        moved, quality, live = self._follow(gray)
+        self._displacement, self._live = moved, live
+        reference = self.reference_px
+        return DotTracks(
+            time_s=frame.time_s,
+            ids=self._all,
+            reference_px=reference,
+            position_px=reference + moved * self.reduction,
+            quality=np.where(live, np.clip(quality, 0, 1), 0.0),
+            lost=~live,
+            size=self.size,
+        )
+
+    def field(self, tracks: DotTracks) -> ShearField:
+        """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
+        scale = CROP_PX / min(self.size)
+        channels = (self.operator.field(tracks.displacement_px) * scale).astype(np.float32)
+        return ShearField(tracks.time_s, channels, valid=self.operator.valid(~tracks.lost))
+
+    def restart(self) -> None:
+        """Forget the previous frame."""
+        self._displacement[:] = 0
+        self._live[:] = False
+
+    def _follow(self, gray: NDArray[np.uint8]) -> tuple[NDArray, NDArray, NDArray]:
+        """(displacement, quality, live) in working pixels; lost dots are where their neighbours put them."""
+        moved = self._displacement.copy()
+        quality = self._refine(gray, self._all, moved)
+        live = self._judge(moved, quality)
+        if live.mean() < 1 - self.config.restart_share:
+            again, again_quality, again_live = self._search(gray)
+            if again_live.sum() > live.sum():
+                moved, quality, live = again, again_quality, again_live
+        if not live.all():
+            moved, quality, live = self._retry(gray, moved, quality, live)
+        return self.operator.filled(moved, live), quality, live
+
+    def _refine(
+        self, gray: NDArray[np.uint8], which: NDArray[np.int64], moved: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        stretch = np.moveaxis(self.operator.gradient @ moved, 0, 2) * self.reduction  # (N, uv, xy)
+        return align(gray, self._patches, which, moved, np.clip(stretch, -0.5, 0.5))
+
+    def _judge(self, moved: NDArray[np.float64], quality: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which dots to believe: good correlation, and not far from what the believed others predict."""
+        live = quality > self.config.least_quality
+        trust = np.where(quality > self.config.sure_quality, 0.5, 0.25) * self._spacing
+        for _ in range(12):
+            if live.sum() < 5:
+                return live
+            residual = self.operator.left_out(self.operator.filled(moved, live))
+            excess = np.where(live, np.linalg.norm(residual, axis=1) / trust, 0)
+            worst = int(excess.argmax())
+            if excess[worst] <= 1:
+                return live
+            live[worst] = False
+        return live
+
+    def _retry(
+        self, gray: NDArray[np.uint8], moved: NDArray, quality: NDArray, live: NDArray
+    ) -> tuple[NDArray, NDArray, NDArray]:
+        """Bad dots again, from the neighbours' prediction and from rest; the better correlation stays."""
+        bad = np.flatnonzero(~live)
+        for start in (self.operator.filled(moved, live), np.zeros_like(moved)):
+            trial = np.where(live[:, None], moved, start)
+            trial_quality = self._refine(gray, bad, trial)
+            better = bad[trial_quality[bad] > quality[bad]]
+            moved[better], quality[better] = trial[better], trial_quality[better]
+            live = self._judge(moved, quality)
+            bad = np.flatnonzero(~live)
+            if len(bad) == 0:
+                break
+        return moved, quality, live
+
+    def _search(self, gray: NDArray[np.uint8]) -> tuple[NDArray, NDArray, NDArray]:
+        reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
+        moved, _ = recover(gray, self._patches, self.operator, reach, np.random.default_rng(0))
+        quality = self._refine(gray, self._all, moved)
+        return moved, quality, self._judge(moved, quality)
+
+
+def frame_size(frame: Frame) -> tuple[int, int]:
+    """(width, height) in full-size pixels; decodes the frame if it does not say."""
+    if frame.size is not None:
+        return frame.size
+    gray = decode_gray(frame)
+    return gray.shape[1], gray.shape[0]
+
+
+def _spacing(position: NDArray[np.float64], fallback: float) -> NDArray[np.float64]:
+    """(N,) distance to the nearest other dot; ``fallback`` for a lone one or for coincident ones."""
+    if len(position) < 2:
+        return np.full(len(position), fallback)
+    nearest = cKDTree(position).query(position, k=2)[0][:, 1]
+    return np.where(nearest > 1.0, nearest, fallback)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
-from sensing.records import Frame
+from sensing.records import Frame, Image
 
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
 _REDUCED_GRAY = {
@@ -27,7 +27,7 @@ class FrameError(EndcapError):
     """A frame that cannot be decoded or is not what a picture should be."""
 
 
-def decode_bgr(frame: Frame) -> NDArray[np.uint8]:
+def decode_bgr(frame: Frame) -> Image:
     """(H, W, 3) uint8 BGR at full size.
 
     Raises:
@@ -39,7 +39,7 @@ def decode_bgr(frame: Frame) -> NDArray[np.uint8]:
     return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image
 
 
-def decode_gray(frame: Frame, reduction: int = 1) -> NDArray[np.uint8]:
+def decode_gray(frame: Frame, reduction: int = 1) -> Image:
     """(H / reduction, W / reduction) uint8 gray; an odd last row or column is rounded up, as the decoder does.
 
     Args:
@@ -56,7 +56,7 @@ def decode_gray(frame: Frame, reduction: int = 1) -> NDArray[np.uint8]:
     return reduce_gray(gray, reduction)
 
 
-def reduce_gray(gray: NDArray[np.uint8], reduction: int) -> NDArray[np.uint8]:
+def reduce_gray(gray: Image, reduction: int) -> Image:
     """Area average over reduction x reduction blocks; the border is repeated where a side is no multiple."""
     if reduction == 1:
         return gray
@@ -83,7 +83,7 @@ def to_reduced_px(position: NDArray[np.floating], reduction: int) -> NDArray[np.
     return (np.asarray(position, float) - (reduction - 1) / 2) / reduction
 
 
-def as_uint8(image: NDArray, source: str) -> NDArray[np.uint8]:
+def as_uint8(image: NDArray, source: str) -> Image:
     """An (H, W) or (H, W, 3) uint8 contiguous picture from uint8, uint16 (high byte) or float (0..1 or 0..255).
 
     Raises:
@@ -106,7 +106,7 @@ def as_uint8(image: NDArray, source: str) -> NDArray[np.uint8]:
     return np.ascontiguousarray(image)
 
 
-def _imdecode(frame: Frame, flag: int) -> NDArray[np.uint8]:
+def _imdecode(frame: Frame, flag: int) -> Image:
     image = cv2.imdecode(np.frombuffer(frame.jpeg or b"", np.uint8), flag)
     if image is None:
         raise FrameError(f"{frame.source}: frame {frame.sequence} is no readable picture: check cable and file")

@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
+from sensing.records import Image
 
 DIAMETER_SHARE = 0.037  # E: a dot's diameter over the picture's short side (18 of 480 px on the released photos)
 CONTRAST = 0.13  # E: least darkness against the surroundings; the palest painted dots of the photos have 0.2
+DARK_GRAY = 12.0  # gray levels added to the surroundings: no contrast out of sensor noise in the dark
 LEAST_FILL = 0.72  # E: share of the moment ellipse that a dot fills; digits and strokes fill half or less
 
 
@@ -44,7 +46,7 @@ class Dots:
         return len(self.position_px)
 
 
-def find_dots(gray: NDArray[np.uint8], least: int = 1, source: str = "reference") -> Dots:
+def find_dots(gray: Image, least: int = 1, source: str = "reference") -> Dots:
     """All dots of a gray picture (H, W), sorted by row then column of their centres.
 
     Args:
@@ -75,7 +77,7 @@ def find_dots(gray: NDArray[np.uint8], least: int = 1, source: str = "reference"
     return Dots(blobs[:, :2], blobs[:, 2], blobs[:, 3].astype(bool))
 
 
-def _contrast(gray: NDArray[np.uint8], expected: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _contrast(gray: Image, expected: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(darkness of every pixel against the silicone around it, 0..1; gray level of that silicone)."""
     reach = max(3, int(expected * 1.6))
     pad = 2 * reach
@@ -83,14 +85,14 @@ def _contrast(gray: NDArray[np.uint8], expected: float) -> tuple[NDArray[np.floa
     smooth = cv2.GaussianBlur(framed, (0, 0), max(0.6, expected / 12)).astype(np.float32)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     background = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, kernel)
-    contrast = (background - smooth) / (background + 12.0)  # 12 gray levels: no contrast out of sensor noise in the dark
+    contrast = (background - smooth) / (background + DARK_GRAY)
     return contrast[pad:-pad, pad:-pad], background[pad:-pad, pad:-pad]
 
 
 def _blobs(contrast: NDArray[np.float32], expected: float) -> NDArray[np.float64]:
     """(N, 4) x, y, diameter, cut of the filled blobs of about the expected size."""
     mask = (contrast > CONTRAST).astype(np.uint8)
-    opening = max(2, int(round(expected * 0.3)))
+    opening = max(2, round(expected * 0.3))
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3)))
     padded = cv2.copyMakeBorder(mask, opening, opening, opening, opening, cv2.BORDER_REPLICATE)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (opening, opening))

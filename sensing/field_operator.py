@@ -5,9 +5,9 @@ Units: displacements keep their unit; positions are full-size pixels. Lengths sc
 
 Notes:
     Gaussian-process regression (Rasmussen and Williams 2006, eq. 2.23) with the kernel
-    k(x, x') = a affine(x, x') + matern_5/2(|x - x'| / length) and noise lambda. The affine part has a wide prior instead
-    of being exact, so that one formula serves any painted subset: one dot gives a constant, two a line, coincident
-    dots average. The condition number of K + lambda I is at most (N (1 + 3 a) + lambda) / lambda, whatever the dots.
+    k(x, x') = a affine(x, x') + matern_5/2(|x - x'| / length) and noise lambda. The affine part has a wide prior
+    instead of being exact, so that one formula serves any painted subset: one dot gives a constant, two a line,
+    coincident dots average. The condition number of K + lambda I is at most (N (1 + 3 a) + lambda) / lambda, whatever the dots.
 
     With Q = (K + lambda I)^-1, leaving dot i out predicts d_i - (Q d)_i / Q_ii; a lost set L is predicted from the
     rest by d_L = -Q_LL^-1 Q_LV d_V (Rasmussen and Williams, eq. 5.12), and putting these in their place gives the same

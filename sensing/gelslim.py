@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from sensing.decode import decode_bgr
-from sensing.records import Frame, ShearField
+from sensing.records import Frame, Image, ShearField
 
 CROP_PX = 200  # facts.md: the square that the flow sees
 BLOCK_PX = 25  # facts.md: pooling block, 8 x 8 blocks
@@ -79,7 +79,7 @@ class GelslimField:
     def __init__(self, reference: Frame, config: GelslimConfig | None = None) -> None:
         self.config = config or GelslimConfig()
         self._reference = released_gray(decode_bgr(reference))
-        self._previous: tuple[NDArray[np.uint8], float] | None = None
+        self._previous: tuple[Image, float] | None = None
 
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame; the first frame's change channels are those of a frame against itself.
@@ -98,7 +98,7 @@ class GelslimField:
         return ShearField(frame.time_s, stack, self.config.channels)
 
 
-def released_gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def released_gray(image: Image) -> Image:
     """The (200, 200) gray picture that the released flow sees, from an (H, W, 3) BGR one.
 
     Notes:
@@ -122,7 +122,7 @@ def released_gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def pooled_flow(
-    reference: NDArray[np.uint8], gray: NDArray[np.uint8], shape: tuple[int, int]
+    reference: Image, gray: Image, shape: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(u, v), each (H, W), from two (200, 200) gray pictures."""
     flow = cv2.calcOpticalFlowFarneback(reference, gray, None, *FARNEBACK)  # type: ignore[call-overload]
@@ -174,9 +174,7 @@ def helmholtz_parts(
     return solenoidal, irrotational
 
 
-def _change(
-    before: NDArray[np.uint8], gray: NDArray[np.uint8], step_s: float, shape: tuple[int, int]
-) -> dict[str, NDArray[np.floating]]:
+def _change(before: Image, gray: Image, step_s: float, shape: tuple[int, int]) -> dict[str, NDArray[np.floating]]:
     du, dv = pooled_flow(before, gray, shape)
     rate = 1.0 / step_s if step_s > 0 else np.nan
     return {"du": du, "dv": dv, "dudt": du * rate, "dvdt": dv * rate}
@@ -198,7 +196,7 @@ def _green_spectrum(shape: tuple[int, int]) -> NDArray[np.complex128]:
     return np.fft.rfft2(np.log(radius) / (2 * np.pi))
 
 
-def _free_space_potential(source: NDArray[np.float64]) -> NDArray[np.float64]:
+def _free_space_potential(source: NDArray[np.floating]) -> NDArray[np.float64]:
     height, width = source.shape
     padded = (2 * height, 2 * width)
     return np.fft.irfft2(np.fft.rfft2(source, padded) * _green_spectrum((height, width)), padded)[:height, :width]

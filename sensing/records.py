@@ -10,12 +10,14 @@ Arrays inside a record are set read-only: a record can be shared between threads
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 
+Image = NDArray[Any]  # uint8, (H, W) gray or (H, W, 3) BGR; OpenCV's own type hints cannot say so
 PIXELS_OF_200 = "px of the 200x200 centre crop"
 
 
@@ -37,7 +39,7 @@ class Frame:
     time_s: float
     sequence: int
     source: str
-    image: NDArray[np.uint8] | None = None
+    image: Image | None = None
     jpeg: bytes | None = None
     size: tuple[int, int] | None = None
     exposure: float | None = None

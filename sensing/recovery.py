@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.field_operator import FieldOperator
-from sensing.patches import Patches, correlation_map
+from sensing.patch_kernels import correlation_map
+from sensing.patches import Patches
+from sensing.records import Image
 
 STRIDE = 2
 LEAST_CORRELATION = 0.6
@@ -24,7 +26,7 @@ TRIALS = 150
 
 
 def recover(
-    image: NDArray[np.uint8],
+    image: Image,
     patches: Patches,
     operator: FieldOperator,
     reach: int,

@@ -22,7 +22,7 @@ from sensing.dots import Dots, find_dots
 from sensing.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
 from sensing.gelslim import CROP_PX
 from sensing.patches import align, cut_patches
-from sensing.records import DotTracks, Frame, ShearField
+from sensing.records import DotTracks, Frame, Image, ShearField
 from sensing.recovery import recover
 
 
@@ -44,7 +44,7 @@ class TrackerConfig:
     least_quality: float = 0.7
     sure_quality: float = 0.9
     restart_share: float = 0.15
-    window: float = 0.8
+    window: float = 0.7
     length_px: float = LENGTH_PX
     noise: float = NOISE
 
@@ -127,7 +127,7 @@ class DotTracker:
         self._displacement[:] = 0
         self._live[:] = False
 
-    def _follow(self, gray: NDArray[np.uint8]) -> tuple[NDArray, NDArray, NDArray]:
+    def _follow(self, gray: Image) -> tuple[NDArray, NDArray, NDArray]:
         """(displacement, quality, live) in working pixels; lost dots are where their neighbours put them."""
         moved = self._displacement.copy()
         quality = self._refine(gray, self._all, moved)
@@ -140,9 +140,7 @@ class DotTracker:
             moved, quality, live = self._retry(gray, moved, quality, live)
         return self.operator.filled(moved, live), quality, live
 
-    def _refine(
-        self, gray: NDArray[np.uint8], which: NDArray[np.int64], moved: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _refine(self, gray: Image, which: NDArray[np.int64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
         stretch = np.moveaxis(self.operator.gradient @ moved, 0, 2) * self.reduction  # (N, uv, xy)
         return align(gray, self._patches, which, moved, np.clip(stretch, -0.5, 0.5))
 
@@ -161,9 +159,7 @@ class DotTracker:
             live[worst] = False
         return live
 
-    def _retry(
-        self, gray: NDArray[np.uint8], moved: NDArray, quality: NDArray, live: NDArray
-    ) -> tuple[NDArray, NDArray, NDArray]:
+    def _retry(self, gray: Image, moved: NDArray, quality: NDArray, live: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Bad dots again, from the neighbours' prediction and from rest; the better correlation stays."""
         bad = np.flatnonzero(~live)
         for start in (self.operator.filled(moved, live), np.zeros_like(moved)):
@@ -177,7 +173,7 @@ class DotTracker:
                 break
         return moved, quality, live
 
-    def _search(self, gray: NDArray[np.uint8]) -> tuple[NDArray, NDArray, NDArray]:
+    def _search(self, gray: Image) -> tuple[NDArray, NDArray, NDArray]:
         reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
         moved, _ = recover(gray, self._patches, self.operator, reach, np.random.default_rng(0))
         quality = self._refine(gray, self._all, moved)

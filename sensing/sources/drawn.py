@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cad.dots import DOT_RADIUS_MM, Dot, dot_pattern, dot_position_mm
 from cad.params import EndcapParams
+from sensing.records import Image
 
 RIM_RADIUS_PX = 331.0  # facts.md: the shell as a disc at 640 x 480; the 180 degree edge of the view
 SUPERSAMPLE = 4
@@ -43,7 +44,7 @@ class Drawing:
     seed: int = 0
 
 
-def draw_dots(drawing: Drawing, params: EndcapParams | None = None) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def draw_dots(drawing: Drawing, params: EndcapParams | None = None) -> tuple[Image, NDArray[np.float64]]:
     """((H, W, 3) BGR picture, (N, 2) centres in px of the painted dots that lie inside the frame)."""
     params = params or EndcapParams(diameter_mm=130.0, wall_mm=8.0)
     rng = np.random.default_rng(drawing.seed)
@@ -101,7 +102,7 @@ def _bare_silicone(drawing: Drawing, rng: np.random.Generator) -> NDArray[np.flo
         place = rng.uniform((0, 0), drawing.size)
         cv2.circle(spots, _subpixel(place), int(SUPERSAMPLE * scale * rng.uniform(0.5, 1.8)), 255, -1)
     if drawing.digit:
-        corner = np.array(drawing.centre_px) + (30 * scale, -35 * scale)
+        corner = np.array(drawing.centre_px) + np.array((30.0, -35.0)) * scale
         cv2.putText(spots, drawing.digit, _subpixel(corner), 0, 0.6 * scale * SUPERSAMPLE, 255, 2 * SUPERSAMPLE)
     for turn in rng.uniform(0, 2 * math.pi, 3):
         start = np.array(drawing.centre_px) + 60 * scale * np.array((math.cos(turn), math.sin(turn)))
@@ -110,7 +111,7 @@ def _bare_silicone(drawing: Drawing, rng: np.random.Generator) -> NDArray[np.flo
     return canvas * (1 - 0.7 * _shrink(spots).astype(float)[:, :, None] / 255)
 
 
-def _fine_mask(drawing: Drawing) -> NDArray[np.uint8]:
+def _fine_mask(drawing: Drawing) -> Image:
     return np.zeros((drawing.size[1] * SUPERSAMPLE, drawing.size[0] * SUPERSAMPLE), np.uint8)
 
 
@@ -118,6 +119,6 @@ def _subpixel(place: NDArray[np.floating]) -> tuple[int, int]:
     return int(place[0] * SUPERSAMPLE), int(place[1] * SUPERSAMPLE)
 
 
-def _shrink(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shrink(mask: Image) -> Image:
     size = (mask.shape[1] // SUPERSAMPLE, mask.shape[0] // SUPERSAMPLE)
     return cv2.resize(mask, size, interpolation=cv2.INTER_AREA)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.records import Frame
+from sensing.records import Frame, Image
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,12 @@ class Displacement:
 
     def scaled(self, factor: float) -> Displacement:
         """The same pattern, ``factor`` times as large."""
-        bumps = tuple(
-            Bump(b.centre_px, (b.push_px[0] * factor, b.push_px[1] * factor), b.width_px) for b in self.bumps
-        )
+        bumps = tuple(Bump(b.centre_px, (b.push_px[0] * factor, b.push_px[1] * factor), b.width_px) for b in self.bumps)
         shift = (self.shift_px[0] * factor, self.shift_px[1] * factor)
         return Displacement(shift, self.turn_rad * factor, self.pivot_px, bumps)
 
 
-def warp_image(image: NDArray[np.uint8], displacement: Displacement, iterations: int = 12) -> NDArray[np.uint8]:
+def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -> Image:
     """The picture (H, W) or (H, W, 3) as seen after ``displacement``; beyond its frame the border is repeated."""
     height, width = image.shape[:2]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
@@ -111,7 +109,7 @@ class WarpSource:
 
     def __init__(
         self,
-        image: NDArray[np.uint8],
+        image: Image,
         displacements: Sequence[Displacement],
         rate_hz: float = 30.0,
         name: str = "warped picture",

@@ -110,4 +110,4 @@ def _imdecode(frame: Frame, flag: int) -> Image:
     image = cv2.imdecode(np.frombuffer(frame.jpeg or b"", np.uint8), flag)
     if image is None:
         raise FrameError(f"{frame.source}: frame {frame.sequence} is no readable picture: check cable and file")
-    return image  # type: ignore[return-value]
+    return image

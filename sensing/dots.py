@@ -77,21 +77,21 @@ def find_dots(gray: Image, least: int = 1, source: str = "reference") -> Dots:
     return Dots(blobs[:, :2], blobs[:, 2], blobs[:, 3].astype(bool))
 
 
-def _contrast(gray: Image, expected: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _contrast(gray: Image, expected: float) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """(darkness of every pixel against the silicone around it, 0..1; gray level of that silicone)."""
     reach = max(3, int(expected * 1.6))
     pad = 2 * reach
     framed = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    smooth = cv2.GaussianBlur(framed, (0, 0), max(0.6, expected / 12)).astype(np.float32)
+    smooth: Image = cv2.GaussianBlur(framed, (0, 0), max(0.6, expected / 12)).astype(np.float32)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    background = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, kernel)
+    background: Image = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, kernel)
     contrast = (background - smooth) / (background + DARK_GRAY)
     return contrast[pad:-pad, pad:-pad], background[pad:-pad, pad:-pad]
 
 
-def _blobs(contrast: NDArray[np.float32], expected: float) -> NDArray[np.float64]:
+def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float64]:
     """(N, 4) x, y, diameter, cut of the filled blobs of about the expected size."""
-    mask = (contrast > CONTRAST).astype(np.uint8)
+    mask: Image = (contrast > CONTRAST).astype(np.uint8)
     opening = max(2, round(expected * 0.3))
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3)))
     padded = cv2.copyMakeBorder(mask, opening, opening, opening, opening, cv2.BORDER_REPLICATE)

@@ -7,7 +7,9 @@ Notes:
     Gaussian-process regression (Rasmussen and Williams 2006, eq. 2.23) with the kernel
     k(x, x') = a affine(x, x') + matern_5/2(|x - x'| / length) and noise lambda. The affine part has a wide prior
     instead of being exact, so that one formula serves any painted subset: one dot gives a constant, two a line,
-    coincident dots average. The condition number of K + lambda I is at most (N (1 + 3 a) + lambda) / lambda, whatever the dots.
+    coincident dots average. The condition number of K + lambda I is at most
+    (N (1 + a (1 + r^2)) + lambda) / lambda, whatever the dots, r being the largest distance from the picture's centre
+    in lengths.
 
     With Q = (K + lambda I)^-1, leaving dot i out predicts d_i - (Q d)_i / Q_ii; a lost set L is predicted from the
     rest by d_L = -Q_LL^-1 Q_LV d_V (Rasmussen and Williams, eq. 5.12), and putting these in their place gives the same
@@ -23,7 +25,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 
-LENGTH_PX = 120.0  # at 480 px short side; measured in bench/bench_fields.py
+LENGTH_PX = 80.0  # at 480 px short side; measured in bench/bench_fields.py
 NOISE = 0.005  # lambda, relative to the Matern part's variance
 AFFINE_VARIANCE = 100.0  # a: ten standard deviations of the local part
 REACH_PX = 70.0  # a cell this near a live dot is valid (dots are 40 to 50 apart)

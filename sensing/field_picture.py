@@ -35,9 +35,9 @@ def draw_field(image: Image, field: ShearField, tracks: DotTracks | None = None,
         used = _draw_arrows(canvas, field, corner, side, gain)
         good = "" if tracks is None else f", {int((~tracks.lost).sum())}/{len(tracks.ids)} dots"
         text = f"arrows x{used:.3g}, largest {_length(field).max():.2f} px of {CROP_PX}{good}"
-        cv2.putText(canvas, text, (12, canvas.shape[0] - 14), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (0, 0, 0), 4, cv2.LINE_AA)
+        canvas[-38:, : 12 + 13 * len(text)] //= 4
         cv2.putText(canvas, text, (12, canvas.shape[0] - 14), cv2.FONT_HERSHEY_SIMPLEX, 0.7, WHITE, 1, cv2.LINE_AA)
-    return canvas  # type: ignore[return-value]
+    return canvas
 
 
 def _length(field: ShearField) -> NDArray[np.float32]:
@@ -68,8 +68,8 @@ def _draw_arrows(
 ) -> float:
     u, v = field.channel("u"), field.channel("v")
     height, width = u.shape
-    rows = np.unique(np.linspace(0, height - 1, min(ARROWS, height)).round().astype(int))
-    columns = np.unique(np.linspace(0, width - 1, min(ARROWS, width)).round().astype(int))
+    step = -(-max(height, width) // ARROWS)
+    rows, columns = range(step // 2, height, step), range(step // 2, width, step)
     per_px = side / CROP_PX
     if gain is None:
         gain = float(np.clip(1.5 * CROP_PX / ARROWS / max(float(_length(field).max()), 1e-6), 1, 20))

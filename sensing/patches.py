@@ -52,7 +52,7 @@ def cut_patches(gray: Image, position: NDArray[np.float64], half: int) -> Patche
     dx, dy = (a.ravel().astype(float) for a in np.meshgrid(offset, offset))
     window = np.clip(1.25 - np.hypot(dx, dy) / (half + 0.5), 0, 1) ** 0.5
     smooth = gray.astype(np.float32)
-    slope_y, slope_x = np.gradient(np.pad(smooth, half + 1, mode="edge"))
+    slopes = np.gradient(np.pad(smooth, half + 1, mode="edge"))[::-1]  # x, y
     texture, weight, gain = (np.zeros((count, side * side), np.float32) for _ in range(3))
     slope, descent = np.zeros((count, side * side, 2), np.float32), np.zeros((count, 2, side * side), np.float32)
     energy = np.zeros(count, np.float32)
@@ -65,7 +65,7 @@ def cut_patches(gray: Image, position: NDArray[np.float64], half: int) -> Patche
             continue
         w /= w.sum()
         value -= w @ value
-        grad = np.stack([s[rows + half + 1, columns + half + 1] for s in (slope_x, slope_y)], axis=1).astype(float)
+        grad = np.stack([s[rows + half + 1, columns + half + 1] for s in slopes], axis=1).astype(float)
         ramps = np.stack([np.ones_like(dx), dx, dy], axis=1)
         energy[index] = w @ value**2
         texture[index], weight[index], slope[index] = value, w, grad

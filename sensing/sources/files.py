@@ -34,7 +34,7 @@ def read_picture(path: Path | str, sequence: int = 0, time_s: float = 0.0) -> Fr
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise FileError(f"{path}: no picture: give a file of type {', '.join(PICTURES)}")
-    return Frame(time_s, sequence, str(path), image=image)  # type: ignore[arg-type]
+    return Frame(time_s, sequence, str(path), image=image)
 
 
 class FolderSource:
@@ -92,7 +92,7 @@ class VideoSource:
                 known, image = capture.read()
                 if not known:
                     return
-                yield Frame(sequence / rate_hz, sequence, self.name, image=image)  # type: ignore[arg-type]
+                yield Frame(sequence / rate_hz, sequence, self.name, image=image)
                 sequence += 1
         finally:
             capture.release()

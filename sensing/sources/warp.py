@@ -75,7 +75,7 @@ def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -
     for _ in range(iterations):
         u, v = displacement.at(source_x, source_y)
         source_x, source_y = (x - u).astype(np.float32), (y - v).astype(np.float32)
-    return cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    return cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
 def cell_truth(

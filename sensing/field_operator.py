@@ -8,7 +8,7 @@ Notes:
     k(x, x') = a affine(x, x') + matern_5/2(|x - x'| / length) and noise lambda. The affine part has a wide prior
     instead of being exact, so that one formula serves any painted subset: one dot gives a constant, two a line,
     coincident dots average. The condition number of K + lambda I is at most
-    (N (1 + a (1 + r^2)) + lambda) / lambda, whatever the dots, r being the largest distance from the picture's centre
+    (N (1 + a (1 + r^2)) + lambda) / lambda, whatever the dots, r being the largest distance from the dots' centroid
     in lengths.
 
     With Q = (K + lambda I)^-1, leaving dot i out predicts d_i - (Q d)_i / Q_ii; a lost set L is predicted from the
@@ -100,12 +100,13 @@ def field_operator(
     if not (length_px > 0 and noise > 0):
         raise ParameterError(f"length_px={length_px}, noise={noise}: both must be positive", name="noise", value=noise)
     scale = min(size) / 480.0
-    dots = (reference_px - (np.array(size) - 1) / 2) / (length_px * scale)
+    origin = reference_px.mean(axis=0)  # so that few dots tilt nothing
+    dots = (reference_px - origin) / (length_px * scale)
     gram = _kernel(dots, dots) + noise * np.eye(len(dots))
     precision = np.linalg.inv(gram)
     precision = (precision + precision.T) / 2
     centres, samples = _cell_points(size, shape)
-    points = (samples - (np.array(size) - 1) / 2) / (length_px * scale)
+    points = (samples - origin) / (length_px * scale)
     mean_kernel = _kernel(points, dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
     distance = np.linalg.norm(centres[:, None] - reference_px[None], axis=2)
     return FieldOperator(

@@ -35,7 +35,7 @@ def draw_field(image: Image, field: ShearField, tracks: DotTracks | None = None,
         used = _draw_arrows(canvas, field, corner, side, gain)
         good = "" if tracks is None else f", {int((~tracks.lost).sum())}/{len(tracks.ids)} dots"
         text = f"arrows x{used:.3g}, largest {_length(field).max():.2f} px of {CROP_PX}{good}"
-        canvas[-38:, : 12 + 13 * len(text)] //= 4
+        cv2.rectangle(canvas, (0, canvas.shape[0] - 38), (12 + 13 * len(text), canvas.shape[0]), (40, 40, 40), -1)
         cv2.putText(canvas, text, (12, canvas.shape[0] - 14), cv2.FONT_HERSHEY_SIMPLEX, 0.7, WHITE, 1, cv2.LINE_AA)
     return canvas
 

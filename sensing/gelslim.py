@@ -51,7 +51,7 @@ class GelslimConfig:
         unknown = [name for name in self.channels if name not in CHANNELS]
         if unknown or not self.channels:
             raise ParameterError(
-                f"channels={','.join(self.channels) or 'none'}: choose from {', '.join(CHANNELS)}",
+                f"channels={','.join(unknown) or 'none'}: choose from {', '.join(CHANNELS)}",
                 name="channels",
                 value=self.channels,
             )

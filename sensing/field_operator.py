@@ -28,6 +28,9 @@ from cad.errors import ParameterError
 LENGTH_PX = 80.0  # at 480 px short side; measured in bench/bench_fields.py
 NOISE = 0.005  # lambda, relative to the Matern part's variance
 AFFINE_VARIANCE = 100.0  # a: ten standard deviations of the local part
+STRETCH_NOISE = 0.3  # lambda of the measured derivatives (per length)
+SURPRISE = 0.08  # least contradiction between measured and predicted stretch that counts
+SCATTERS = 2.5  # or this many times the median one
 REACH_PX = 70.0  # a cell this near a live dot is valid (dots are 40 to 50 apart)
 CELL_SAMPLES = 3  # per side: a cell's value is its mean, not its centre's
 
@@ -40,14 +43,16 @@ class FieldOperator:
         to_cells: (H * W, N) displacement of the dots to mean displacement of the cells.
         precision: (N, N) Q = (K + lambda I)^-1.
         gradient: (2, N, N) displacement of the dots to its x and y derivative at the dots, per pixel.
-        near: (H * W, N) bool, dot within reach of a cell.
+        bend: (H * W, 2 N) surprise in the derivatives at the dots (x then y) to displacement of the cells.
+        near: (H * W, N) 0 or 1, dot within reach of a cell.
         shape: (H, W).
         condition: condition number of K + lambda I.
     """
 
-    to_cells: NDArray[np.float64]
+    to_cells: NDArray[np.float32]
     precision: NDArray[np.float64]
     gradient: NDArray[np.float64]
+    bend: NDArray[np.float32]
     near: NDArray[np.float32]
     shape: tuple[int, int]
     condition: float
@@ -68,9 +73,26 @@ class FieldOperator:
         result[lost] = -np.linalg.solve(self.precision[np.ix_(lost, lost)], known)
         return result
 
-    def field(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(2, H, W) mean displacement of the cells; rows of lost dots must have been filled."""
-        return (self.to_cells @ displacement).T.reshape(2, *self.shape)
+    def predicted_stretch(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 2, 2) d displacement_i / d x_j at the dots, as the displacements of all dots have it."""
+        return np.moveaxis(self.gradient @ displacement, 0, 2)
+
+    def field(
+        self, displacement: NDArray[np.float64], stretch: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """(2, H, W) mean displacement of the cells; rows of lost dots must have been filled.
+
+        Args:
+            displacement: (N, 2).
+            stretch: (N, 2, 2) measured at the dots (NaN where not): sharpens the field where it contradicts the
+                smooth prediction by more than its own scatter.
+        """
+        cells = self.to_cells @ displacement.astype(np.float32)
+        if stretch is not None:
+            surprise = _beyond_scatter(stretch - self.predicted_stretch(displacement))
+            if surprise.any():
+                cells = cells + self.bend @ surprise.transpose(2, 0, 1).reshape(-1, 2).astype(np.float32)
+        return cells.T.reshape(2, *self.shape).astype(float)
 
     def valid(self, live: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(H, W) True where at least one live dot is within reach."""
@@ -108,11 +130,13 @@ def field_operator(
     centres, samples = _cell_points(size, shape)
     points = (samples - origin) / (length_px * scale)
     mean_kernel = _kernel(points, dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
+    gradient = _kernel_gradient(dots) @ precision
     distance = np.linalg.norm(centres[:, None] - reference_px[None], axis=2)
     return FieldOperator(
-        to_cells=mean_kernel @ precision,
+        to_cells=(mean_kernel @ precision).astype(np.float32),
         precision=precision,
-        gradient=_kernel_gradient(dots) @ precision / (length_px * scale),
+        gradient=gradient / (length_px * scale),
+        bend=(_bend(points, dots, mean_kernel, precision, gradient) * (length_px * scale)).astype(np.float32),
         near=(distance < REACH_PX * scale).astype(np.float32),
         shape=shape,
         condition=float(np.linalg.cond(gram)),
@@ -132,6 +156,43 @@ def _kernel_gradient(dots: NDArray[np.float64]) -> NDArray[np.float64]:
     slope = -5 / 3 * (1 + r) * np.exp(-r)  # dk/dr / r, times 5
     local = np.moveaxis(offset * slope[:, :, None], 2, 0)
     return local + AFFINE_VARIANCE * dots.T[:, None, :]
+
+
+def _bend(
+    points: NDArray[np.float64],
+    dots: NDArray[np.float64],
+    mean_kernel: NDArray[np.float64],
+    precision: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(H * W, 2 N) gain of the derivative observations, given the displacements (block elimination)."""
+    count = len(dots)
+    offset = dots[:, None] - dots[None]
+    r = np.sqrt(5) * np.linalg.norm(offset, axis=2)
+    decay = 5 / 3 * np.exp(-r)
+    curvature = np.zeros((2, count, 2, count))
+    for a in range(2):
+        for b in range(2):
+            same = float(a == b)
+            local = decay * ((1 + r) * same - 5 * offset[:, :, a] * offset[:, :, b])
+            curvature[a, :, b] = local + AFFINE_VARIANCE * same
+    by_dot = _kernel_gradient(dots).reshape(2 * count, count)
+    spread = curvature.reshape(2 * count, 2 * count) - by_dot @ precision @ by_dot.T
+    offset = points[:, None] - dots[None]
+    r = np.sqrt(5) * np.linalg.norm(offset, axis=2)
+    slope = 5 / 3 * (1 + r) * np.exp(-r)
+    to_points = np.concatenate([slope * offset[:, :, a] + AFFINE_VARIANCE * points[:, a, None] for a in (0, 1)], axis=1)
+    to_cells = to_points.reshape(len(mean_kernel), -1, 2 * count).mean(axis=1)
+    cross = to_cells - mean_kernel @ gradient.reshape(2 * count, count).T
+    return np.linalg.solve(spread + STRETCH_NOISE * np.eye(2 * count), cross.T).T
+
+
+def _beyond_scatter(innovation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 2, 2) shrunk to zero within the usual scatter (smoothly, as James and Stein do); NaN becomes zero."""
+    square = np.nan_to_num(innovation**2).sum(axis=(1, 2))
+    usual = max(SURPRISE, SCATTERS * float(np.sqrt(np.median(square))))
+    share = np.clip(1 - usual**2 / np.maximum(square, 1e-12), 0, 1)
+    return np.nan_to_num(innovation) * share[:, None, None]
 
 
 def _cell_points(size: tuple[int, int], shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -13,6 +13,8 @@ import numpy as np
 SATURATED = 252  # gray levels from here on tell nothing: blob or overexposure
 STOP_PX = 0.01  # a step this small ends the iteration
 COARSE_PX = 0.15  # once a step is this small the window's stretch is taken into account
+BEND_SCORE = 0.7  # a window that fits worse says nothing about its stretch
+BEND_AGAIN = 0.08  # a misfit larger than this is measured a second time from the new start
 FLAT_STRETCH = 0.01  # less stretch than this is neglected: 0.07 px at the window's edge, none in its middle
 GAIN_LEAST = 0.15  # a window with less than this share of the reference's contrast is no dot
 _JIT = {"cache": True, "nogil": True, "fastmath": True}
@@ -20,12 +22,13 @@ _JIT = {"cache": True, "nogil": True, "fastmath": True}
 
 @numba.njit(**_JIT)
 def align_windows(
-    image, centre, half, texture, weight, slope, descent, gain, energy,
+    image, centre, half, texture, weight, slope, descent, shear, gain, energy,
     which, displacement, stretch, iterations, quality,
 ):  # fmt: skip
-    """Align the windows ``which``; writes displacement and quality (correlation; 0 where no window was found)."""
+    """Align the windows ``which``: overwrites displacement, stretch, quality (correlation; 0 where none is found)."""
     height, width = image.shape
     value = np.empty((2 * half + 1) ** 2, np.float32)
+    turn = np.empty(4, np.float32)
     for row in range(which.size):
         i = which[row]
         if energy[i] <= 0:
@@ -34,21 +37,23 @@ def align_windows(
         a, b = np.float32(1 + stretch[i, 0, 0]), np.float32(stretch[i, 0, 1])
         c, d = np.float32(stretch[i, 1, 0]), np.float32(1 + stretch[i, 1, 1])
         flat = max(abs(a - 1) + abs(b), abs(c) + abs(d - 1)) < FLAT_STRETCH
-        reach = half * max(abs(a) + abs(b), abs(c) + abs(d))
         coarse = True  # far from the goal the cheap sampling without stretch is good enough
+        bends = 2
         score = np.float32(0)
-        for _ in range(iterations):
+        for step in range(iterations):
             cx, cy = centre[i, 0] + x, centre[i, 1] + y
             if not (-half < cx < width + half and -half < cy < height + half):
                 score = np.float32(-2)
                 break
+            reach = half * max(abs(a) + abs(b), abs(c) + abs(d))
             whole = reach <= cx < width - 1 - reach and reach <= cy < height - 1 - reach
             if whole and (flat or coarse):
                 whole = _sample_flat(image, cx, cy, half, value) < SATURATED
             elif whole:
                 whole = _sample_stretched(image, cx, cy, a, b, c, d, half, value) < SATURATED
+            strength = np.float32(0)
             if whole:
-                sx, sy, score = _plain_step(value, texture[i], weight[i], descent[i], gain[i], energy[i])
+                sx, sy, strength, score = _plain_step(value, texture[i], weight[i], descent[i], gain[i], energy[i])
             else:
                 _sample_masked(image, cx, cy, a, b, c, d, half, value)
                 sx, sy, score = _masked_step(value, texture[i], weight[i], slope[i])
@@ -59,12 +64,38 @@ def align_windows(
                 sx, sy = sx * 3 / longest, sy * 3 / longest
             x -= a * sx + b * sy
             y -= c * sx + d * sy
-            if longest < STOP_PX and (flat or not coarse or not whole):
-                break
+            settled = flat or not coarse or not whole
             coarse = coarse and longest > COARSE_PX
+            if longest < COARSE_PX and settled and whole and bends > 0 and score > BEND_SCORE:
+                bends -= 1
+                misfit = _stretch_misfit(value, shear[i], strength, turn)
+                a, b, c, d = (
+                    a - a * turn[0] - b * turn[2], b - a * turn[1] - b * turn[3],
+                    c - c * turn[0] - d * turn[2], d - c * turn[1] - d * turn[3],
+                )  # fmt: skip
+                if misfit > BEND_AGAIN and step < iterations - 2:
+                    flat = False
+                    continue
+                bends = 0
+            if longest < STOP_PX and settled:
+                break
         if score >= -1:
             quality[i] = score
             displacement[i, 0], displacement[i, 1] = x, y
+            stretch[i, 0, 0], stretch[i, 0, 1], stretch[i, 1, 0], stretch[i, 1, 1] = a - 1, b, c, d - 1
+
+
+@numba.njit(**_JIT)
+def _stretch_misfit(value, shear, strength, turn):
+    """Fills ``turn`` with the 2 x 2 misfit of the window's stretch (clipped); returns its largest entry."""
+    largest = np.float32(0)
+    for m in range(4):
+        total = np.float32(0)
+        for k in range(value.size):
+            total += shear[m, k] * value[k]
+        turn[m] = min(max(total / strength, np.float32(-0.3)), np.float32(0.3))
+        largest = max(largest, abs(turn[m]))
+    return largest
 
 
 @numba.njit(**_JIT)
@@ -136,7 +167,7 @@ def _sample_masked(image, cx, cy, a, b, c, d, half, value):
 
 @numba.njit(**_JIT)
 def _plain_step(value, texture, weight, descent, gain, energy):
-    """(step x, step y, correlation) of a window that is whole; correlation -2 if there is no contrast."""
+    """(step x, step y, gain, correlation) of a window that is whole; correlation -2 if there is no contrast."""
     sx = sy = g = mean = square = cross = np.float32(0)
     for k in range(value.size):
         v = value[k]
@@ -148,8 +179,8 @@ def _plain_step(value, texture, weight, descent, gain, energy):
         square += wv * v
         cross += wv * texture[k]
     if g < GAIN_LEAST:
-        return np.float32(0), np.float32(0), np.float32(-2)
-    return sx / g, sy / g, cross / np.sqrt(max(square - mean * mean, np.float32(1e-3)) * energy)
+        return np.float32(0), np.float32(0), g, np.float32(-2)
+    return sx / g, sy / g, g, cross / np.sqrt(max(square - mean * mean, np.float32(1e-3)) * energy)
 
 
 @numba.njit(**_JIT)

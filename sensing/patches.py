@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from sensing.patch_kernels import SATURATED, align_windows
 from sensing.records import Image
 
+SHEAR_DAMPING = 0.02  # of the mean curvature: what a window cannot tell about its stretch stays as it was
+
 
 @dataclass(frozen=True)
 class Patches:
@@ -30,6 +32,8 @@ class Patches:
         weight: (N, M), sums to 1 per window.
         slope: (N, M, 2) x and y derivatives of the reference.
         descent: (N, 2, M) weighted, projected, so that descent . I / gain is the misalignment.
+        shear: (N, 4, M) weighted, projected, so that shear . I / gain is the misfit of the stretch, row by row of its
+            2 x 2 matrix; damped where a round dot cannot tell (its own rotation).
         gain: (N, M) weighted, projected, so that gain . I is the contrast relative to the reference.
         energy: (N,) weighted variance of the texture.
     """
@@ -40,6 +44,7 @@ class Patches:
     weight: NDArray[np.float32]
     slope: NDArray[np.float32]
     descent: NDArray[np.float32]
+    shear: NDArray[np.float32]
     gain: NDArray[np.float32]
     energy: NDArray[np.float32]
 
@@ -55,6 +60,7 @@ def cut_patches(gray: Image, position: NDArray[np.float64], half: int) -> Patche
     slopes = np.gradient(np.pad(smooth, half + 1, mode="edge"))[::-1]  # x, y
     texture, weight, gain = (np.zeros((count, side * side), np.float32) for _ in range(3))
     slope, descent = np.zeros((count, side * side, 2), np.float32), np.zeros((count, 2, side * side), np.float32)
+    shear = np.zeros((count, 4, side * side), np.float32)
     energy = np.zeros(count, np.float32)
     for index, (x, y) in enumerate(centre):
         columns, rows = x + dx.astype(int), y + dy.astype(int)
@@ -71,9 +77,17 @@ def cut_patches(gray: Image, position: NDArray[np.float64], half: int) -> Patche
         texture[index], weight[index], slope[index] = value, w, grad
         pure = _project(grad, np.column_stack([ramps, value]), w)
         descent[index] = np.linalg.pinv(pure.T @ (w[:, None] * pure), rcond=1e-6) @ (w[:, None] * pure).T
+        bent = _project(
+            np.stack([grad[:, 0] * dx, grad[:, 0] * dy, grad[:, 1] * dx, grad[:, 1] * dy], axis=1),
+            np.column_stack([ramps, value, grad]),
+            w,
+        )
+        normal = bent.T @ (w[:, None] * bent)
+        damped = normal + SHEAR_DAMPING * np.trace(normal) / 4 * np.eye(4)
+        shear[index] = np.linalg.pinv(damped, rcond=1e-9) @ (w[:, None] * bent).T
         shade = _project(value[:, None], np.column_stack([ramps, grad]), w)[:, 0]
         gain[index] = w * shade / max(w @ shade**2, 1e-9)
-    return Patches(centre.astype(np.float32), half, texture, weight, slope, descent, gain, energy)
+    return Patches(centre.astype(np.float32), half, texture, weight, slope, descent, shear, gain, energy)
 
 
 def align(
@@ -91,7 +105,8 @@ def align(
         patches: reference windows.
         which: rows to treat.
         displacement: (N, 2) pixels.
-        stretch: (N, 2, 2) gradient of the displacement at each dot (d displacement_i / d x_j).
+        stretch: (N, 2, 2) gradient of the displacement at each dot (d displacement_i / d x_j), the start; overwritten
+            by what the windows show (windows cut by the frame or a highlight keep the start).
         iterations: at most.
 
     Returns:
@@ -101,7 +116,7 @@ def align(
     if min(image.shape) >= 3:
         align_windows(
             image, patches.centre, patches.half, patches.texture, patches.weight, patches.slope, patches.descent,
-            patches.gain, patches.energy, which, displacement, stretch, iterations, quality,
+            patches.shear, patches.gain, patches.energy, which, displacement, stretch, iterations, quality,
         )  # fmt: skip
     return quality
 

@@ -66,6 +66,8 @@ class DotTracks:
         quality: (N,) 0..1, correlation of the dot's surroundings with the reference (0 when lost).
         lost: (N,) bool.
         size: (width, height) of the full-size image.
+        stretch: (N, 2, 2) d displacement_i / d x_j as each dot's own window shows it, NaN where it does not; None for
+            methods that do not measure it.
     """
 
     time_s: float
@@ -75,15 +77,18 @@ class DotTracks:
     quality: NDArray[np.float64]
     lost: NDArray[np.bool_]
     size: tuple[int, int]
+    stretch: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.ids)
-        shapes = {
+        shapes: dict[str, tuple[int, ...]] = {
             "reference_px": (count, 2),
             "position_px": (count, 2),
             "quality": (count,),
             "lost": (count,),
         }
+        if self.stretch is not None:
+            shapes["stretch"] = (count, 2, 2)
         for name, shape in shapes.items():
             _require_shape(name, getattr(self, name), shape)
         _freeze(self, ("ids", *shapes))

@@ -10,8 +10,9 @@ Units: records are in full-size pixels; inside, pixels of the working picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -24,6 +25,8 @@ from sensing.gelslim import CROP_PX
 from sensing.patches import align, cut_patches
 from sensing.records import DotTracks, Frame, Image, ShearField
 from sensing.recovery import recover
+
+RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
 
 
 @dataclass(frozen=True)
@@ -76,18 +79,17 @@ class DotTracker:
         self.reduction = working_reduction(self.size)
         gray = decode_gray(reference, self.reduction)
         self.dots = find_dots(gray, source=reference.source) if dots is None else dots
-        count = len(self.dots)
         diameter = float(np.median(self.dots.diameter_px))
         half = int(np.clip(np.rint(self.config.window * diameter), 4, 12))
-        self._patches = cut_patches(gray, self.dots.position_px, half)
+        self._patches = cut_patches(smoothed(gray), self.dots.position_px, half)
         self.reference_px = to_full_px(self.dots.position_px, self.reduction)
         self.operator: FieldOperator = field_operator(
             self.reference_px, self.size, self.config.shape, self.config.length_px, self.config.noise
         )
         self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
-        self._all = np.arange(count)
-        self._displacement = np.zeros((count, 2))
-        self._live = np.zeros(count, bool)
+        self._all = np.arange(len(self.dots))
+        self._patience = 0
+        self.restart()
 
     def update(self, frame: Frame) -> DotTracks:
         """Tracks of one frame.
@@ -103,81 +105,103 @@ class DotTracker:
                 f"{frame.source}: frame of {got[0]}x{got[1]} px, the reference has {self.size[0]}x{self.size[1]}: "
                 "take a new reference at this size"
             )
-        moved, quality, live = self._follow(gray)
-        self._displacement, self._live = moved, live
-        reference = self.reference_px
+        fit = self._follow(smoothed(gray))
+        self._last = fit
         return DotTracks(
             time_s=frame.time_s,
             ids=self._all,
-            reference_px=reference,
-            position_px=reference + moved * self.reduction,
-            quality=np.where(live, np.clip(quality, 0, 1), 0.0),
-            lost=~live,
+            reference_px=self.reference_px,
+            position_px=self.reference_px + fit.moved * self.reduction,
+            quality=np.where(fit.live, np.clip(fit.quality, 0, 1), 0.0),
+            lost=~fit.live,
             size=self.size,
+            stretch=np.where(fit.live[:, None, None], fit.stretch, np.nan),
         )
 
     def field(self, tracks: DotTracks) -> ShearField:
         """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
         scale = CROP_PX / min(self.size)
-        channels = (self.operator.field(tracks.displacement_px) * scale).astype(np.float32)
-        return ShearField(tracks.time_s, channels, valid=self.operator.valid(~tracks.lost))
+        channels = self.operator.field(tracks.displacement_px, tracks.stretch) * scale
+        return ShearField(tracks.time_s, channels.astype(np.float32), valid=self.operator.valid(~tracks.lost))
 
     def restart(self) -> None:
         """Forget the previous frame."""
-        self._displacement[:] = 0
-        self._live[:] = False
+        count = len(self.dots)
+        self._last = _Fit(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(count, bool))
 
-    def _follow(self, gray: Image) -> tuple[NDArray, NDArray, NDArray]:
-        """(displacement, quality, live) in working pixels; lost dots are where their neighbours put them."""
-        moved = self._displacement.copy()
-        quality = self._refine(gray, self._all, moved)
-        live = self._judge(moved, quality)
-        if live.mean() < 1 - self.config.restart_share:
-            again, again_quality, again_live = self._search(gray)
-            if again_live.sum() > live.sum():
-                moved, quality, live = again, again_quality, again_live
-        if not live.all():
-            moved, quality, live = self._retry(gray, moved, quality, live)
-        return self.operator.filled(moved, live), quality, live
+    def _follow(self, gray: Image) -> _Fit:
+        """The best fit of one frame; lost dots are where their neighbours put them."""
+        fit = self._judged(self._refined(gray, self._all, self._last.moved))
+        if fit.live.mean() < 1 - self.config.restart_share:
+            again = self._search(gray)
+            if again.live.sum() > fit.live.sum():
+                fit = again
+        if not fit.live.all():
+            fit = self._retry(gray, fit)
+        return replace(fit, moved=self.operator.filled(fit.moved, fit.live))
 
-    def _refine(self, gray: Image, which: NDArray[np.int64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
-        stretch = np.moveaxis(self.operator.gradient @ moved, 0, 2) * self.reduction  # (N, uv, xy)
-        return align(gray, self._patches, which, moved, np.clip(stretch, -0.5, 0.5))
+    def _refined(self, gray: Image, which: NDArray[np.int64], start: NDArray[np.float64]) -> _Fit:
+        """Windows ``which`` aligned, from displacements ``start`` and the stretch that these imply."""
+        moved = start.copy()
+        stretch = np.clip(self.operator.predicted_stretch(moved) * self.reduction, -0.5, 0.5)
+        quality = align(gray, self._patches, which, moved, stretch)
+        return _Fit(moved, stretch, quality, np.zeros(len(moved), bool))
 
-    def _judge(self, moved: NDArray[np.float64], quality: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _judged(self, fit: _Fit) -> _Fit:
         """Which dots to believe: good correlation, and not far from what the believed others predict."""
-        live = quality > self.config.least_quality
-        trust = np.where(quality > self.config.sure_quality, 0.5, 0.25) * self._spacing
+        live = fit.quality > self.config.least_quality
+        trust = np.where(fit.quality > self.config.sure_quality, 0.5, 0.25) * self._spacing
         for _ in range(12):
             if live.sum() < 5:
-                return live
-            residual = self.operator.left_out(self.operator.filled(moved, live))
-            excess = np.where(live, np.linalg.norm(residual, axis=1) / trust, 0)
+                break
+            residual = self.operator.left_out(self.operator.filled(fit.moved, live))
+            excess = np.where(live, np.hypot(residual[:, 0], residual[:, 1]) / trust, 0)
             worst = int(excess.argmax())
             if excess[worst] <= 1:
-                return live
-            live[worst] = False
-        return live
-
-    def _retry(self, gray: Image, moved: NDArray, quality: NDArray, live: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Bad dots again, from the neighbours' prediction and from rest; the better correlation stays."""
-        bad = np.flatnonzero(~live)
-        for start in (self.operator.filled(moved, live), np.zeros_like(moved)):
-            trial = np.where(live[:, None], moved, start)
-            trial_quality = self._refine(gray, bad, trial)
-            better = bad[trial_quality[bad] > quality[bad]]
-            moved[better], quality[better] = trial[better], trial_quality[better]
-            live = self._judge(moved, quality)
-            bad = np.flatnonzero(~live)
-            if len(bad) == 0:
                 break
-        return moved, quality, live
+            live[worst] = False
+        return replace(fit, live=live)
 
-    def _search(self, gray: Image) -> tuple[NDArray, NDArray, NDArray]:
+    def _retry(self, gray: Image, fit: _Fit) -> _Fit:
+        """Bad dots again, from the neighbours' prediction and from rest; the better correlation stays.
+
+        Dots that were lost before start from their neighbours' prediction anyway and get this chance now and then.
+        """
+        self._patience += 1
+        for from_rest in (False, True):
+            bad = ~fit.live if self._patience % RETRY_EVERY == 0 else ~fit.live & self._last.live
+            if not bad.any():
+                break
+            start = np.zeros_like(fit.moved) if from_rest else self.operator.filled(fit.moved, fit.live)
+            trial = self._refined(gray, np.flatnonzero(bad), np.where(fit.live[:, None], fit.moved, start))
+            better = bad & (trial.quality > fit.quality)
+            if better.any():
+                fit = self._judged(_merged(fit, trial, better))
+        return fit
+
+    def _search(self, gray: Image) -> _Fit:
         reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
         moved, _ = recover(gray, self._patches, self.operator, reach, np.random.default_rng(0))
-        quality = self._refine(gray, self._all, moved)
-        return moved, quality, self._judge(moved, quality)
+        return self._judged(self._refined(gray, self._all, moved))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Displacement (N, 2) and stretch (N, 2, 2) in working pixels, correlation (N,) and belief (N,)."""
+
+    moved: NDArray[np.float64]
+    stretch: NDArray[np.float64]
+    quality: NDArray[np.float64]
+    live: NDArray[np.bool_]
+
+
+def _merged(fit: _Fit, trial: _Fit, better: NDArray[np.bool_]) -> _Fit:
+    return _Fit(
+        np.where(better[:, None], trial.moved, fit.moved),
+        np.where(better[:, None, None], trial.stretch, fit.stretch),
+        np.where(better, trial.quality, fit.quality),
+        fit.live,
+    )
 
 
 def frame_size(frame: Frame) -> tuple[int, int]:
@@ -186,6 +210,11 @@ def frame_size(frame: Frame) -> tuple[int, int]:
         return frame.size
     gray = decode_gray(frame)
     return gray.shape[1], gray.shape[0]
+
+
+def smoothed(gray: Image) -> Image:
+    """The picture without detail that bilinear sampling would distort (the bias of whole against half pixels)."""
+    return cv2.GaussianBlur(gray, (3, 3), 0.8)
 
 
 def _spacing(position: NDArray[np.float64], fallback: float) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ import json
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -154,7 +154,7 @@ def load_zero(path: Path | str) -> Zero:
     try:
         with np.load(path, allow_pickle=False) as data:
             about = json.loads(str(data["about"]))
-            image: Image = cv2.imdecode(data["png"], cv2.IMREAD_COLOR)
+            image = cv2.imdecode(data["png"], cv2.IMREAD_COLOR)
             noise = np.array(data["noise_px"])
         if image is None:
             raise ValueError("no picture")
@@ -199,9 +199,11 @@ def without_mounting(tracks: DotTracks, drift: Drift) -> DotTracks:
     arm = tracks.position_px - centre - drift.shift_px
     cos, sin = np.cos(drift.turn_rad) / drift.scale, np.sin(drift.turn_rad) / drift.scale
     back = np.stack([cos * arm[:, 0] + sin * arm[:, 1], -sin * arm[:, 0] + cos * arm[:, 1]], axis=1) + centre
-    return DotTracks(
-        tracks.time_s, tracks.ids, tracks.reference_px, back, tracks.quality, tracks.lost, tracks.size
-    )  # fmt: skip
+    stretch = None
+    if tracks.stretch is not None:
+        turn_back = np.array([[cos, sin], [-sin, cos]])
+        stretch = turn_back @ (np.eye(2) + tracks.stretch) - np.eye(2)
+    return replace(tracks, position_px=back, stretch=stretch)
 
 
 class AutoZero:

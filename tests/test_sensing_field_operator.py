@@ -48,9 +48,18 @@ def test_filling_lost_dots_equals_leaving_them_out():
     live = np.random.default_rng(1).random(len(DOTS)) > 0.3
     push = moved(Displacement((3.0, 1.0), 0.02, bumps=(Bump((300.0, 200.0), (9.0, 9.0), 70.0),)), DOTS)
     full = field_operator(DOTS, SIZE)
-    few = field_operator(DOTS[live], SIZE)
+    origin = DOTS.mean(axis=0)
+
+    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:  # written again, from the definition
+        a, b = (a - origin) / 80, (b - origin) / 80
+        r = np.sqrt(5) * np.linalg.norm(a[:, None] - b[None], axis=2)
+        return AFFINE_VARIANCE * (1 + a @ b.T) + (1 + r + r**2 / 3) * np.exp(-r)
+
+    gram = kernel(DOTS[live], DOTS[live]) + 0.005 * np.eye(live.sum())
+    expected = kernel(DOTS[~live], DOTS[live]) @ np.linalg.solve(gram, push[live])
     spoiled = np.where(live[:, None], push, 1e3)
-    assert np.allclose(full.field(full.filled(spoiled, live)), few.field(push[live]), atol=1e-6)
+    assert np.allclose(full.filled(spoiled, live)[~live], expected, atol=1e-6)
+    assert (full.filled(spoiled, live)[live] == push[live]).all()
 
 
 def test_left_out_residual_equals_refitting_without_the_dot():
@@ -80,6 +89,27 @@ def test_condition_is_bounded_for_any_painted_subset(count, seed):
 def test_degenerate_dots_still_give_a_constant(place):
     field = field_operator(place, SIZE).field(np.tile([2.0, -1.0], (len(place), 1)))
     assert np.abs(field[0] - 2).max() < 0.6 and np.abs(field[1] + 1).max() < 0.3 and np.isfinite(field).all()
+
+
+def test_measured_stretch_sharpens_narrow_bumps_between_dots():
+    operator, step = field_operator(DOTS, SIZE), 0.5
+    plain, sharp = [], []
+    for place in [(395, 262), (410, 250), (380, 300), (300, 180), (250, 330), (440, 300)]:
+        motion = Displacement(bumps=(Bump(place, (20.0, 12.0), 26.0),))
+        push, truth = moved(motion, DOTS), cell_truth(motion, SIZE, unit_px=480)
+        slopes = [(moved(motion, DOTS + s) - moved(motion, DOTS - s)) / (2 * step) for s in np.eye(2) * step]
+        plain.append(np.linalg.norm(operator.field(push) - truth, axis=0))
+        sharp.append(np.linalg.norm(operator.field(push, np.stack(slopes, axis=2)) - truth, axis=0))
+    assert np.max(sharp, axis=(1, 2)).mean() < 0.7 * np.max(plain, axis=(1, 2)).mean()
+    assert np.mean(sharp) < 0.8 * np.mean(plain)
+
+
+def test_stretch_within_its_scatter_changes_nothing():
+    operator = field_operator(DOTS, SIZE)
+    push = moved(Displacement((2.0, 1.0), 0.01), DOTS)
+    noise = np.random.default_rng(0).normal(0, 0.05, (len(DOTS), 2, 2))
+    noise[::7] = np.nan
+    assert np.abs(operator.field(push, operator.predicted_stretch(push) + noise) - operator.field(push)).max() < 0.05
 
 
 def test_mask_says_where_no_dot_reaches():

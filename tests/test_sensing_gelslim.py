@@ -1,4 +1,4 @@
-"""Parity with the released pipeline, against an independent, literal reading of its steps (torch pooling, plain loops)."""
+"""Parity with the released pipeline, against an independent, literal reading of its steps."""
 
 import cv2
 import numpy as np

@@ -8,7 +8,7 @@ from sensing.records import DotTracks, Frame, ShearField, Wrench
 def tracks(count: int = 3) -> DotTracks:
     place = np.arange(2.0 * count).reshape(count, 2)
     return DotTracks(
-        0.0, np.arange(count), place, place + [1.0, -2.0], np.ones(count), np.zeros(count, bool), (640, 480)
+        0.0, np.arange(count), place, place + np.array([1.0, -2.0]), np.ones(count), np.zeros(count, bool), (640, 480)
     )
 
 

@@ -15,7 +15,7 @@ from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
 from sensing.tracker import DotTracker
 
 IMAGE, _ = draw_dots(Drawing())
-REST = Frame(0.0, 0, "rest", image=IMAGE)
+REST = Frame(0.0, 0, "rest", jpeg=degrade(IMAGE, Degradation(), np.random.default_rng(9)), size=(640, 480))
 PRESS = Displacement((1.5, -1.0), 0.01, bumps=(Bump((420.0, 300.0), (10.0, 7.0), 45.0),))
 
 

@@ -94,7 +94,7 @@ def degrade(image: Image, degradation: Degradation, rng: np.random.Generator) ->
     if d.blur_px > 0:
         picture = cv2.GaussianBlur(picture, (0, 0), d.blur_px)
     if d.noise > 0:
-        picture = picture + rng.normal(0, d.noise, picture.shape).astype(np.float32)
+        picture = picture + d.noise * rng.standard_normal(picture.shape, dtype=np.float32)
     raw = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
     return cv2.imencode(".jpg", raw, [cv2.IMWRITE_JPEG_QUALITY, d.jpeg_quality])[1].tobytes()
 

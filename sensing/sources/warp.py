@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from sensing.records import Frame, Image
+
+SETTLED_PX = 2e-3  # the warp is found
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,28 @@ class Displacement:
 
 
 def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -> Image:
-    """The picture (H, W) or (H, W, 3) as seen after ``displacement``; beyond its frame the border is repeated."""
+    """The picture (H, W) or (H, W, 3) as seen after ``displacement``; beyond its frame the border is repeated.
+
+    Notes:
+        Sampled by cubic B-splines, which reproduce straight lines. OpenCV's cubic and Lanczos remapping do not: they
+        shift a ramp by up to 0.047 and 0.025 px, more than the error of the methods that this is to judge.
+    """
     height, width = image.shape[:2]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     source_x, source_y = x, y
     for _ in range(iterations):
         u, v = displacement.at(source_x, source_y)
-        source_x, source_y = (x - u).astype(np.float32), (y - v).astype(np.float32)
-    return cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        next_x, next_y = (x - u).astype(np.float32), (y - v).astype(np.float32)
+        change = max(np.abs(next_x - source_x).max(), np.abs(next_y - source_y).max())
+        source_x, source_y = next_x, next_y
+        if change < SETTLED_PX:
+            break
+    layers = image[:, :, None] if image.ndim == 2 else image
+    sampled = [
+        ndimage.map_coordinates(layers[:, :, k].astype(np.float32), [source_y, source_x], order=3, mode="nearest")
+        for k in range(layers.shape[2])
+    ]
+    return np.clip(np.rint(np.stack(sampled, axis=2)), 0, 255).astype(np.uint8).reshape(image.shape)
 
 
 def cell_truth(

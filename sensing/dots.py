@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from cad.errors import EndcapError
 from sensing.records import Image
@@ -21,6 +22,7 @@ from sensing.records import Image
 DIAMETER_SHARE = 0.037  # E: a dot's diameter over the picture's short side (18 of 480 px on the released photos)
 CONTRAST = 0.13  # E: least darkness against the surroundings; the palest painted dots of the photos have 0.2
 DARK_GRAY = 12.0  # gray levels added to the surroundings: no contrast out of sensor noise in the dark
+CROWDED = 0.55  # E: closer than this share of the usual spacing is a piece of a digit or a smear beside a dot
 LEAST_FILL = 0.72  # E: share of the moment ellipse that a dot fills; digits and strokes fill half or less
 
 
@@ -67,7 +69,7 @@ def find_dots(gray: Image, least: int = 1, source: str = "reference") -> Dots:
     if len(blobs):
         usual = np.median(blobs[~blobs[:, 3].astype(bool), 2]) if (blobs[:, 3] == 0).any() else expected
         limit = np.where(blobs[:, 3] > 0, 0.4, 0.6) * usual
-        blobs = blobs[(blobs[:, 2] > limit) & (blobs[:, 2] < 1.8 * usual)]
+        blobs = _apart(blobs[(blobs[:, 2] > limit) & (blobs[:, 2] < 1.8 * usual)], float(usual))
     if len(blobs) < least:
         raise NoDotsError(
             f"{source}: {len(blobs)} dots found, at least {least} needed: is the lamp on, the picture sharp, "
@@ -112,6 +114,20 @@ def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float6
             total = weight.sum()
             found.append((x + (weight * columns).sum() / total, y + (weight * rows).sum() / total, diameter, cut))
     return np.array(found, float).reshape(-1, 4)
+
+
+def _apart(blobs: NDArray[np.float64], usual: float) -> NDArray[np.float64]:
+    """Blobs without those that crowd another: of two too close, the one whose size is less usual is no dot."""
+    while len(blobs) > 3:
+        distance, other = cKDTree(blobs[:, :2]).query(blobs[:, :2], k=2)
+        nearest = distance[:, 1]
+        close = np.flatnonzero(nearest < CROWDED * np.median(nearest))
+        if len(close) == 0:
+            break
+        pair = np.unique(np.concatenate([close, other[close, 1]]))
+        odd = np.abs(np.log(blobs[pair, 2] / usual)) + blobs[pair, 3]
+        blobs = np.delete(blobs, pair[int(odd.argmax())], axis=0)
+    return blobs
 
 
 def _is_dot(patch: NDArray[np.bool_]) -> bool:

@@ -22,6 +22,8 @@ STRIDE = 2
 LEAST_CORRELATION = 0.6
 CANDIDATES = 4
 AGREE_PX = 4.0  # a candidate within this of the prediction is taken
+GROW_PX = 10.0  # the same while growing: narrow bumps surprise their neighbours; half a dot spacing is 11
+ROUNDS = 8
 TRIALS = 150
 
 
@@ -41,21 +43,47 @@ def recover(
     place, score = _candidates(maps)
     start = _agreed_motion(patches.centre.astype(float), place, score, rng)
     chosen, error = _nearest(place, score, start)
-    live = error < AGREE_PX
-    if live.sum() < 3:
-        return np.zeros((count, 2)), np.zeros(count, bool)
-    for _ in range(8):
+    return _grown(operator, place, score, chosen, error < AGREE_PX)
+
+
+def regrow(
+    image: Image,
+    patches: Patches,
+    operator: FieldOperator,
+    moved: NDArray[np.float64],
+    live: NDArray[np.bool_],
+    reach: int,
+) -> NDArray[np.float64]:
+    """(N, 2) coarse displacements with the lost dots searched for near their neighbours' prediction; live ones stay."""
+    lost = np.flatnonzero(~live)
+    maps = correlation_map(
+        image, patches.centre, patches.half, patches.texture, patches.weight, patches.energy, lost, reach, STRIDE
+    )
+    place, score = np.zeros((len(live), CANDIDATES, 2)), np.zeros((len(live), CANDIDATES))
+    place[lost], score[lost] = _candidates(maps)
+    place[live, 0], score[live, 0] = moved[live], 1.0
+    return _grown(operator, place, score, moved, live)[0]
+
+
+def _grown(
+    operator: FieldOperator,
+    place: NDArray[np.float64],
+    score: NDArray[np.float64],
+    chosen: NDArray[np.float64],
+    live: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """From the live dots outward: each takes the candidate nearest to what the others predict, if near enough."""
+    count = len(live)
+    for _ in range(ROUNDS):
+        if live.sum() < 3:
+            return np.zeros((count, 2)), np.zeros(count, bool)
         predicted = operator.filled(np.where(live[:, None], chosen, 0.0), live)
-        residual = np.zeros((count, 2))
-        residual[live] = _left_out(operator, chosen, live)
-        predicted = np.where(live[:, None], chosen - residual, predicted)
+        predicted[live] -= _left_out(operator, chosen, live)
         chosen, error = _nearest(place, score, predicted)
-        grown = error < 2 * AGREE_PX
+        grown = error < GROW_PX
         if (grown == live).all():
             break
         live = grown
-        if not live.any():
-            return np.zeros((count, 2)), live
     return operator.filled(np.where(live[:, None], chosen, 0.0), live), live
 
 

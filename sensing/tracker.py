@@ -24,7 +24,7 @@ from sensing.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operat
 from sensing.gelslim import CROP_PX
 from sensing.patches import align, cut_patches
 from sensing.records import DotTracks, Frame, Image, ShearField
-from sensing.recovery import recover
+from sensing.recovery import recover, regrow
 
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
 
@@ -88,7 +88,8 @@ class DotTracker:
         )
         self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
         self._all = np.arange(len(self.dots))
-        self._patience = 0
+        self._reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
+        self._patience = RETRY_EVERY - 1
         self.restart()
 
     def update(self, frame: Frame) -> DotTracks:
@@ -163,25 +164,34 @@ class DotTracker:
         return replace(fit, live=live)
 
     def _retry(self, gray: Image, fit: _Fit) -> _Fit:
-        """Bad dots again, from the neighbours' prediction and from rest; the better correlation stays.
+        """Bad dots again, from the neighbours' prediction, from rest and from a search; the better correlation stays.
 
         Dots that were lost before start from their neighbours' prediction anyway and get this chance now and then.
         """
         self._patience += 1
-        for from_rest in (False, True):
-            bad = ~fit.live if self._patience % RETRY_EVERY == 0 else ~fit.live & self._last.live
+        shaken = self._last.live.mean() < 1 - self.config.restart_share
+        worth = np.full(len(fit.live), True) if shaken or self._patience % RETRY_EVERY == 0 else self._last.live
+        for attempt in (self._from_neighbours, self._from_rest, self._from_search):
+            bad = ~fit.live & worth
             if not bad.any():
                 break
-            start = np.zeros_like(fit.moved) if from_rest else self.operator.filled(fit.moved, fit.live)
-            trial = self._refined(gray, np.flatnonzero(bad), np.where(fit.live[:, None], fit.moved, start))
+            trial = self._refined(gray, np.flatnonzero(bad), attempt(gray, fit))
             better = bad & (trial.quality > fit.quality)
             if better.any():
                 fit = self._judged(_merged(fit, trial, better))
         return fit
 
+    def _from_neighbours(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+        return self.operator.filled(fit.moved, fit.live)
+
+    def _from_rest(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+        return np.where(fit.live[:, None], fit.moved, 0.0)
+
+    def _from_search(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+        return regrow(gray, self._patches, self.operator, fit.moved, fit.live, self._reach)
+
     def _search(self, gray: Image) -> _Fit:
-        reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
-        moved, _ = recover(gray, self._patches, self.operator, reach, np.random.default_rng(0))
+        moved, _ = recover(gray, self._patches, self.operator, self._reach, np.random.default_rng(0))
         return self._judged(self._refined(gray, self._all, moved))
 
 

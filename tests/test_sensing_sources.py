@@ -302,6 +302,14 @@ def test_warp_moves_a_dot_where_the_displacement_says():
     assert np.abs(centre - [150 + u, 110 + v]).max() < 0.03
 
 
+@pytest.mark.parametrize("shift", [0.1, 0.25, 0.5, 0.8])
+def test_warp_shifts_a_ramp_without_bias(shift):
+    ramp = np.tile(np.arange(0, 256, 2, dtype=np.uint8), (32, 1))
+    moved = warp_image(ramp, Displacement((shift, 0.0))).astype(float)[4:-4, 8:-8]
+    expected = np.floor(ramp[4:-4, 8:-8] - 2 * shift + 0.5)
+    assert (moved == expected).mean() > 0.95  # one gray level is half a pixel of this ramp
+
+
 def test_cell_truth_converges_to_the_centre_value_for_small_cells():
     motion = Displacement(bumps=(Bump((320.0, 240.0), (10.0, 0.0), 80.0),))
     fine = cell_truth(motion, (640, 480), (240, 240), unit_px=480)

@@ -8,7 +8,6 @@ Times are seconds of ``time.monotonic``.
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections import deque
@@ -154,9 +153,11 @@ class LiveSource:
     def _run(self) -> None:
         while not self._stop.is_set():
             try:
-                source = self._open()
-                with contextlib.closing(iter(source)) as frames:  # type: ignore[type-var]
+                frames = iter(self._open())
+                try:
                     self._pump(frames)
+                finally:
+                    getattr(frames, "close", lambda: None)()  # generators release their device here
                 if not self._reopen:
                     self._health = replace(self._health, status="ended", message="")
                     break

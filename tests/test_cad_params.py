@@ -159,7 +159,7 @@ def test_inside_the_region_everything_fits(diameter_mm, share):
     assert params.bore_radius_mm < params.screw_circle_radius_mm - 2.75  # half a nut
     assert params.interlock_top_mm <= params.centre_height_mm + params.outer_radius_mm / 2 + 1e-9  # 60 degree cap free
     assert feasible.dam_height_mm(diameter_mm, params.wall_mm) + 6.0 <= params.centre_height_mm + 1e-6
-    assert params.outer_radius_mm / 5 >= params.wall_mm >= 5.0
+    assert params.outer_radius_mm / 5 + 1e-9 >= params.wall_mm >= 5.0
 
 
 @given(st.floats(1e-6, 1e4), st.floats(1e-6, 1e4))

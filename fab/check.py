@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 
-
 @dataclass(frozen=True)
 class Check:
     """One gate.

@@ -80,7 +80,8 @@ def write_solids(design: Design, folder: Path) -> None:
 def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
     """Write one part as 3MF; identifiers, which the writer draws at random, are made from the part's name."""
     named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
-    scene = trimesh.Scene({name: named})
+    scene = trimesh.Scene()
+    scene.add_geometry(named, node_name=name, geom_name=name)
     source = ZipFile(BytesIO(scene.export(file_type="3mf")))
     counter = iter(range(1 << 16))
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from cad.mold_layout import MoldLayout
 from cad.part import Part
-from cad.solids import drill
+from cad.solids import drill, one_solid
 from fab.check import Check
 
 if TYPE_CHECKING:
@@ -62,13 +62,14 @@ def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Ch
     """Least gap between mated printed pieces, between their solids, against the joint clearance."""
     nominal, flange = layout.joint_clearance_mm, layout.params.flange_thickness_mm
     below = drill((0.0, 0.0), 2 * layout.params.outer_radius_mm, 0.0, flange - 0.5)  # above it, the ramp closes in
+    neck, bore = (one_solid(solids[name].intersect(below), name) for name in ("core_key_1", "interface"))
     pairs = {
         "bowl": (solids["cup_bowl_1"], solids["cup_bowl_2"]),
         "collar": (solids["cup_collar_1"], solids["cup_collar_2"]),
         "core_key": (solids["core_centre"], solids["core_key_1"]),
         "core_wide": (solids["core_centre"], solids["core_wide_1"]),
         "core_side": (solids["core_key_1"], solids["core_wide_1"]),
-        "core_bore": (solids["core_key_1"] & below, solids["interface"] & below),
+        "core_bore": (neck, bore),
     }
     return [
         Check(f"joint_{name}.gap_mm", first.distance_to(second), nominal - CLEARANCE_MM, nominal + CLEARANCE_MM)
@@ -107,7 +108,11 @@ def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Chec
     """
     up = -1.0 if name.startswith("cup_bowl") else 1.0
     centre = np.array([0.0, 0.0, layout.params.centre_height_mm])
-    distance = np.linalg.norm(mesh.triangles_center - centre, axis=1)
-    inside = np.abs(distance - layout.params.outer_radius_mm) < 0.05
+    outward = mesh.triangles_center - centre
+    distance = np.linalg.norm(outward, axis=1)
+    facing_in = np.einsum("ij,ij->i", mesh.face_normals, outward) < -0.9 * distance
+    inside = facing_in & (np.abs(distance - layout.params.outer_radius_mm) < 0.05)
     down = -up * mesh.face_normals[inside, 2]
-    return Check(f"{name}.overhang_deg", float(np.degrees(np.arcsin(np.clip(down.max(), -1, 1)))), high=MAX_OVERHANG_DEG)
+    return Check(
+        f"{name}.overhang_deg", float(np.degrees(np.arcsin(np.clip(down.max(), -1, 1)))), high=MAX_OVERHANG_DEG
+    )

@@ -1,4 +1,4 @@
-"""The gyroid: field and area against closed forms, the mesh against its own checks, the checks against planted faults."""
+"""The gyroid: field and area against closed forms, the mesh against its own checks, the checks against faults."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from cad.dots import DOT_RADIUS_MM, POLAR_STEP_DEG, dot_pattern, dot_position_mm
 from cad.params import EndcapParams
 
 RELEASED_COUNTS = (1, 6, 10, 12, 16, 18)  # facts.md, "painted dots"
-SIZES = [(98.77, 5.0), (99.0, 8.1), (130.0, 8.0), (180.0, 10.0), (250.0, 5.0), (250.0, 25.0)]
+SIZES = [(98.86, 6.5), (99.0, 8.1), (130.0, 8.0), (180.0, 10.0), (250.0, 6.5), (250.0, 25.0)]
 
 
 @pytest.fixture(params=SIZES, ids=lambda s: f"D{s[0]:g}_T{s[1]:g}")

@@ -18,7 +18,8 @@ from cad.params import EndcapParams
 FACT_MM = 0.05  # the released sensor is known to this
 LIMIT = r"-?\d+(?:\.\d+)?"
 NEAREST = re.compile(rf"nearest valid choice D=({LIMIT}) T=({LIMIT})")
-CORNERS = [(98.77, 5.0), (99.0, 5.0), (130.0, 5.0), (130.0, 13.0), (250.0, 5.0), (250.0, 25.0)]
+LEAST_WALL_MM = 6.5
+CORNERS = [(98.86, 6.5), (99.0, 6.5), (130.0, 6.5), (130.0, 13.0), (250.0, 6.5), (250.0, 25.0)]
 
 
 def refusal(diameter_mm, wall_mm) -> str:
@@ -72,7 +73,7 @@ def test_surfaces_are_spheres_about_one_centre(diameter_mm, wall_mm):
     assert params.outer_radius_at(params.tip_height_mm + 1) == 0.0  # beyond the tip there is no section
 
 
-@pytest.mark.parametrize("wall_mm", [5.0, 8.0, 13.0])
+@pytest.mark.parametrize("wall_mm", [6.5, 8.0, 13.0])
 def test_base_and_screws_do_not_depend_on_the_wall(released, wall_mm):
     other = EndcapParams(130.0, wall_mm)
     for name in ("screw_circle_radius_mm", "bore_radius_mm", "arm_circle_radius_mm", "rim_radius_mm"):
@@ -103,7 +104,7 @@ def test_the_least_rim_holds_ring_nut_and_screw():
     # 39.0 ring + 0.3 clearance + 2.8 half a nut + 1.7 ledge = screw circle; the rim is the released inset beyond it
     released_rim = math.sqrt(65.0**2 - 38.37**2)
     assert scaling.MIN_RIM_RADIUS_MM == pytest.approx(39.0 + 0.3 + 2.8 + 1.7 + released_rim - 47.53)
-    assert EndcapParams(100.0, 6.0).rim_radius_mm == scaling.MIN_RIM_RADIUS_MM
+    assert EndcapParams(100.0, 7.0).rim_radius_mm == scaling.MIN_RIM_RADIUS_MM
     assert EndcapParams(180.0, 10.0).rim_radius_mm == pytest.approx(released_rim * 180 / 130)
 
 
@@ -111,7 +112,7 @@ def test_smallest_diameter_is_where_the_collar_ends_for_the_thinnest_wall():
     def room_mm(outer: float) -> float:
         """What dam, its margin (1.5) and bolt flange (6) leave of the height between equator and mating plane."""
         centre = math.sqrt(outer**2 - scaling.MIN_RIM_RADIUS_MM**2)
-        return centre - 6.0 - 1.5 - (outer**2 / (outer - 5.0) ** 2 - 1) * (centre - 6.0)
+        return centre - 6.0 - 1.5 - (outer**2 / (outer - LEAST_WALL_MM) ** 2 - 1) * (centre - 6.0)
 
     expected = 2 * brentq(room_mm, scaling.MIN_RIM_RADIUS_MM + 0.1, 65.0, xtol=1e-10)
     assert feasible.diameter_range_mm()[0] == pytest.approx(expected, abs=1e-6)
@@ -127,7 +128,7 @@ def test_the_contact_cap_would_allow_smaller_diameters_still():
 @pytest.mark.parametrize("diameter_mm", [130.0, 180.0, 250.0])
 def test_thickest_wall_is_a_fifth_of_the_radius_or_less(diameter_mm):
     low, high = feasible.wall_range_mm(diameter_mm)
-    assert low == 5.0
+    assert low == LEAST_WALL_MM
     assert high == pytest.approx(diameter_mm / 10)
 
 
@@ -159,7 +160,7 @@ def test_inside_the_region_everything_fits(diameter_mm, share):
     assert params.bore_radius_mm < params.screw_circle_radius_mm - 2.75  # half a nut
     assert params.interlock_top_mm <= params.centre_height_mm + params.outer_radius_mm / 2 + 1e-9  # 60 degree cap free
     assert feasible.dam_height_mm(diameter_mm, params.wall_mm) + 6.0 <= params.centre_height_mm + 1e-6
-    assert params.outer_radius_mm / 5 + 1e-9 >= params.wall_mm >= 5.0
+    assert params.outer_radius_mm / 5 + 1e-9 >= params.wall_mm >= LEAST_WALL_MM
 
 
 @given(st.floats(1e-6, 1e4), st.floats(1e-6, 1e4))
@@ -182,13 +183,13 @@ def test_outside_the_region_the_refusal_is_complete_and_its_choice_is_accepted(d
 @pytest.mark.parametrize(
     ("diameter_mm", "wall_mm", "words"),
     [
-        (130, 4.99, ["wall_mm=4.99", "5..13", "silicone can fill", "D=130 T=5"]),
-        (130, 13.01, ["wall_mm=13.01", "5..13", "R/5", "D=130 T=13"]),
-        (120, 11.5, ["wall_mm=11.5", "5..11.16", "LED ring", "39.3", "D=120 T=11.16"]),
-        (99, 9.5, ["wall_mm=9.5", "5..8.19", "dam and bolt flange", "D=99 T=8.19"]),
-        (250, 30, ["wall_mm=30", "5..25", "R/5", "D=250 T=25"]),
-        (98, 5, ["diameter_mm=98 ", "98.77..250", "keep their size", "bolt flange", "D=98.77 T=5"]),
-        (251, 5, ["diameter_mm=251", "98.77..250", "256 mm print bed", "D=250 T=5"]),
+        (130, 6.49, ["wall_mm=6.49", "6.5..13", "silicone can fill", "D=130 T=6.5"]),
+        (130, 13.01, ["wall_mm=13.01", "6.5..13", "R/5", "D=130 T=13"]),
+        (120, 11.5, ["wall_mm=11.5", "6.5..11.16", "LED ring", "39.3", "D=120 T=11.16"]),
+        (99, 9.5, ["wall_mm=9.5", "6.5..8.19", "dam and bolt flange", "D=99 T=8.19"]),
+        (250, 30, ["wall_mm=30", "6.5..25", "R/5", "D=250 T=25"]),
+        (98, 5, ["diameter_mm=98 ", "98.86..250", "keep their size", "bolt flange", "D=98.86 T=6.5"]),
+        (251, 5, ["diameter_mm=251", "98.86..250", "256 mm print bed", "D=250 T=6.5"]),
         (5.118, 8, ["diameter_mm=5.118", "looks like inches", "129.997 mm", "nearest valid choice"]),
     ],
 )
@@ -203,9 +204,9 @@ def test_refusals_name_value_limit_reason_and_nearest_choice(diameter_mm, wall_m
 def test_corners_are_inside_and_just_beyond_them_is_not(corner):
     diameter, wall = corner
     EndcapParams(diameter, wall)
-    beyond = [(diameter, wall - 0.011)] if wall == 5.0 else [(diameter, wall + 0.011)]
+    beyond = [(diameter, wall - 0.011)] if wall == LEAST_WALL_MM else [(diameter, wall + 0.011)]
     beyond += [(250.01, wall)] if diameter == 250 else []
-    beyond += [(98.76, wall)] if diameter == 98.77 else []
+    beyond += [(98.85, wall)] if diameter == 98.86 else []
     for pair in beyond:
         refusal(*pair)
 

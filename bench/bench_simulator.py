@@ -90,9 +90,7 @@ def main() -> None:
     with (HERE / "simulator.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
-        writer.writerows(
-            {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows
-        )
+        writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows)
     plot(curve[:-1])
     for line in rows:
         print(line, file=sys.stderr)

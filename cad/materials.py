@@ -82,9 +82,7 @@ class HyperelasticLaw:
         return min(self.c10_mpa + 2 * self.c20_mpa * x + 3 * self.c30_mpa * x * x for x in (0.0, 0.25, 0.5, 0.75, 1.0))
 
 
-def hyperelastic_law(
-    c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_mpa: float = 0.0
-) -> HyperelasticLaw:
+def hyperelastic_law(c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_mpa: float = 0.0) -> HyperelasticLaw:
     """Law from C10 and Poisson's ratio.
 
     Raises:

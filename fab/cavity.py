@@ -24,6 +24,7 @@ OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfa
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
 WALL_SAMPLES = 4000
 MET_SHARE = 0.95  # of the rays: the joints' gaps are a hundredth of the surface
+SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 GRAZING = 0.95  # cosine of a ray to a face's normal: the cavity's faces are met square
 LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
 VISCOSITY_PA_S = 35.0  # S: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
@@ -127,6 +128,14 @@ def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
     closed = [(0.0, heights[0]), *map(tuple, outline), (0.0, heights[-1])]
     section = manifold3d.CrossSection([np.array(closed)], manifold3d.FillRule.Positive)
     return manifold3d.Manifold.revolve(section, 512)
+
+
+def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Faces (mask) of a cup segment that shape the silicone: on the outer sphere, and looking at its centre."""
+    outward = mesh.triangles_center - np.array([0.0, 0.0, layout.params.centre_height_mm])
+    distance = np.linalg.norm(outward, axis=1)
+    facing_in = np.einsum("ij,ij->i", mesh.face_normals, outward) < -GRAZING * distance
+    return facing_in & (np.abs(distance - layout.params.outer_radius_mm) < SURFACE_MM)
 
 
 def _joined(pieces: Mapping[str, trimesh.Trimesh], prefix: str) -> trimesh.Trimesh:

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from cad.mold_layout import MoldLayout
 from cad.part import Part
 from cad.solids import drill, one_solid
+from fab.cavity import cavity_faces
 from fab.check import Check
 
 if TYPE_CHECKING:
@@ -107,12 +108,7 @@ def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Chec
     Bowl segments stand dome-down, collar segments on the mating plane; both as they are when poured or upside down.
     """
     up = -1.0 if name.startswith("cup_bowl") else 1.0
-    centre = np.array([0.0, 0.0, layout.params.centre_height_mm])
-    outward = mesh.triangles_center - centre
-    distance = np.linalg.norm(outward, axis=1)
-    facing_in = np.einsum("ij,ij->i", mesh.face_normals, outward) < -0.9 * distance
-    inside = facing_in & (np.abs(distance - layout.params.outer_radius_mm) < 0.05)
-    down = -up * mesh.face_normals[inside, 2]
+    down = -up * mesh.face_normals[cavity_faces(layout, mesh), 2]
     return Check(
         f"{name}.overhang_deg", float(np.degrees(np.arcsin(np.clip(down.max(), -1, 1)))), high=MAX_OVERHANG_DEG
     )

@@ -146,9 +146,7 @@ class CondensedStep:
         travel_mm = np.array(
             [0.0, self.problem.shift_mm[0] - self.last_shift_mm[0], self.problem.shift_mm[1] - self.last_shift_mm[1]]
         )
-        before = CondensedStep(
-            replace(self.problem, shift_mm=self.last_shift_mm), self.tangent, self.last_shift_mm
-        )
+        before = CondensedStep(replace(self.problem, shift_mm=self.last_shift_mm), self.tangent, self.last_shift_mm)
         here = before._evaluate(free_place, x, depth_mm)
         moved = here.contact.stiffness @ np.tile(self.problem.frame @ travel_mm, 9)
         pushed = _gather(moved, self.tangent)

@@ -148,9 +148,7 @@ def respond(
         memory.traction, memory.position, memory.gap, body, position, translation, friction,
         lagged, used_bound, frozen, used_share,
     )  # fmt: skip
-    return ContactResponse(
-        energy, force, stiffness, pressure, gap, traction, slipping, y, used_share, gradient
-    )
+    return ContactResponse(energy, force, stiffness, pressure, gap, traction, slipping, y, used_share, gradient)
 
 
 @njit(cache=True)

@@ -206,9 +206,7 @@ def surface_arrays(model: ShellModel) -> dict[str, Any]:
     }
 
 
-def _state_row(
-    path: LoadPath, phase: str, state: State, model: ShellModel, inner: Index, level: int
-) -> dict[str, Any]:
+def _state_row(path: LoadPath, phase: str, state: State, model: ShellModel, inner: Index, level: int) -> dict[str, Any]:
     patch = contact_patch(model, state)
     assert state.certificate is not None
     return {

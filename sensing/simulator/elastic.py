@@ -171,10 +171,14 @@ def _tangent(u, gradient, weight, psi, mass_inverse, c10, c20, c30, bulk):  # ty
                 b[a] += weight[e, q] * psi[q, a] * (det[q] - 1.0)
             for c in range(27):
                 for j in range(3):
-                    dj = weight[e, q] * det[q] * (
-                        g[q, j, 0] * gradient[e, q, c, 0]
-                        + g[q, j, 1] * gradient[e, q, c, 1]
-                        + g[q, j, 2] * gradient[e, q, c, 2]
+                    dj = (
+                        weight[e, q]
+                        * det[q]
+                        * (
+                            g[q, j, 0] * gradient[e, q, c, 0]
+                            + g[q, j, 1] * gradient[e, q, c, 1]
+                            + g[q, j, 2] * gradient[e, q, c, 2]
+                        )
                     )
                     for a in range(4):
                         volume[a, 3 * c + j] += psi[q, a] * dj
@@ -207,11 +211,15 @@ def _tangent(u, gradient, weight, psi, mass_inverse, c10, c20, c30, bulk):  # ty
                             same = 1.0 if (i == j and k == m) else 0.0
                             gg = g[q, i, k] * g[q, j, m]
                             swapped = g[q, i, m] * g[q, j, k]
-                            second = 2 * scale * (
-                                same
-                                - 2.0 / 3.0 * (f[q, i, k] * g[q, j, m] + g[q, i, k] * f[q, j, m])
-                                + 2.0 / 9.0 * first * gg
-                                + first / 3.0 * swapped
+                            second = (
+                                2
+                                * scale
+                                * (
+                                    same
+                                    - 2.0 / 3.0 * (f[q, i, k] * g[q, j, m] + g[q, i, k] * f[q, j, m])
+                                    + 2.0 / 9.0 * first * gg
+                                    + first / 3.0 * swapped
+                                )
                             )
                             moduli[q, i, k, j, m] = weight[e, q] * (
                                 curve * s1[i, k] * s1[j, m] + slope * second + p * det[q] * (gg - swapped)

@@ -34,8 +34,7 @@ def shape_hex(local: Array) -> tuple[Array, Array]:
     (a, da), (b, db), (c, dc) = (lagrange(local[:, k]) for k in range(3))
     value = np.einsum("nk,nj,ni->nkji", c, b, a).reshape(len(local), 27)
     grads = [
-        np.einsum("nk,nj,ni->nkji", *triple).reshape(len(local), 27)
-        for triple in ((c, b, da), (c, db, a), (dc, b, a))
+        np.einsum("nk,nj,ni->nkji", *triple).reshape(len(local), 27) for triple in ((c, b, da), (c, db, a), (dc, b, a))
     ]
     return value, np.stack(grads, axis=-1)
 

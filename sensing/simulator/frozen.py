@@ -30,9 +30,7 @@ MAX_TANGENTS = 12
 class FrozenPress:
     """Level 2 on top of a level 1 press; counts what it did in ``fast_steps`` and ``fallbacks``."""
 
-    def __init__(
-        self, press: Press, tolerance: float = TOLERANCE, tangents: list[StoredTangent] | None = None
-    ) -> None:
+    def __init__(self, press: Press, tolerance: float = TOLERANCE, tangents: list[StoredTangent] | None = None) -> None:
         self.press = press
         self.tolerance = tolerance
         self.tangents = tangents if tangents is not None else []  # may be shared by presses of one model and tilt

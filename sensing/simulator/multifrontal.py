@@ -58,9 +58,7 @@ def dissect(dofs: Index, centroids: Array) -> tuple[Index, list[tuple[int, int, 
             _, _, axes = np.linalg.svd(centred, full_matrices=False)
             candidates = [np.argsort(centred @ axis, kind="stable") for axis in axes[:2]]
             middle = len(elements) // 2
-            shared = [
-                len(np.intersect1d(dofs[elements[c[:middle]]], dofs[elements[c[middle:]]])) for c in candidates
-            ]
+            shared = [len(np.intersect1d(dofs[elements[c[:middle]]], dofs[elements[c[middle:]]])) for c in candidates]
             best = candidates[int(np.argmin(shared))]
             children = (split(elements[best[:middle]]), split(elements[best[middle:]]))
         fronts.append((begin, len(order), children))

@@ -63,9 +63,7 @@ class StepProblem:
         """Contact response at a nodal displacement (n, 3) and a depth."""
         position = self.model.solid.mesh.points + displacement
         translation = self.frame @ np.array([-depth_mm, *self.shift_mm])
-        return respond(
-            self.model.surface, self.memory, self.body, position, translation, self.friction, bound, share
-        )
+        return respond(self.model.surface, self.memory, self.body, position, translation, self.friction, bound, share)
 
 
 @dataclass(frozen=True)

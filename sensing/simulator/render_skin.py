@@ -42,8 +42,8 @@ FLANK = (0.006, 0.009, 0.008)  # M: the dark edge of a filled dent
 FLANK_WIDTH_MM = 0.45  # E
 SEAM_WIDTH_MM = 0.35  # E
 SEAM_DEPTH = 0.14  # how much darker (E)
-KEY_FACE = 0.55  # inner face of a key piece over the core's radius
-KEY_HALF_WIDTH = 0.60
+KEY_FACE = 0.60  # inner face of a key piece over the core's radius
+KEY_HALF_WIDTH = 0.58
 TAB_RADIUS_MM = 4.0  # E: circles beside the tip on the photos
 CORE_CLEARANCE_MM = 0.5
 
@@ -158,7 +158,7 @@ def _seams(canvas: _Canvas, params: EndcapParams) -> None:
     """Thin dark lines where the core's vertical joints cut the sphere.
 
     Seen from above: a centre piece with three wide faces (key pieces, at azimuths 0, 120, 240) and three narrow ones
-    (wide pieces), a round tab in the middle of every face, and the straight sides of the key pieces out to the rim.
+    (wide pieces), a round tab in the middle of every wide face, and the straight sides of the keys out to the rim.
     """
     core = params.bore_radius_mm - CORE_CLEARANCE_MM
     face, half = KEY_FACE * core, KEY_HALF_WIDTH * core
@@ -172,7 +172,8 @@ def _seams(canvas: _Canvas, params: EndcapParams) -> None:
         distance = np.minimum(distance, np.where(x > face, np.abs(np.abs(y) - half), np.inf))
         distance = np.minimum(distance, np.where(upper, _face_distance(x, y, face, half), np.inf))
         x, y = _turned(canvas, turn + np.pi / 3)
-        distance = np.minimum(distance, np.where(upper, _face_distance(x, y, narrow, narrow_half), np.inf))
+        plain = np.where(np.abs(y) <= narrow_half, np.abs(x - narrow), np.inf)
+        distance = np.minimum(distance, np.where(upper, plain, np.inf))
     texel = 2 * canvas.extent * canvas.radius / len(canvas.texture)
     line = np.clip((SEAM_WIDTH_MM / 2 - distance) / texel + 0.5, 0, 1) * min(1.0, SEAM_WIDTH_MM / texel)
     canvas.texture[..., :3] *= (1 - SEAM_DEPTH * line)[..., None]

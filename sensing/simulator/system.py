@@ -123,9 +123,7 @@ def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisat
 
 def factorise_sparse(matrix: sparse.csc_matrix) -> Factorisation:
     """Factorise a symmetric, perhaps indefinite matrix in the given order, without pivoting."""
-    lu = splu(
-        matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
-    )
+    lu = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False})
     unpivoted = bool(np.array_equal(lu.perm_r, lu.perm_c))
     return Factorisation(lu, int((lu.U.diagonal() < 0).sum()) if unpivoted else -1)
 

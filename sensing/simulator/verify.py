@@ -186,7 +186,7 @@ def _levels(_: Path) -> str:
         slow = (time.process_time() - begin) / len(path)
         for tolerance in (1e-3, 1e-4, 1e-5):
             fast = FrozenPress(press, tolerance)
-            for _ in range(2):  # the second round has its tangents
+            for _round in range(2):  # the second round has its tangents
                 fast.fast_steps = fast.fallbacks = 0
                 begin = time.process_time()
                 state, found = fast.start(), []

@@ -73,9 +73,7 @@ def lame_error(across: int, layers: int, poisson: float, inner_mm: float = 1.0, 
     return float(np.sqrt((weight * (wrong**2).sum(-1)).sum() / (weight * exact**2).sum()))
 
 
-def inflated_sphere(
-    inner_stretch: float, across: int, layers: int, poisson: float = 0.49999
-) -> tuple[float, float]:
+def inflated_sphere(inner_stretch: float, across: int, layers: int, poisson: float = 0.49999) -> tuple[float, float]:
     """Pressure of a neo-Hookean sphere (radii 1 and 2) inflated to an inner stretch, and the closed form (MPa)."""
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(1.0, 2.0, across, layers)

@@ -222,5 +222,18 @@ def test_air_is_trapped_where_the_cast_rises_into_a_pocket_of_the_mold(released_
     """The mold is poured with +z down: a pocket reaches toward lower z above the level of the vents."""
     layout = released_mold[0]
     assert trapped_air_check(layout, cast_block()).value == 0  # all its summits are at the vents
-    undercut = Solid.make_cone(6.0, 0.5, 8.0).rotate_about_x(180) if False else None
-    assert undercut is None
+    pockets = [Solid.make_sphere(6.0).translate((32 * math.cos(a), 32 * math.sin(a), 30.0)) for a in (0.3, 1.7, 4.0)]
+    for count in (1, 2, 3):
+        assert trapped_air_check(layout, cast_block(*pockets[:count])).value == count
+
+
+def test_air_is_trapped_under_a_flat_roof_and_in_a_ring(released_mold):
+    layout = released_mold[0]
+    assert trapped_air_check(layout, cast_block(drill((32.0, 0.0), 6.0, 20.0, 30.0))).value == 1
+    assert trapped_air_check(layout, cast_block(drill((0.0, 0.0), 35.0, 20.0, 30.0))).value == 1
+
+
+def test_air_climbs_along_a_sloping_roof(released_mold):
+    layout = released_mold[0]
+    cone = Solid.make_cone(30.0, 40.0, 10.0).translate((0, 0, 20.0))  # its upper side (lower z) leads to the block
+    assert trapped_air_check(layout, cast_block(cone)).value == 0

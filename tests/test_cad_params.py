@@ -103,7 +103,7 @@ def test_params_are_frozen_floats_with_a_digest_of_their_own(released):
 def test_the_least_rim_holds_ring_nut_and_screw():
     # 39.0 ring + 0.3 clearance + 2.8 half a nut + 1.7 ledge = screw circle; the rim is the released inset beyond it
     released_rim = math.sqrt(65.0**2 - 38.37**2)
-    assert scaling.MIN_RIM_RADIUS_MM == pytest.approx(39.0 + 0.3 + 2.8 + 1.7 + released_rim - 47.53)
+    assert pytest.approx(39.0 + 0.3 + 2.8 + 1.7 + released_rim - 47.53) == scaling.MIN_RIM_RADIUS_MM
     assert EndcapParams(100.0, 7.0).rim_radius_mm == scaling.MIN_RIM_RADIUS_MM
     assert EndcapParams(180.0, 10.0).rim_radius_mm == pytest.approx(released_rim * 180 / 130)
 

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from build123d import Plane, Solid
 
-from cad.mold_core import REMOVAL_ORDER, bump, core_profile
 from cad.dots import DENT_DEPTH_MM, dot_pattern
+from cad.mold_core import REMOVAL_ORDER, bump, core_profile
 from cad.solids import one_solid, revolved
 from fab.bumps import bump_checks
 from fab.extraction import SEARCH_MM, Leg, core_path, depth_in_cast, extract_core, extract_cup, least_gap_mm
@@ -95,7 +95,9 @@ def test_an_undivided_core_does_not_pass(released_mold):
     whole = tessellate(revolved(core_profile(layout)), 0.05)
     way = extract_core(layout, {"core_centre": whole})[0]
     assert failed([way]) >= {"core_centre.way_out_penetration_mm", "core_centre.rim_strain", "core_centre.draft_deg"}
-    assert way.rim_strain == pytest.approx(layout.params.inner_radius_mm / layout.params.opening_radius_mm - 1, abs=1e-4)
+    assert way.rim_strain == pytest.approx(
+        layout.params.inner_radius_mm / layout.params.opening_radius_mm - 1, abs=1e-4
+    )
 
 
 def test_a_key_taken_before_the_centre_meets_it(released_mold):

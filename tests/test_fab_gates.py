@@ -36,7 +36,12 @@ def test_a_check_accepts_its_limits_and_refuses_nan():
     assert Check("a", 1.0, 1.0, 2.0).ok and Check("a", 2.0, 1.0, 2.0).ok
     assert not Check("a", math.nextafter(2.0, 3.0), 1.0, 2.0).ok
     assert not Check("a", math.nan).ok and not Check("a", math.inf, high=1.0).ok
-    limits = [Check("a", 0, 1, 1).limit, Check("a", 0, high=2).limit, Check("a", 0, low=1).limit, Check("a", 0, 1, 2).limit]
+    limits = [
+        Check("a", 0, 1, 1).limit,
+        Check("a", 0, high=2).limit,
+        Check("a", 0, low=1).limit,
+        Check("a", 0, 1, 2).limit,
+    ]
     assert limits == ["= 1", "<= 2", ">= 1", "1 .. 2"]
 
 

@@ -23,7 +23,7 @@ from fab.check import Check
 from fab.exports import whole_folder
 
 ROOT = Path(__file__).resolve().parent.parent
-SMALL = ("D=100", "T=6.5")
+SMALL = ("D=100", "T=8")
 
 
 def start(*words: str) -> subprocess.Popen[str]:
@@ -51,7 +51,7 @@ def runs(tmp_path_factory):
         process = start(*SMALL, f"exports={exports}")
         out, err = process.communicate()
         assert process.returncode == 0, err
-        made.append((exports / "D100_T6.5", out, err))
+        made.append((exports / "D100_T8", out, err))
     return made
 
 
@@ -67,8 +67,8 @@ def test_the_command_says_one_line_and_is_quiet_without_a_terminal(runs):
 
 
 def test_manifest_has_parameters_and_digest(written):
-    params = EndcapParams(100.0, 6.5)
-    assert written[1]["parameters"] == {"diameter_mm": 100.0, "wall_mm": 6.5}
+    params = EndcapParams(100.0, 8.0)
+    assert written[1]["parameters"] == {"diameter_mm": 100.0, "wall_mm": 8.0}
     assert written[1]["digest"] == params.digest
 
 
@@ -203,7 +203,9 @@ def stub(monkeypatch):
     """Everything after the design replaced by writers of one small file, and one gate that holds."""
     design = SimpleNamespace(meshes={"shell": None}, parts={})
     monkeypatch.setattr("fab.design.build_design", lambda *_: design)
-    monkeypatch.setattr("fab.exports.write_meshes", lambda _, folder: (folder / "shell.stl").write_text("s") and ["shell"])
+    monkeypatch.setattr(
+        "fab.exports.write_meshes", lambda _, folder: (folder / "shell.stl").write_text("s") and ["shell"]
+    )
     monkeypatch.setattr("fab.exports.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
     for name in ("write_solids", "write_assemblies", "write_pictures"):
         monkeypatch.setattr(f"fab.exports.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
@@ -248,7 +250,7 @@ def test_a_failing_run_keeps_what_an_earlier_one_wrote(stub, tmp_path):
 
 def test_interruption_leaves_nothing(stub, tmp_path, capsys):
     def interrupted(*_):
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
 
     stub.setattr("fab.gates.run_gates", interrupted)
     assert molds.main([f"exports={tmp_path}"]) == 130
@@ -256,9 +258,10 @@ def test_interruption_leaves_nothing(stub, tmp_path, capsys):
     assert left_in(tmp_path) == []
 
 
-def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path):
+@pytest.mark.parametrize("wait_s", [2.0, 8.0])  # while the CAD kernel is loaded, and while parts are made
+def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, wait_s):
     process = start(*SMALL, f"exports={tmp_path}")
-    time.sleep(3.0)
+    time.sleep(wait_s)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130

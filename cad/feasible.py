@@ -154,7 +154,10 @@ def _diameter_message(diameter_mm: float, wall_mm: float) -> str:
     if diameter_mm > largest:
         reason = "base and mold must lie on a 256 mm print bed"
     else:
-        reason = "camera and LED ring keep their size, and the gyroid must stay out of the contact cap"
+        reason = (
+            "camera and LED ring keep their size, so the rim does too, and a smaller dome has no room above its "
+            "equator for the mold's dam and bolt flange"
+        )
     inches = diameter_mm * INCH_MM
     hint = f" ({diameter_mm:g} looks like inches: {inches:g} mm)" if smallest <= inches <= largest else ""
     return (

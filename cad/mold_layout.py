@@ -111,8 +111,11 @@ class MoldLayout:
 
     @property
     def collar_screw_circle_radius_mm(self) -> float:
-        """Outside the cavity at the bottom of the pilot hole by 1.7 mm of PLA (pilot radius 1.3)."""
-        return self.params.outer_radius_at(self.collar_screw_depth_mm) + 3.0
+        """Outside the cavity at the bottom of the pilot hole by 1.7 mm of PLA (pilot radius 1.3).
+
+        In a collar lower than the pilot is deep, the middle of the piston's 5 mm: 1.2 mm of PLA on either side.
+        """
+        return min(self.params.outer_radius_at(self.collar_screw_depth_mm) + 3.0, self.params.outer_radius_mm + 2.5)
 
     @property
     def hanger_radius_mm(self) -> float:

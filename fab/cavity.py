@@ -11,6 +11,8 @@ from collections.abc import Mapping
 import manifold3d
 import numpy as np
 import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from cad.dots import DOT_RADIUS_MM, dot_pattern
 from cad.mold_core import ramp_end
@@ -26,6 +28,7 @@ WALL_SAMPLES = 3000
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 FACING = 0.95  # cosine of a facet's normal to the radius
+LEVEL_MM = 1e-3  # vertices this near in height are on one level: facets of a flat roof or a ring
 LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
 VISCOSITY_PA_S = 35.0  # S: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
 POT_LIFE_S = 45 * 60.0  # S
@@ -104,17 +107,23 @@ def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
 def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
     """Places of the cast, vents left out, where a bubble that rises along the surface would stay.
 
-    Poured with +z down, air moves to lower z. A vertex of the cast whose neighbours all lie deeper, and above which
-    (outside the cast) is mold, holds air, unless it is on the flange's level, where the vents are.
+    Poured with +z down, air moves to lower z. A vertex of the cast, or a patch of vertices on one level (a flat roof, a
+    ring), whose neighbours all lie deeper, and above which (outside the cast) is mold, holds air, unless it is on the
+    flange's level, where the vents are.
     """
-    z = shell.vertices[:, 2]
-    neighbour_min = np.full(len(z), np.inf)
-    edges = shell.edges_unique
-    np.minimum.at(neighbour_min, edges[:, 0], z[edges[:, 1]])
-    np.minimum.at(neighbour_min, edges[:, 1], z[edges[:, 0]])
-    summit = (z < neighbour_min - 1e-6) & (z > layout.params.flange_thickness_mm + 0.01)
-    roofed = shell.vertex_normals[:, 2] < 0  # the mold lies on the upper side, as the machine is poured
-    return Check("cavity.air_traps", float((summit & roofed).sum()), high=0)
+    z = np.asarray(shell.vertices[:, 2])
+    first, second = np.asarray(shell.edges_unique).T
+    level = np.abs(z[first] - z[second]) < LEVEL_MM
+    graph = coo_matrix((np.ones(level.sum()), (first[level], second[level])), shape=(len(z), len(z)))
+    number, patch = connected_components(graph, directed=False)
+    top, around = np.full(number, np.inf), np.full(number, np.inf)
+    np.minimum.at(top, patch, z)
+    for inside, outside in ((first[~level], second[~level]), (second[~level], first[~level])):
+        np.minimum.at(around, patch[inside], z[outside])
+    # the mold lies on the upper side, as the machine is poured
+    roofed = np.bincount(patch, weights=shell.vertex_normals[:, 2] < 0, minlength=number) > 0
+    summit = roofed & (around > top) & (top > layout.params.flange_thickness_mm + 0.01)
+    return Check("cavity.air_traps", float(summit.sum()), high=0)
 
 
 def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:

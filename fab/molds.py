@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -41,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
     arguments, unknown = parser.parse_known_args(argv)
+    interrupts: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: _interrupt(interrupts, number))
     try:
         options = parse_options([*arguments.options, *unknown])
         params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
@@ -48,9 +51,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     except EndcapError as error:
         print(f"make molds: {error}", file=sys.stderr)
         return 1 if isinstance(error, ChecksFailedError) else 2
-    except KeyboardInterrupt:
+    except (Exception, KeyboardInterrupt):
+        if not interrupts:
+            raise
         print("make molds: interrupted; nothing was left behind", file=sys.stderr)
         return 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupt(interrupts: list[int], number: int) -> None:
+    """Remember a Ctrl-C: while the CAD kernel is loaded it may come out as an ImportError, or not at all."""
+    interrupts.append(number)
+    raise KeyboardInterrupt
 
 
 def parse_options(words: Sequence[str]) -> dict[str, str]:
@@ -104,7 +117,9 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
     require_writable(exports)
     progress = Progress()
     # Forked before the CAD kernel is loaded: a worker starts in milliseconds and carries nothing it does not need.
-    with ProcessPoolExecutor(WORKERS, mp_context=multiprocessing.get_context("fork")) as workers:
+    context = multiprocessing.get_context("fork")
+    # Ctrl-C reaches every process: a worker dies of it without a word, and this process tidies up.
+    with ProcessPoolExecutor(WORKERS, context, signal.signal, (signal.SIGINT, signal.SIG_DFL)) as workers:
         for _ in range(WORKERS):
             workers.submit(os.getpid)
         try:

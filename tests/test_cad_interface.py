@@ -13,7 +13,7 @@ from cad.bought import bought_mm
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 
-SIZES = [(130, 8), (180, 10), (98.77, 5), (98.8, 5.64), (130, 5), (130, 13), (250, 5), (250, 25)]
+SIZES = [(130, 8), (180, 10), (98.86, 6.5), (99, 8.1), (130, 6.5), (130, 13), (250, 6.5), (250, 25)]
 
 
 def slab_mm3(radius: float, low: float, high: float) -> float:

@@ -1,0 +1,169 @@
+"""The arrows between layers, as an allow-list over the source, and in a fresh interpreter.
+
+cad's bottom layer imports the standard library only; fab imports cad; sensing imports the bottom layer only and never
+the CAD kernel; fab and sensing never meet; the simulator shares nothing with the estimator but the camera model.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+BOTTOM = {f"cad.{name}" for name in ("errors", "scaling", "feasible", "params", "dots")}
+PLAIN = BOTTOM | {f"cad.{name}" for name in ("bought", "mold_layout", "part")}  # standard library only, too
+RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
+SHARED_WITH_SIMULATOR = ("sensing.camera_model", "sensing.records")  # prefixes
+PACKAGES = ("cad", "fab", "sensing")
+HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
+KERNEL = ("OCP", "build123d", "cadquery")
+
+
+def module_name(path: Path, root: Path = ROOT) -> str:
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def sources(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+MODULES = {module_name(path): path for package in PACKAGES for path in sources(package)}
+
+
+def imports(module: str, source: str, is_package: bool = False, known: frozenset[str] = frozenset(MODULES)) -> set[str]:
+    """Every module that a source names in an import, at any depth, but for those under ``if TYPE_CHECKING``."""
+    tree = ast.parse(source)
+    typing_only = {
+        id(node)
+        for block in ast.walk(tree)
+        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.dump(block.test)
+        for statement in block.body
+        for node in ast.walk(statement)
+    }
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if id(node) in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = module.split(".")[: None if is_package else -1]
+                parents = parents[: len(parents) - node.level + 1]
+                base = ".".join([*parents, *([node.module] if node.module else [])])
+            names = {f"{base}.{alias.name}" for alias in node.names}
+            found |= (names & known) or {base}
+            if names - known and names & known:
+                found.add(base)
+    return found
+
+
+def imports_of(module: str) -> set[str]:
+    path = MODULES[module]
+    return imports(module, path.read_text(), path.name == "__init__.py")
+
+
+def own(names: set[str]) -> set[str]:
+    return {name for name in names if name.split(".")[0] in PACKAGES}
+
+
+def within(name: str, prefixes: tuple[str, ...]) -> bool:
+    return any(name == p or name.startswith((f"{p}.", f"{p}_")) for p in prefixes)
+
+
+def sensing_violations(module: str, names: set[str]) -> set[str]:
+    allowed = BOTTOM | RECORDS | {"cad"}
+    bad = {n for n in own(names) if not n.startswith("sensing") and n not in allowed}
+    bad |= {n for n in names if n.split(".")[0] in KERNEL}
+    in_simulator = within(module, ("sensing.simulator",))
+    for name in names:
+        if name == "sensing" or not name.startswith("sensing."):
+            continue
+        crosses = within(name, ("sensing.simulator",)) != in_simulator
+        if crosses and not (in_simulator and within(name, SHARED_WITH_SIMULATOR)):
+            bad.add(name)
+    return bad
+
+
+@pytest.mark.parametrize("module", sorted(PLAIN))
+def test_the_bottom_layer_imports_only_the_standard_library_and_itself(module):
+    names = imports_of(module)
+    allowed = BOTTOM if module in BOTTOM else PLAIN
+    assert {n for n in own(names) if n not in allowed | {"cad"}} == set()
+    assert {n for n in names - own(names) if n.split(".")[0] not in sys.stdlib_module_names} == set()
+
+
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("cad")))
+def test_cad_imports_neither_fab_nor_sensing(module):
+    assert {n for n in own(imports_of(module)) if not n.startswith("cad")} == set()
+
+
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("fab")))
+def test_fab_does_not_import_sensing(module):
+    assert {n for n in own(imports_of(module)) if n.startswith("sensing")} == set()
+
+
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("sensing")))
+def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(module):
+    assert sensing_violations(module, imports_of(module)) == set()
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "bad"),
+    [
+        ("sensing.flow", "from fab.mesh import weld", {"fab.mesh"}),
+        ("sensing.flow", "def f():\n    import build123d.topology", {"build123d.topology"}),
+        ("sensing.flow", "from cad import base, params", {"cad.base"}),
+        ("sensing.flow", "from cad.mold_layout import MoldLayout", {"cad.mold_layout"}),
+        ("sensing.flow", "from sensing.simulator.render import ray", {"sensing.simulator.render"}),
+        ("sensing.simulator.render", "from sensing.flow import track", {"sensing.flow"}),
+        ("sensing.simulator.render", "from ..flow import track", {"sensing.flow"}),
+        ("sensing.simulator.render", "from sensing.camera_model import project\nfrom .mesh import m", set()),
+        ("sensing.flow", "from cad.params import EndcapParams\nfrom cad import dots\nimport numpy", set()),
+    ],
+)
+def test_the_scan_sees_planted_arrows(module, source, bad):
+    known = frozenset({*MODULES, "sensing.flow", "sensing.simulator.render", "sensing.camera_model"})
+    assert sensing_violations(module, imports(module, source, known=known)) == bad
+
+
+def loaded_after(statement: str) -> set[str]:
+    """Top-level names in ``sys.modules`` of a fresh interpreter after a statement."""
+    code = f"{statement}\nimport sys\nprint(*sorted({{m.split('.')[0] for m in sys.modules}}))"
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(run.stdout.splitlines()[-1].split())
+
+
+def test_importing_parameters_loads_nothing_heavy():
+    assert loaded_after("import cad.params, cad.dots, cad.mold_layout, cad.bought, cad.part") & set(HEAVY) == set()
+
+
+def test_the_command_line_loads_nothing_heavy_before_it_has_read_its_options():
+    assert loaded_after("import fab.molds") & {*HEAVY, "pymeshlab"} == set()
+
+
+def test_importing_all_of_sensing_does_not_load_the_cad_kernel():
+    names = ", ".join(sorted(m for m in MODULES if m.startswith("sensing") and not m.endswith("__main__")))
+    loaded = loaded_after(f"import {names}")
+    assert "sensing" in loaded
+    assert loaded & {*KERNEL, "fab"} == set()
+
+
+def test_importing_all_of_fab_loads_neither_pymeshlab_nor_torch_nor_sensing():
+    names = ", ".join(sorted(m for m in MODULES if m.startswith("fab")))
+    loaded = loaded_after(f"import {names}")
+    assert "build123d" in loaded  # the kernel is really there, so the absence of the others says something
+    assert loaded & {"pymeshlab", "torch", "sensing"} == set()

@@ -1,0 +1,145 @@
+"""The mold's bodies against closed forms, and its pieces as single solids, at the corners of the region."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from build123d import Plane, Pos, Rot, Solid
+
+from cad import mold_core
+from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
+from cad.errors import GeometryError
+from cad.hanger import hanger_part
+from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm, core_body, core_parts, core_profile, ramp_end
+from cad.mold_cup import bowl_body, collar_body, cup_parts
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from cad.shell import shell_part
+from cad.solids import drill, one_solid, revolved
+
+CORNERS = [(98.86, 6.5), (99.0, 8.1), (130.0, 8.0), (130.0, 13.0), (250.0, 6.5), (250.0, 25.0)]
+CUT = [(98.86, 6.5), (250.0, 25.0)]  # corners whose pieces are made
+KERNEL_RATIO = 1e-6  # OCCT's own integrals
+
+
+def slab_mm3(radius: float, low: float, high: float) -> float:
+    """Volume of a ball about the origin between two heights."""
+    return math.pi * (radius**2 * (high - low) - (high**3 - low**3) / 3)
+
+
+def frustum_mm3(a: float, b: float, height: float) -> float:
+    return math.pi * height * (a * a + a * b + b * b) / 3
+
+
+def lens_mm3(r: float, s: float, d: float) -> float:
+    """Common volume of two balls at a distance d that cut each other."""
+    return math.pi * (r + s - d) ** 2 * (d * d + 2 * d * (r + s) - 3 * (r - s) ** 2) / (12 * d)
+
+
+def bump_mm3(params: EndcapParams) -> float:
+    """What one bump's ball adds to the inner sphere."""
+    s = bump_sphere_radius_mm()
+    return 4 / 3 * math.pi * s**3 - lens_mm3(params.inner_radius_mm, s, params.inner_radius_mm + DENT_DEPTH_MM - s)
+
+
+def core_above_flange_mm3(layout: MoldLayout) -> float:
+    params = layout.params
+    radius, height = ramp_end(layout)
+    flange = params.flange_thickness_mm
+    ramp = frustum_mm3(layout.neck_radius_mm, radius, height - flange) if height > flange else 0.0
+    centre = params.centre_height_mm
+    return ramp + slab_mm3(params.inner_radius_mm, height - centre, params.inner_radius_mm)
+
+
+@pytest.fixture(scope="module", params=CORNERS, ids=lambda c: f"D{c[0]:g}_T{c[1]:g}")
+def layout(request):
+    return MoldLayout(EndcapParams(*request.param))
+
+
+@pytest.fixture(scope="module")
+def core(layout):
+    return core_body(layout)
+
+
+def test_smooth_core_and_shell_have_their_closed_form_volumes(layout):
+    params = layout.params
+    smooth = revolved(core_profile(layout))
+    neck = math.pi * layout.neck_radius_mm**2 * params.flange_thickness_mm
+    assert smooth.volume == pytest.approx(neck + core_above_flange_mm3(layout), rel=KERNEL_RATIO)
+    above = slab_mm3(
+        params.outer_radius_mm, params.flange_thickness_mm - params.centre_height_mm, params.outer_radius_mm
+    )
+    shell = shell_part(layout, smooth)
+    assert shell.solid.volume == pytest.approx(above - core_above_flange_mm3(layout), rel=KERNEL_RATIO)
+    assert (shell.name, shell.role) == ("shell", "cast")
+
+
+def test_bumps_raise_the_core_by_lenses_and_dent_the_shell_by_the_same(layout, core):
+    params = layout.params
+    bumps = len(dot_pattern(params)) * bump_mm3(params)
+    smooth = revolved(core_profile(layout))
+    assert core.volume - smooth.volume == pytest.approx(bumps, rel=1e-3)
+    dents = shell_part(layout, smooth).solid.volume - shell_part(layout, core).solid.volume
+    assert dents == pytest.approx(bumps, rel=1e-3)
+
+
+def test_a_bump_is_a_cap_of_the_dots_radius_and_the_dents_depth():
+    s = bump_sphere_radius_mm()
+    assert s - math.sqrt(s * s - DOT_RADIUS_MM**2) == pytest.approx(DENT_DEPTH_MM)
+    assert s > DOT_RADIUS_MM  # less than half a ball: its flank leans outward and releases
+
+
+def test_bowl_and_collar_leave_the_outer_sphere_and_nothing_else(layout):
+    params, seam = layout.params, layout.seam_height_mm
+    outer = params.outer_radius_mm
+    ball = Solid.make_sphere(outer + 5, Plane(origin=(0, 0, seam)), -90, 90, 360)
+    lower = one_solid(ball & drill((0, 0), outer + 6, seam, layout.stand_height_mm), "lower")
+    bowl = one_solid(lower.cut(bowl_body(layout)), "cavity of the bowl")
+    assert bowl.volume == pytest.approx(2 / 3 * math.pi * outer**3, rel=KERNEL_RATIO)
+
+    # a sector between the holes for pins (0 degrees) and screws (30 degrees)
+    wedge = Solid.make_cylinder(layout.piston_radius_mm - 1.0, seam, Rot(0, 0, 6.0) * Plane.XY, 20.0)
+    collar = one_solid(wedge.cut(collar_body(layout)), "cavity of the collar")
+    assert collar.volume == pytest.approx(20 / 360 * slab_mm3(outer, -seam, 0.0), rel=KERNEL_RATIO)
+
+
+@pytest.mark.parametrize("size", CUT, ids=lambda c: f"D{c[0]:g}_T{c[1]:g}")
+def test_pieces_are_single_valid_solids_that_add_up_to_the_body_less_the_joints(size):
+    layout = MoldLayout(EndcapParams(*size))
+    core, bowl, collar = core_body(layout), bowl_body(layout), collar_body(layout)
+    pieces = core_parts(layout, core)
+    assert tuple(part.name for part in pieces) == REMOVAL_ORDER
+    segments = cup_parts(layout, bowl, collar)
+    assert [part.name for part in segments] == [f"cup_{h}_{k}" for h in ("bowl", "collar") for k in (1, 2, 3)]
+    for part in (*pieces, *segments, hanger_part(layout)):
+        assert len(part.solid.solids()) == 1 and part.solid.is_valid, part.name
+        assert part.solid.volume > 0
+    for whole, parts in ((core, pieces), (bowl, segments[:3]), (collar, segments[3:])):
+        made = sum(part.solid.volume for part in parts)
+        assert 0.96 * whole.volume < made < whole.volume
+    for first, second in itertools.pairwise(pieces):
+        assert first.solid & second.solid is None, (first.name, second.name)
+
+
+def test_released_joints_have_their_clearance_between_neighbours(released_mold):
+    layout, parts, _ = released_mold
+    for first, second in (("core_centre", "core_key_2"), ("core_key_3", "core_wide_3"), ("cup_bowl_3", "cup_bowl_1")):
+        gap = parts[first].solid.distance_to(parts[second].solid)
+        assert gap == pytest.approx(layout.joint_clearance_mm, abs=1e-3)
+
+
+def test_a_bump_whose_poles_do_not_lie_on_its_radius_would_be_seen(layout, core):
+    """The volume test above can fail: one bump too many, or one moved inward by a tenth, is outside its tolerance."""
+    params = layout.params
+    count = len(dot_pattern(params))
+    assert (count + 1) / count - 1 > 1e-3
+    smooth, dot = revolved(core_profile(layout)), dot_pattern(params)[0]
+    lowered = one_solid(smooth.fuse(Pos(0, 0, -0.1) * mold_core.bump(params, dot)), "lowered")
+    assert lowered.volume - smooth.volume < 0.9 * bump_mm3(params)
+
+
+def test_a_boolean_that_leaves_two_solids_is_refused():
+    with pytest.raises(GeometryError, match="plate: the CAD kernel returned 2 solids where one was expected"):
+        one_solid(drill((0, 0), 1, 0, 1).fuse(drill((5, 0), 1, 0, 1)), "plate")

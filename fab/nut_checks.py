@@ -83,7 +83,7 @@ class NutPocket:
         return max(0.0, narrow, low)
 
     def seat_play_mm(self) -> float:
-        """How far the seated nut can move along the radius off its screw's axis, the larger way; negative: too short."""
+        """How far the seated nut can move along the radius off its screw's axis; negative where it does not fit."""
         outward = self._reach((0, 0, self._middle), (1, 0, 0)) - self._half
         inward = self._reach((0, 0, POCKET_FLOOR_MM + 0.1), (-1, 0, 0)) - self._half
         return max(outward, inward) if min(outward, inward) >= 0 else min(outward, inward)
@@ -98,7 +98,7 @@ class NutPocket:
         return sum(self._reach((x, y, self._middle), (0, 0, side)) for side in (-1, 1))
 
     def _point(self, place: tuple[float, float, float]) -> np.ndarray:
-        local = np.array(place, dtype=float) + (self._params.screw_circle_radius_mm, 0, 0)
+        local = np.add(place, (self._params.screw_circle_radius_mm, 0.0, 0.0))
         return local @ self._axes
 
     def _hits(
@@ -107,7 +107,9 @@ class NutPocket:
         """Walls along a ray: distance, and whether it enters TPU there."""
         start, way = self._point(place), np.array(direction, dtype=float) @ self._axes
         hits = self._body.ray_cast(start.tolist(), (start + _FAR * way).tolist())
-        return [(float(way @ (np.asarray(hit.position) - start)), float(way @ np.asarray(hit.normal)) < 0) for hit in hits]
+        return [
+            (float(way @ (np.asarray(hit.position) - start)), float(way @ np.asarray(hit.normal)) < 0) for hit in hits
+        ]
 
     def _reach(self, place: tuple[float, float, float], direction: tuple[float, float, float]) -> float:
         """Way to the first wall; 0 where the place itself lies in TPU."""

@@ -2,7 +2,8 @@
 
 Marching cubes of +c and of -c SEPARATELY give the sheet's two sides (of |distance| - c it would lose the wall where it
 is thinner than a cell). Where they meet the grid's end faces, the strip between them is capped cell by cell on the very
-same corners, so the mesh is closed to the bit; where the azimuth closes, corners are known by the grid edge they lie on.
+same corners, so the mesh is closed to the bit; where the azimuth closes, corners are known by the grid edge that they
+lie on.
 
 Notes:
     Every corner of the mesh has a key: node number times 7, plus axis (0..2) of the edge it lies on at level -c, plus
@@ -10,6 +11,8 @@ Notes:
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -116,7 +119,7 @@ def _cap(grid: ZoneGrid, field: np.ndarray, half_wall: float, axis: int, end: in
     first, second = np.meshgrid(np.arange(count[one] - 1), np.arange(count[two] - 1), indexing="ij")
     ring = []  # the cell's boundary, counter-clockwise seen from outside: corner, then crossings of the edge after it
     steps = ((0, 0), (1, 0), (1, 1), (0, 1), (0, 0))
-    for (a, b), (c, d) in zip(steps[:-1], steps[1:], strict=True):
+    for (a, b), (c, d) in pairwise(steps):
         here, there = (
             _node(axis, end % count[axis], {one: first + i, two: second + j}) for i, j in ((a, b), (c, d))
         )

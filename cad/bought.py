@@ -15,7 +15,7 @@ from cad.errors import ParameterError
 @cache
 def bought_table() -> dict[tuple[str, str], float]:
     """All rows: ``(part, dimension)`` -> millimetres."""
-    with files("cad").joinpath("bought.csv").open(encoding="utf-8", newline="") as stream:
+    with files("cad").joinpath("bought.csv").open(encoding="utf-8") as stream:
         return {(row["part"], row["dimension"]): float(row["value_mm"]) for row in csv.DictReader(stream)}
 
 

@@ -3,7 +3,7 @@
 Each limit is a closed form of the two parameters, so the region is exact for the reasons named here, and the nearest
 valid choice can be computed instead of guessed:
 
-    T >= 5        below it a 2.5 mm ball reaches less than four fifths of the gyroid's voids (measured, see bench/):
+    T >= 6.5      below it a 2.5 mm ball reaches less than four fifths of the gyroid's voids at some D (measured):
                   35,000 cP silicone would not fill the bond.
     T <= R / 5    a thicker wall no longer bends like a shell: the dots hardly move (E).
     opening       the silicone on the flange must leave the LED ring (radius 39.0 + 0.3) a way in.
@@ -22,7 +22,7 @@ from functools import cache
 from cad import scaling
 from cad.errors import ParameterError
 
-MIN_WALL_MM = 5.0
+MIN_WALL_MM = 6.5
 MAX_WALL_RATIO = 1 / 5
 MAX_DIAMETER_MM = 250.0
 MIN_FREE_CAP_DEG = 60.0

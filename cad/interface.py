@@ -1,8 +1,8 @@
 """The TPU interface: a flange with ten captured nuts, and the envelope of the gyroid zone that locks into the silicone.
 
-Endcap frame (:mod:`cad.params`), millimetres. The flange lies on the mating plane, z in 0..flange_thickness; screws
-come from below and pull the nuts down onto the floor of their pockets. The nuts slide in radially from the bore. The
-gyroid itself is a mesh (:mod:`fab.gyroid`): as a B-rep it would have a hundred thousand faces.
+Endcap frame (:mod:`cad.params`), millimetres. The flange lies on the mating plane, z 0..flange_thickness; screws come
+from below and pull the nuts down onto the floor of their pockets. The nuts slide in radially from the bore. The gyroid
+itself is a mesh (:mod:`fab.gyroid`): as a B-rep it would have a hundred thousand faces.
 
 Printed as it stands, mating plane down, without support: a pocket's roof is a 5.65 mm bridge. It is cast dome down, so
 air and overflow leave through the vents at the flange's outer edge.

@@ -7,6 +7,7 @@ wides (inward, then out). Millimetres, endcap frame, casting position.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from build123d import Edge, Face, Plane, Solid, Vector, Wire
 
@@ -56,7 +57,7 @@ def core_profile(layout: MoldLayout) -> Face:
         params.inner_radius_mm * math.cos(middle_angle), 0, centre + params.inner_radius_mm * math.sin(middle_angle)
     )
     corners = [Vector(0, 0, 0), Vector(neck, 0, 0), Vector(neck, 0, flange), Vector(start[0], 0, start[1])]
-    edges = [Edge.make_line(a, b) for a, b in zip(corners, corners[1:], strict=False)]
+    edges = [Edge.make_line(a, b) for a, b in pairwise(corners)]
     edges += [Edge.make_three_point_arc(corners[-1], middle, tip), Edge.make_line(tip, corners[0])]
     return Face(Wire(edges))
 
@@ -96,6 +97,7 @@ def core_parts(layout: MoldLayout, body: Solid) -> list[Part]:
     for name, prism in core_prisms(layout).items():
         places = layout.core_screws_mm[name]
         holes = [drill(place, PILOT_RADIUS_MM, 0.0, PILOT_DEPTH_MM) for place in places]
-        parts.append(Part(name, "printed", "PLA", one_solid(cut_holes(body & prism, holes), name), COLOR))
+        piece = cut_holes(one_solid(body.intersect(prism), name), holes)
+        parts.append(Part(name, "printed", "PLA", one_solid(piece, name), COLOR))
     order = {name: i for i, name in enumerate(REMOVAL_ORDER)}
     return sorted(parts, key=lambda part: order[part.name])

@@ -11,7 +11,7 @@ from build123d import Solid
 
 from cad.jigsaw import Tab, sector_prisms
 from cad.mold_layout import MoldLayout, rotated
-from cad.outlines import disc, polygon, rectangle, upright
+from cad.outlines import common, disc, polygon, rectangle, upright
 from cad.part import Part
 from cad.solids import cut_holes, drill, one_solid, revolved
 
@@ -41,10 +41,10 @@ def bowl_body(layout: MoldLayout) -> Solid:
             (0.0, skirt + layout.dam_radius_mm),
         ]
     )
-    round_wall = disc((0.0, seam), outer + wall) & rectangle(0.0, outer + wall, seam, stand)
+    round_wall = common(disc((0.0, seam), outer + wall), rectangle(0.0, outer + wall, seam, stand))
     foot = rectangle(0.0, layout.foot_radius_mm, seam, stand)
     socket = rectangle(0.0, layout.piston_radius_mm + layout.joint_clearance_mm, top - 1.0, seam)
-    profile = (flange & rectangle(0.0, layout.flange_radius_mm, top, stand)) + round_wall + foot
+    profile = common(flange, rectangle(0.0, layout.flange_radius_mm, top, stand)) + round_wall + foot
     body = revolved(upright(profile - disc((0.0, seam), outer) - socket))
     return one_solid(cut_holes(body, _bolts(layout, below)), "bowl")
 
@@ -53,13 +53,15 @@ def collar_body(layout: MoldLayout) -> Solid:
     """The upper half before it is cut into segments."""
     params, seam = layout.params, layout.seam_height_mm
     bottom = layout.dam_top_mm - layout.joint_clearance_mm  # the piston seats on the seam, the flanges do not touch
-    top = layout.dam_top_mm - layout.bolt_flange_mm
+    top = layout.collar_flange_top_mm
     outer, flange, piston = params.outer_radius_mm, layout.flange_radius_mm, layout.piston_radius_mm
     inside = params.bore_radius_mm  # inside the sphere at every height
     profile = [(inside, 0.0), *_gusset(top, flange, piston)]
     profile += [(flange, bottom), (piston, bottom), (piston, seam), (inside, seam)]
     screws = [
-        drill(rotated((layout.collar_screw_circle_radius_mm, 0), a), PILOT_RADIUS_MM, -1.0, layout.collar_screw_depth_mm)
+        drill(
+            rotated((layout.collar_screw_circle_radius_mm, 0), a), PILOT_RADIUS_MM, -1.0, layout.collar_screw_depth_mm
+        )
         for a in layout.bolt_azimuths_deg
     ]
     sockets = [
@@ -85,7 +87,7 @@ def cup_parts(layout: MoldLayout, bowl: Solid, collar: Solid) -> list[Part]:
         ("cup_collar", collar, layout.collar_seams_deg, (flange_tab,)),
     ]
     return [
-        Part(f"{stem}_{k + 1}", "printed", "PLA", one_solid(body & prism, f"{stem}_{k + 1}"), COLOR)
+        Part(f"{stem}_{k + 1}", "printed", "PLA", one_solid(body.intersect(prism), f"{stem}_{k + 1}"), COLOR)
         for stem, body, seams, tabs in halves
         for k, prism in enumerate(sector_prisms(layout, seams, tabs))
     ]

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 from cad import feasible
 from cad.params import EndcapParams
 
+LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
+
 
 @dataclass(frozen=True)
 class MoldLayout:
@@ -44,6 +46,12 @@ class MoldLayout:
     def bolt_flange_mm(self) -> float:
         """Thickness of each bolt flange."""
         return feasible.BOLT_FLANGE_MM
+
+    @property
+    def collar_flange_top_mm(self) -> float:
+        """Upper side of the collar's flange; where it comes near the mating plane the flange fills up to it."""
+        top = self.dam_top_mm - self.bolt_flange_mm
+        return top if top > LEAST_STEP_MM else 0.0
 
     @property
     def piston_radius_mm(self) -> float:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from build123d import Face, Plane, Rot, Vector, Wire
 
+from cad.errors import GeometryError
+
 
 def polygon(points: list[tuple[float, float]]) -> Face:
     """A face from its corners."""
@@ -21,6 +23,14 @@ def rectangle(left: float, right: float, low: float, high: float) -> Face:
 def disc(centre: tuple[float, float], radius_mm: float) -> Face:
     """A round face."""
     return Face(Wire.make_circle(radius_mm, Plane(origin=(*centre, 0))))
+
+
+def common(first: Face, second: Face) -> Face:
+    """What two faces share, where that is one face."""
+    shared = first.intersect(second)
+    if not shared:
+        raise GeometryError("two outlines of the mold do not meet: report D and T")
+    return shared.faces()[0]
 
 
 def upright(section: Face) -> Face:

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 
 from cad import feasible, scaling
 
+
 @dataclass(frozen=True)
 class EndcapParams:
     """The endcap of outer diameter D and wall thickness T.
@@ -126,7 +127,7 @@ class EndcapParams:
     # --- rigid base -------------------------------------------------------------------------------------------
     @property
     def base_sphere_radius_mm(self) -> float:
-        """Sphere that the base follows (67.5 at D=130): 2.5 mm proud of the silicone, which it guards at the rim (M)."""
+        """Sphere that the base follows (67.5 at D=130): 2.5 mm proud of the silicone, whose rim it guards (M)."""
         return self.outer_radius_mm + 2.5
 
     @property

@@ -20,7 +20,7 @@ class Part:
         role: how the part comes to be.
         material: what it is made of, for example ``PLA``.
         solid: one valid solid.
-        color: linear RGB in 0..1 for pictures and assemblies.
+        color: RGB in 0..1, as shown on a screen, for pictures and assemblies.
         quantity: pieces needed for one endcap.
     """
 

@@ -1,7 +1,7 @@
 """The shell: the silicone body as cast, reference for volume and mechanics.
 
 As a solid it is the envelope of the cast, dents included, with the TPU flange outside it; the gyroid inside the wall
-is a mesh, so what the TPU displaces is subtracted from the shell's mesh (``fab.shell_mesh``). Millimetres, endcap frame.
+is a mesh, so what the TPU displaces is subtracted from the shell's mesh (:mod:`fab.design`). Millimetres, endcap frame.
 """
 
 from __future__ import annotations

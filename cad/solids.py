@@ -5,7 +5,7 @@ Millimetres. Every function returns valid solids or raises :class:`cad.errors.Ge
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from build123d import Axis, Face, Plane, Rot, Shape, Solid
 
@@ -35,13 +35,13 @@ def fused(body: Solid, others: Iterable[Solid]) -> Solid:
     return one_solid(body.fuse(*others), "fuse")
 
 
-def one_solid(shape: Shape | list[Shape], name: str) -> Solid:
+def one_solid(shape: Shape | Sequence[Shape] | None, name: str) -> Solid:
     """Take the only solid out of what a boolean returned.
 
     Raises:
         GeometryError: none or several solids, or an invalid one.
     """
-    shapes = shape if isinstance(shape, list) else [shape]
+    shapes = [shape] if isinstance(shape, Shape) else shape or []
     solids = [solid for item in shapes for solid in item.solids()]
     if len(solids) != 1 or not solids[0].is_valid:
         state = f"{len(solids)} solids" if len(solids) != 1 else "an invalid solid"

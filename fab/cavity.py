@@ -24,6 +24,7 @@ OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfa
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
 WALL_SAMPLES = 4000
 MET_SHARE = 0.95  # of the rays: the joints' gaps are a hundredth of the surface
+SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 GRAZING = 0.95  # cosine of a ray to a face's normal: the cavity's faces are met square
 LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
 VISCOSITY_PA_S = 35.0  # S: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
@@ -75,10 +76,10 @@ def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Che
     directions = directions[(directions[:, 2] > ramp + 0.02) & ((directions @ dots.T).max(axis=1) < clear)]
 
     origin = np.array([0.0, 0.0, params.centre_height_mm])
-    core = trimesh.util.concatenate([mesh for name, mesh in pieces.items() if name.startswith("core_")])
-    cup = trimesh.util.concatenate([mesh for name, mesh in pieces.items() if name.startswith("cup_")])
-    outermost = _radii(core, origin, directions, np.fmax, 0.0)
-    nearest = _radii(cup, origin, directions, np.fmin, np.inf)
+    core = _joined(pieces, "core_")
+    cup = _joined(pieces, "cup_")
+    outermost = _radii(core, origin, directions, 1.0, np.fmax, 0.0)
+    nearest = _radii(cup, origin, directions, -1.0, np.fmin, np.inf)
     met = (outermost > 0.0) & (nearest < np.inf)  # the rest of the rays left through a joint
     error = np.abs(nearest - outermost - params.wall_mm)[met].max() if met.mean() > MET_SHARE else np.inf
     return Check("cavity.wall_error_mm", float(error), high=WALL_ERROR_MM)
@@ -129,15 +130,31 @@ def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
     return manifold3d.Manifold.revolve(section, 512)
 
 
+def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Faces (mask) of a cup segment that shape the silicone: on the outer sphere, and looking at its centre."""
+    outward = mesh.triangles_center - np.array([0.0, 0.0, layout.params.centre_height_mm])
+    distance = np.linalg.norm(outward, axis=1)
+    facing_in = np.einsum("ij,ij->i", mesh.face_normals, outward) < -GRAZING * distance
+    return facing_in & (np.abs(distance - layout.params.outer_radius_mm) < SURFACE_MM)
+
+
+def _joined(pieces: Mapping[str, trimesh.Trimesh], prefix: str) -> trimesh.Trimesh:
+    """All pieces of a kind as one mesh, for rays."""
+    meshes = [mesh for name, mesh in pieces.items() if name.startswith(prefix)]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    return trimesh.Trimesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, process=False)
+
+
 def _radii(
-    mesh: trimesh.Trimesh, origin: np.ndarray, directions: np.ndarray, pick: np.ufunc, start: float
+    mesh: trimesh.Trimesh, origin: np.ndarray, directions: np.ndarray, side: float, pick: np.ufunc, start: float
 ) -> np.ndarray:
     """Distance from the origin at which each ray (n, 3) meets a mesh: the largest or the smallest of the hits.
 
-    Faces that the ray nearly grazes are walls of joints, not of the cavity, and do not count.
+    Only faces that look outward (side 1) or inward (side -1) count: others are walls of joints, or the cup's outside.
     """
     places, rays, faces = mesh.ray.intersects_location(np.tile(origin, (len(directions), 1)), directions)
-    square = np.abs(np.einsum("ij,ij->i", mesh.face_normals[faces], directions[rays])) > GRAZING
+    square = side * np.einsum("ij,ij->i", mesh.face_normals[faces], directions[rays]) > GRAZING
     radii = np.full(len(directions), start)
     pick.at(radii, rays[square], np.linalg.norm(places[square] - origin, axis=1))
     return radii

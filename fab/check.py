@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 
-
 @dataclass(frozen=True)
 class Check:
     """One gate.
@@ -30,7 +29,7 @@ class Check:
     @property
     def ok(self) -> bool:
         """Whether the value lies within the limits (a NaN never does)."""
-        return self.low <= self.value <= self.high
+        return bool(self.low <= self.value <= self.high)
 
     @property
     def limit(self) -> str:

@@ -20,7 +20,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import trimesh
 
-from cad.assembly import build_assembly, write_assembly
+from cad.assembly import build_assembly, exploded_offsets, write_assembly
 from cad.errors import FileError
 from cad.interface import build_zone
 from cad.step_file import canonical_step
@@ -30,6 +30,7 @@ from fab.mesh import write_stl
 from fab.render import PictureItem, render_exploded, render_parts, render_section
 
 DIGITS = 9  # significant figures in the manifest
+EXPLODED_GAP_MM = 28.0  # room for the labels
 
 
 @contextmanager
@@ -79,7 +80,8 @@ def write_solids(design: Design, folder: Path) -> None:
 def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
     """Write one part as 3MF; identifiers, which the writer draws at random, are made from the part's name."""
     named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
-    scene = trimesh.Scene({name: named})
+    scene = trimesh.Scene()
+    scene.add_geometry(named, node_name=name, geom_name=name)
     source = ZipFile(BytesIO(scene.export(file_type="3mf")))
     counter = iter(range(1 << 16))
 
@@ -98,20 +100,20 @@ def write_assemblies(design: Design, folder: Path) -> None:
     """Write the endcap assembled and exploded, as STEP and GLB."""
     product = [design.parts[name] for name in PRODUCT]
     write_assembly(build_assembly(product), folder / "assembly.step", folder / "assembly.glb")
-    exploded = build_assembly(product, exploded_offsets(design))
+    exploded = build_assembly(product, _offsets(design))
     write_assembly(exploded, folder / "exploded.step", folder / "exploded.glb")
 
 
-def exploded_offsets(design: Design) -> dict[str, tuple[float, float, float]]:
-    """Displacements along the axis that pull the endcap apart, in steps of its own size."""
-    step = design.params.outer_radius_mm
-    order = {"shell": 0.75, "interface": 0.0, "led_ring": -0.45, "ring_spacer": -0.75, "camera": -1.1, "base": -1.75}
-    return {name: (0.0, 0.0, step * share) for name, share in order.items()}
+def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
+    """Displacements that pull the endcap apart along its axis."""
+    order = ("base", "camera", "ring_spacer", "led_ring", "interface", "shell")
+    spans = {name: (design.meshes[name].bounds[0][2], design.meshes[name].bounds[1][2]) for name in order}
+    return exploded_offsets(spans, EXPLODED_GAP_MM)
 
 
 def write_pictures(design: Design, folder: Path) -> None:
     """Write ``exploded.png``, ``section.png`` and ``parts.png``."""
-    offsets = exploded_offsets(design)
+    offsets = _offsets(design)
     product = [_item(design, name, offsets[name]) for name in sorted(PRODUCT, key=lambda n: -offsets[n][2])]
     render_exploded(product, folder / "exploded.png")
     render_section(product, folder / "section.png")

@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from cad.dots import DENT_DEPTH_MM, dot_pattern
 from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm
 from cad.mold_layout import MoldLayout
+from fab.cavity import cavity_faces
 from fab.mesh import to_manifold
 
 STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
@@ -97,7 +98,7 @@ def extract_cup(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> li
         legs = (Leg((0.0, 0.0, down), layout.params.outer_radius_mm),)
         shifted = (mesh.vertices + shift for shift in _shifts(legs))  # facets of a hollow sphere lie inside it
         depth = max(float(_depth_in_shell_from_outside(layout, points).max()) for points in shifted)
-        faces = np.linalg.norm(mesh.triangles_center - _centre(layout), axis=1) < layout.params.outer_radius_mm + 0.02
+        faces = cavity_faces(layout, mesh)
         peers = [meshes[other] for other in outside if other[:-1] == name[:-1]]  # bowl and collar touch at the seam
         gap = least_gap_mm(mesh, peers, legs)
         results.append(Extraction(name, legs, depth, gap, _draft_deg(mesh, faces, legs[0]), 0.0))
@@ -197,7 +198,8 @@ def _molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
     distance = np.linalg.norm(outward, axis=1)
     nearest, from_bump = _nearest_bump(layout, points)
     on_sphere = np.abs(distance - layout.params.inner_radius_mm) < SURFACE_MM
-    on_bump = np.abs(nearest) < SURFACE_MM
+    outside = distance > layout.params.inner_radius_mm - SURFACE_MM  # the rest of a bump's sphere is inside the core
+    on_bump = (np.abs(nearest) < SURFACE_MM) & outside
     facing_out = np.einsum("ij,ij->i", normals, outward) > FACING * distance
     facing_bump = np.einsum("ij,ij->i", normals, from_bump) > FACING * np.linalg.norm(from_bump, axis=1)
     on_ramp = np.abs(normals[:, 2] + math.cos(math.radians(layout.ramp_deg))) < 1e-3

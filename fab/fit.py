@@ -8,20 +8,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import manifold3d
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
 from cad.mold_layout import MoldLayout
 from cad.part import Part
+from cad.solids import drill, one_solid
+from fab.cavity import cavity_faces
 from fab.check import Check
 
 if TYPE_CHECKING:
     from build123d import Solid
 
 AXIS_MM = 0.05  # the released patterns are known to this
-CLEARANCE_MM = 0.03  # two tessellations of a 0.15 mm joint: 0.01 each, and a corner
+CLEARANCE_MM = 0.001
 BED_MM = 256.0
 MIN_WALL_MM = 0.8  # two lines of a 0.4 mm nozzle
 WALL_SAMPLES = 3000
@@ -58,25 +59,23 @@ def upright_axes(solid: Solid, radius_mm: float) -> np.ndarray:
     return np.array(axes).reshape(-1, 2)
 
 
-def clearance_checks(layout: MoldLayout, bodies: Mapping[str, manifold3d.Manifold]) -> list[Check]:
-    """Least gap between mated printed pieces, against the joint clearance."""
-    nominal = layout.joint_clearance_mm
+def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Check]:
+    """Least gap between mated printed pieces, between their solids, against the joint clearance."""
+    nominal, flange = layout.joint_clearance_mm, layout.params.flange_thickness_mm
+    below = drill((0.0, 0.0), 2 * layout.params.outer_radius_mm, 0.0, flange - 0.5)  # above it, the ramp closes in
+    neck, bore = (one_solid(solids[name].intersect(below), name) for name in ("core_key_1", "interface"))
     pairs = {
-        "bowl": ("cup_bowl_1", "cup_bowl_2"),
-        "collar": ("cup_collar_1", "cup_collar_2"),
-        "core_key": ("core_centre", "core_key_1"),
-        "core_wide": ("core_centre", "core_wide_1"),
-        "core_side": ("core_key_1", "core_wide_1"),
+        "bowl": (solids["cup_bowl_1"], solids["cup_bowl_2"]),
+        "collar": (solids["cup_collar_1"], solids["cup_collar_2"]),
+        "core_key": (solids["core_centre"], solids["core_key_1"]),
+        "core_wide": (solids["core_centre"], solids["core_wide_1"]),
+        "core_side": (solids["core_key_1"], solids["core_wide_1"]),
+        "core_bore": (neck, bore),
     }
-    below = [0.0, 0.0, -1.0], -layout.params.flange_thickness_mm + 0.5  # the ramp meets the flange's edge at an angle
-    neck, flange = (bodies[name].trim_by_plane(*below) for name in ("core_key_1", "interface"))
-    gaps = {"core_bore": neck.min_gap(flange, 1.0)}
-    for name, (first, second) in pairs.items():
-        gaps[name] = bodies[first].min_gap(bodies[second], 1.0)
-    checks = []
-    for name, gap in gaps.items():
-        checks.append(Check(f"joint_{name}.gap_mm", gap, nominal - CLEARANCE_MM, nominal + CLEARANCE_MM))
-    return checks
+    return [
+        Check(f"joint_{name}.gap_mm", first.distance_to(second), nominal - CLEARANCE_MM, nominal + CLEARANCE_MM)
+        for name, (first, second) in pairs.items()
+    ]
 
 
 def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
@@ -109,8 +108,7 @@ def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Chec
     Bowl segments stand dome-down, collar segments on the mating plane; both as they are when poured or upside down.
     """
     up = -1.0 if name.startswith("cup_bowl") else 1.0
-    centre = np.array([0.0, 0.0, layout.params.centre_height_mm])
-    distance = np.linalg.norm(mesh.triangles_center - centre, axis=1)
-    inside = np.abs(distance - layout.params.outer_radius_mm) < 0.05
-    down = -up * mesh.face_normals[inside, 2]
-    return Check(f"{name}.overhang_deg", float(np.degrees(np.arcsin(np.clip(down.max(), -1, 1)))), high=MAX_OVERHANG_DEG)
+    down = -up * mesh.face_normals[cavity_faces(layout, mesh), 2]
+    return Check(
+        f"{name}.overhang_deg", float(np.degrees(np.arcsin(np.clip(down.max(), -1, 1)))), high=MAX_OVERHANG_DEG
+    )

@@ -51,7 +51,7 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
         mesh = _triangulate(solid, tolerance_mm / 2**attempt, angle_rad)
         if mesh.is_watertight:
             return mesh
-    raise GeometryError(f"the solid's mesh stays open at {tolerance_mm / 2**(REFINEMENTS - 1):g} mm: report D and T")
+    raise GeometryError(f"the solid's mesh stays open at {tolerance_mm / 2 ** (REFINEMENTS - 1):g} mm: report D and T")
 
 
 def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh.Trimesh:

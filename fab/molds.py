@@ -22,7 +22,7 @@ WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
 HELP = """\
 options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
-  T=8              thickness of its wall, mm (5 to a fifth of the radius; see README for the region)
+  T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
   exports=DIR      folder that receives D130_T8/ (default: exports/)
 
 The folder appears whole, after every check has passed, or not at all.
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return make_molds(params, Path(options["exports"]))
     except EndcapError as error:
         print(f"make molds: {error}", file=sys.stderr)
-        return 2
+        return 1 if isinstance(error, ChecksFailedError) else 2
     except KeyboardInterrupt:
         print("make molds: interrupted; nothing was left behind", file=sys.stderr)
         return 130
@@ -63,7 +63,9 @@ def parse_options(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         name, equals, value = word.partition("=")
         if not equals or name not in DEFAULTS or not value:
-            raise ParameterError(f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name)
+            raise ParameterError(
+                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name
+            )
         options[name] = value
     return options
 
@@ -92,9 +94,10 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
         exports: folder that receives ``params.label``.
 
     Returns:
-        0, or 1 where a check failed (then nothing is left).
+        0.
 
     Raises:
+        ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
     final = exports / params.label
@@ -131,8 +134,12 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
         failed = [check for check in checks if not check.ok]
         if failed:
             for check in failed:
-                print(f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
-            raise ChecksFailedError(f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written")
+                print(
+                    f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr
+                )
+            raise ChecksFailedError(
+                f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written"
+            )
         progress("assembly and pictures")
         files.write_assemblies(design, folder)
         files.write_pictures(design, folder)
@@ -140,7 +147,9 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
             archive.result()
         files.write_manifest(files.manifest(design, checks, folder), folder)
         count = len(list(folder.iterdir()))
-    print(f"{final}: {count} files, {len(design.parts)} parts, all {len(checks)} checks passed, {progress.seconds:.0f} s")
+    print(
+        f"{final}: {count} files, {len(design.parts)} parts, all {len(checks)} checks passed, {progress.seconds:.0f} s"
+    )
     return 0
 
 

@@ -83,7 +83,7 @@ class NutPocket:
         return max(0.0, narrow, low)
 
     def seat_play_mm(self) -> float:
-        """How far the seated nut can move along the radius off its screw's axis; negative where it does not fit."""
+        """How far the seated nut can move along the radius off its screw's axis, the larger way; < 0: too short."""
         outward = self._reach((0, 0, self._middle), (1, 0, 0)) - self._half
         inward = self._reach((0, 0, POCKET_FLOOR_MM + 0.1), (-1, 0, 0)) - self._half
         return max(outward, inward) if min(outward, inward) >= 0 else min(outward, inward)

@@ -2,8 +2,7 @@
 
 Marching cubes of +c and of -c SEPARATELY give the sheet's two sides (of |distance| - c it would lose the wall where it
 is thinner than a cell). Where they meet the grid's end faces, the strip between them is capped cell by cell on the very
-same corners, so the mesh is closed to the bit; where the azimuth closes, corners are known by the grid edge that they
-lie on.
+same corners, so the mesh is closed to the bit; where the azimuth closes, corners are known by their grid edge.
 
 Notes:
     Every corner of the mesh has a key: node number times 7, plus axis (0..2) of the edge it lies on at level -c, plus
@@ -120,9 +119,7 @@ def _cap(grid: ZoneGrid, field: np.ndarray, half_wall: float, axis: int, end: in
     ring = []  # the cell's boundary, counter-clockwise seen from outside: corner, then crossings of the edge after it
     steps = ((0, 0), (1, 0), (1, 1), (0, 1), (0, 0))
     for (a, b), (c, d) in pairwise(steps):
-        here, there = (
-            _node(axis, end % count[axis], {one: first + i, two: second + j}) for i, j in ((a, b), (c, d))
-        )
+        here, there = (_node(axis, end % count[axis], {one: first + i, two: second + j}) for i, j in ((a, b), (c, d)))
         ring += _edge_keys(grid, field, half_wall, here, there, one if a != c else two)
     return _fans(np.stack([column.ravel() for column in ring], axis=-1))
 

@@ -1,0 +1,56 @@
+# Every target sets up what it needs by itself: `make molds` the CAD side only, `make test` everything.
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q
+OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
+TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
+.DEFAULT_GOAL := help
+.PHONY: help setup molds test check bench clean
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+	@echo 'make molds D=130 T=8 writes exports/D130_T8; `make molds-help` lists its options'
+
+setup: $(VENV)/all.stamp ## virtual environment with everything
+
+molds: $(VENV)/fab.stamp ## print and cast files of one endcap: make molds D=130 T=8
+	@$(BIN)/python -m fab.molds $(MAKEOVERRIDES)
+
+molds-help: $(VENV)/fab.stamp
+	@$(BIN)/python -m fab.molds --help
+
+test: $(VENV)/all.stamp ## all tests
+	@$(BIN)/python -m pytest -n 2 --dist loadfile
+
+check: $(VENV)/all.stamp ## lint and types
+	@$(BIN)/ruff check cad fab sensing tests bench scripts
+	@$(BIN)/ruff format --check cad fab sensing tests bench scripts
+	@$(BIN)/mypy
+
+bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/
+	@for script in bench/bench_*.py; do echo $$script; $(BIN)/python $$script || exit 1; done
+
+clean: ## remove everything that was generated
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find exports -mindepth 1 ! -name README.md -delete
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/bin/python:
+	@sh scripts/system_libraries.sh
+	@$(PYTHON) -c 'import sys; ok = (3, 11) <= sys.version_info[:2] < (3, 13); sys.exit(0 if ok else "Python 3.11 or 3.12 is needed, found %d.%d: name one with make PYTHON=..." % sys.version_info[:2])'
+	@echo "setting up $(VENV) (once; some minutes)" >&2
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/fab.stamp: pyproject.toml lock.txt scripts/prove_kernel.py | $(VENV)/bin/python
+	@$(PIP) install -c lock.txt -e '.[fab]'
+	@$(PIP) install --force-reinstall --no-deps $(OCP)
+	@$(BIN)/python scripts/prove_kernel.py
+	@touch $@
+
+$(VENV)/all.stamp: $(VENV)/fab.stamp
+	@$(PIP) install -c lock.txt $(TORCH)
+	@$(PIP) install -c lock.txt -e '.[fab,sensing,dev]'
+	@$(PIP) install --force-reinstall --no-deps $(OCP)
+	@$(BIN)/python scripts/prove_kernel.py
+	@touch $@

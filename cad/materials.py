@@ -1,0 +1,192 @@
+"""The silicones: mixing, density and hyperelastic constants (standard library only: the bottom layer).
+
+The table is ``materials.csv`` beside this file; its last column says where each number comes from, with the letters of
+facts.md (P paper, M measured, S data sheet, E estimate). Stresses in MPa = N/mm2, densities in g/cm3, times as named.
+
+Energy per reference volume, with I1b the first invariant of the isochoric right Cauchy-Green tensor:
+
+    neo-Hooke   W = C10 (I1b - 3)
+    Yeoh        W = C10 (I1b - 3) + C20 (I1b - 3)^2 + C30 (I1b - 3)^3        (Yeoh 1993, doi:10.5254/1.3538343)
+    both        + K/2 (J - 1)^2,  mu = 2 C10,  K = 2 mu (1 + nu) / (3 (1 - 2 nu))
+
+Prony series: G(t) = G_inf + sum_i g_i G_0 exp(-t / tau_i), as relative moduli ``prony_g`` (dimensionless).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cad.errors import FileError, ParameterError
+
+TABLE = Path(__file__).with_name("materials.csv")
+DEFAULT_SILICONE = "Smooth-Sil 950"
+MAX_POISSON = 0.49999  # above it the bulk modulus is 5e4 mu and double precision eats the shear
+
+
+@dataclass(frozen=True)
+class HyperelasticLaw:
+    """Constants of the isochoric energy and the bulk modulus (MPa).
+
+    Attributes:
+        c10_mpa, c20_mpa, c30_mpa: energy coefficients; C20 = C30 = 0 is neo-Hooke.
+        bulk_mpa: bulk modulus K.
+
+    Raises:
+        ParameterError: a constant that is not physical (C10 <= 0, K <= 0, or an energy that softens to nothing).
+    """
+
+    c10_mpa: float
+    c20_mpa: float
+    c30_mpa: float
+    bulk_mpa: float
+
+    def __post_init__(self) -> None:
+        for name in ("c10_mpa", "bulk_mpa"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ParameterError(
+                    f"{name}={value:g} is not positive and finite: the material would have no stiffness; "
+                    "take the constants from cad/materials.csv",
+                    name=name,
+                    value=value,
+                )
+        if not all(math.isfinite(c) for c in (self.c20_mpa, self.c30_mpa)) or self._least_slope() <= 0:
+            raise ParameterError(
+                f"c20_mpa={self.c20_mpa:g}, c30_mpa={self.c30_mpa:g} make the Yeoh stiffness vanish below "
+                "I1 - 3 = 1 (30 % strain): raise c20_mpa or c30_mpa",
+                name="c20_mpa",
+                value=self.c20_mpa,
+            )
+
+    @property
+    def shear_mpa(self) -> float:
+        """Shear modulus of the undeformed material, mu = 2 C10."""
+        return 2 * self.c10_mpa
+
+    @property
+    def poisson(self) -> float:
+        """Poisson's ratio of the undeformed material."""
+        ratio = self.bulk_mpa / self.shear_mpa
+        return (3 * ratio - 2) / (6 * ratio + 2)
+
+    @property
+    def young_mpa(self) -> float:
+        """Young's modulus of the undeformed material."""
+        return 2 * self.shear_mpa * (1 + self.poisson)
+
+    def _least_slope(self) -> float:
+        return min(self.c10_mpa + 2 * self.c20_mpa * x + 3 * self.c30_mpa * x * x for x in (0.0, 0.25, 0.5, 0.75, 1.0))
+
+
+def hyperelastic_law(c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_mpa: float = 0.0) -> HyperelasticLaw:
+    """Law from C10 and Poisson's ratio.
+
+    Raises:
+        ParameterError: Poisson's ratio outside 0..0.49999, or non-physical constants.
+    """
+    if not 0 <= poisson <= MAX_POISSON:
+        raise ParameterError(
+            f"poisson={poisson:g} outside 0..{MAX_POISSON:g}: silicone is nearly incompressible, and 0.5 has no "
+            "bulk modulus; take 0.49 to 0.4999",
+            name="poisson",
+            value=poisson,
+        )
+    bulk = 4 * c10_mpa * (1 + poisson) / (3 * (1 - 2 * poisson))
+    return HyperelasticLaw(c10_mpa, c20_mpa, c30_mpa, bulk)
+
+
+@dataclass(frozen=True)
+class Silicone:
+    """One row of the table (units in the field names; ``None`` where the source is silent)."""
+
+    name: str
+    density_g_cm3: float
+    mix_ratio: str
+    pot_life_min: float
+    cure_h: float
+    shore: str
+    modulus_100_mpa: float
+    elongation_percent: float
+    poisson: float
+    neo_hooke_c10_mpa: float
+    yeoh_mpa: tuple[float, float, float] | None
+    prony: tuple[tuple[float, float], ...]
+    provenance: str
+
+    def neo_hooke(self, poisson: float | None = None) -> HyperelasticLaw:
+        """Neo-Hooke law, with the table's Poisson's ratio unless another is given."""
+        return hyperelastic_law(self.neo_hooke_c10_mpa, self.poisson if poisson is None else poisson)
+
+    def yeoh(self, poisson: float | None = None) -> HyperelasticLaw:
+        """Yeoh law.
+
+        Raises:
+            ParameterError: the table has no Yeoh constants for this silicone.
+        """
+        if self.yeoh_mpa is None:
+            raise ParameterError(
+                f"silicone={self.name!r} has no Yeoh constants in cad/materials.csv: use neo_hooke, or add them",
+                name="silicone",
+                value=self.name,
+            )
+        c10, c20, c30 = self.yeoh_mpa
+        return hyperelastic_law(c10, self.poisson if poisson is None else poisson, c20, c30)
+
+
+@cache
+def silicones() -> dict[str, Silicone]:
+    """The table, name -> silicone.
+
+    Raises:
+        FileError: a missing or unreadable table, naming the line.
+    """
+    try:
+        with TABLE.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        return {row["name"]: _silicone(row) for row in rows}
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise FileError(f"{TABLE.name}: cannot be read as the table of silicones ({error}): restore it") from error
+
+
+def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
+    """One silicone by its name.
+
+    Raises:
+        ParameterError: unknown name; the message lists those in the table.
+    """
+    try:
+        return silicones()[name]
+    except KeyError:
+        known = ", ".join(silicones())
+        raise ParameterError(
+            f"silicone={name!r} is not in cad/materials.csv: choose one of {known}, or add a row",
+            name="silicone",
+            value=name,
+        ) from None
+
+
+def _silicone(row: dict[str, str]) -> Silicone:
+    yeoh = tuple(row[f"yeoh_c{k}_mpa"] for k in (10, 20, 30))
+    return Silicone(
+        name=row["name"],
+        density_g_cm3=float(row["density_g_cm3"]),
+        mix_ratio=row["mix_ratio"],
+        pot_life_min=float(row["pot_life_min"]),
+        cure_h=float(row["cure_h"]),
+        shore=row["shore"],
+        modulus_100_mpa=float(row["modulus_100_mpa"]),
+        elongation_percent=float(row["elongation_percent"]),
+        poisson=float(row["poisson"]),
+        neo_hooke_c10_mpa=float(row["neo_hooke_c10_mpa"]),
+        yeoh_mpa=(float(yeoh[0]), float(yeoh[1]), float(yeoh[2])) if all(yeoh) else None,
+        prony=tuple(zip(_floats(row["prony_g"]), _floats(row["prony_tau_s"]), strict=True)),
+        provenance=row["provenance"],
+    )
+
+
+def _floats(text: str) -> tuple[float, ...]:
+    return tuple(float(part) for part in text.split(";") if part)

@@ -1,0 +1,99 @@
+"""Command line of the calibration: ``python -m sensing.calibrate --help``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from cad.errors import EndcapError
+from cad.params import EndcapParams
+from sensing.calibrate import calibrate_from_dots
+from sensing.calibrate_board import BoardView, calibrate_from_board, find_board, read_views
+from sensing.calibrate_dots import CalibrationError, find_dots, read_dots
+from sensing.calibrate_picture import draw_fit, read_image, write_image
+from sensing.camera_model import MountedCamera, mount
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        return _from_board(options) if options.board else _from_photo(options)
+    except EndcapError as error:
+        print(f"sensing.calibrate: {error}", file=sys.stderr)
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.calibrate",
+        description="Camera calibration: from one photo of the sensor's own dots, or from views of a board.",
+    )
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--photo", help="one photo of the undeformed sensor")
+    source.add_argument(
+        "--board", nargs="+", metavar="FILE", help="chessboard photos, or one CSV view,x_mm,y_mm,u_px,v_px"
+    )
+    parser.add_argument("--dots", help="CSV of dot centres (u_px,v_px) instead of finding them in the photo")
+    parser.add_argument("--diameter", type=float, default=130.0, metavar="D", help="outer diameter in mm (130)")
+    parser.add_argument("--wall", type=float, default=8.0, metavar="T", help="wall in mm (8)")
+    parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
+    parser.add_argument("--azimuth-hint", type=float, default=0.0, metavar="DEG", help="turn of the image, +-90 (0)")
+    parser.add_argument("--corners", default="9x6", help="inner corners of the chessboard (9x6)")
+    parser.add_argument("--square", type=float, default=10.0, metavar="MM", help="side of its squares (10)")
+    parser.add_argument("--size", default="640x480", help="image size when board views come as CSV (640x480)")
+    parser.add_argument("--out", required=True, help="camera.json to write")
+    parser.add_argument("--picture", help="photo with the fit drawn in")
+    return parser
+
+
+def _from_photo(options: argparse.Namespace) -> int:
+    params = EndcapParams(options.diameter, options.wall)
+    image = read_image(options.photo)
+    found = read_dots(options.dots) if options.dots else find_dots(image)
+    lens = MountedCamera.load(options.lens).camera if options.lens else None
+    size = (image.shape[1], image.shape[0])
+    if lens is not None and (lens.width_px, lens.height_px) != size:
+        raise CalibrationError(
+            f"{options.lens}: lens of {lens.width_px}x{lens.height_px}, photo of {size[0]}x{size[1]}"
+        )
+    result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
+    result.mounted.save(options.out)
+    if options.picture:
+        write_image(options.picture, draw_fit(image, result, params))
+    print(result.report())
+    return 0
+
+
+def _from_board(options: argparse.Namespace) -> int:
+    if options.board[0].endswith(".csv"):
+        size, views = _pair("--size", options.size), read_views(options.board[0])
+    else:
+        size, views = _photographed(options.board, _pair("--corners", options.corners), options.square)
+    result = calibrate_from_board(views, size)
+    mount(result.camera, (0.0, 0.0, 0.0)).save(options.out)
+    print(f"{len(views)} views, residual {result.rms_px:.3f} px rms; next: --photo with --lens {options.out}")
+    return 0
+
+
+def _photographed(
+    paths: list[str], corners: tuple[int, int], square_mm: float
+) -> tuple[tuple[int, int], list[BoardView]]:
+    """Image size and the views in which the board was found; the others are named on stderr."""
+    images = [read_image(path) for path in paths]
+    sizes = {(image.shape[1], image.shape[0]) for image in images}
+    if len(sizes) > 1:
+        raise CalibrationError(f"board photos of different sizes {sorted(sizes)}: take all with one camera mode")
+    found = [find_board(image, corners, square_mm) for image in images]
+    for path, view in zip(paths, found, strict=True):
+        if view is None:
+            print(f"{path}: no board of {corners[0]}x{corners[1]} inner corners found, left out", file=sys.stderr)
+    return sizes.pop(), [view for view in found if view is not None]
+
+
+def _pair(name: str, text: str) -> tuple[int, int]:
+    try:
+        first, second = (int(part) for part in text.lower().split("x"))
+    except ValueError as error:
+        raise CalibrationError(f"{name} {text}: give two whole numbers, for example 640x480") from error
+    return first, second

@@ -1,0 +1,228 @@
+"""Two pictures, or a video, to the shear field: the command line and the function behind it.
+
+    python -m sensing.field --method dots --reference a.jpg --frame b.jpg --out field.npy --picture field.png
+    python -m sensing.field --method gelslim --reference a.jpg --video press.avi --out fields.npz
+
+``.npy`` holds the channels, (C, H, W) for a frame and (T, C, H, W) for a video, float32, u (right) and v (down) first,
+in pixels of the 200 x 200 centre crop. ``.npz`` adds names, valid, time_s and, for the dots, their tracks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import EndcapError, FileError, ParameterError
+from sensing.decode import FrameError, decode_bgr
+from sensing.field_picture import draw_field
+from sensing.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
+from sensing.methods import METHODS, DotField, FieldMethod, field_method
+from sensing.records import DotTracks, Frame, ShearField
+from sensing.sources.files import FolderSource, VideoSource, read_picture
+
+
+@dataclass(frozen=True)
+class FieldResult:
+    """What one frame gave.
+
+    Attributes:
+        frame: the frame.
+        field: its field.
+        tracks: dot tracks, None for methods without dots.
+    """
+
+    frame: Frame
+    field: ShearField
+    tracks: DotTracks | None
+
+
+def compute_fields(
+    method: str,
+    reference: Frame,
+    frames: Iterable[Frame],
+    shape: tuple[int, int] = (30, 30),
+    channels: tuple[str, ...] = ("u", "v"),
+) -> Iterator[FieldResult]:
+    """Fields of frames against one undeformed reference, one by one.
+
+    Args:
+        method: one of :data:`sensing.methods.METHODS`.
+        reference: the undeformed picture.
+        frames: pictures of the same size.
+        shape: (H, W) of the field.
+        channels: any of :data:`sensing.gelslim.CHANNELS`; changes (du ...) only with ``gelslim``.
+
+    Raises:
+        EndcapError: unknown method or channel, no dots in the reference, a frame of another size or unreadable.
+    """
+    worker = _worker(method, reference, shape, channels)
+    full = decode_bgr(reference).shape
+    for frame in frames:
+        if frame.size is not None and frame.size != (full[1], full[0]):
+            raise FrameError(
+                f"{frame.source}: {frame.size[0]}x{frame.size[1]} px, but the reference {reference.source} has "
+                f"{full[1]}x{full[0]}: take both with the same camera mode"
+            )
+        field = worker.update(frame)
+        if field.names != channels:
+            field = _with_channels(field, channels)
+        yield FieldResult(frame, field, worker.tracks if isinstance(worker, DotField) else None)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        _run(options)
+    except EndcapError as error:
+        print(f"sensing.field: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("sensing.field: stopped, nothing written", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.out is None and options.picture is None:
+        raise ParameterError("nothing to write: give --out FILE.npy, --picture FILE.png or both", name="out")
+    if options.out is not None and options.out.suffix not in (".npy", ".npz"):
+        raise ParameterError(f"--out {options.out}: the name must end in .npy or .npz", name="out", value=options.out)
+    reference = read_picture(options.reference)
+    frames: Iterable[Frame]
+    if options.video is None:
+        frames = [read_picture(options.frame)]
+    else:
+        frames = FolderSource(options.video) if options.video.is_dir() else VideoSource(options.video)
+    channels = tuple(name.strip() for name in options.channels.split(","))
+    results = []
+    for result in compute_fields(options.method, reference, frames, options.shape, channels):
+        results.append(result)
+        if options.video is not None and sys.stderr.isatty():
+            print(f"\r{len(results)} frames", end="", file=sys.stderr)
+    if options.video is not None and sys.stderr.isatty():
+        print(file=sys.stderr)
+    if options.out is not None:
+        _save(options.out, results, single=options.video is None)
+    if options.picture is not None:
+        _save_picture(options.picture, results)
+    print(_summary(options.method, results))
+
+
+def _worker(method: str, reference: Frame, shape: tuple[int, int], channels: tuple[str, ...]) -> FieldMethod:
+    if method == "gelslim":
+        return GelslimField(reference, GelslimConfig(shape, channels))
+    GelslimConfig(shape, channels)  # the same bounds for all methods
+    changes = [name for name in channels if name in CHANGE_CHANNELS]
+    if changes:
+        raise ParameterError(
+            f"channels={','.join(changes)}: only --method gelslim gives them", name="channels", value=channels
+        )
+    return field_method(method, reference, shape)
+
+
+def _with_channels(field: ShearField, channels: tuple[str, ...]) -> ShearField:
+    u, v = field.channel("u"), field.channel("v")
+    known = {"u": u, "v": v} | derived_channels(u, v, channels)
+    stack = np.stack([known[name] for name in channels]).astype(np.float32)
+    return ShearField(field.time_s, stack, channels, field.unit, field.valid)
+
+
+def _save(path: Path, results: list[FieldResult], single: bool) -> None:
+    fields = [r.field for r in results]
+    channels = fields[0].channels if single else np.stack([f.channels for f in fields])
+    if path.suffix == ".npy":
+        _write(path, lambda temporary: np.save(temporary, channels))
+        return
+    content: dict[str, NDArray] = {
+        "channels": channels,
+        "names": np.array(fields[0].names),
+        "valid": np.stack([f.valid for f in fields]),
+        "time_s": np.array([f.time_s for f in fields]),
+    }
+    tracks = [r.tracks for r in results if r.tracks is not None]
+    if tracks:
+        content |= {name: np.stack([getattr(t, name) for t in tracks]) for name in ("position_px", "quality", "lost")}
+        content["reference_px"] = np.asarray(tracks[0].reference_px)
+    _write(path, lambda temporary: np.savez_compressed(temporary, **content))  # type: ignore[arg-type]
+
+
+def _save_picture(path: Path, results: list[FieldResult]) -> None:
+    """One picture, or for a video one per frame with the frame number before the suffix."""
+    if path.suffix.lower() not in (".png", ".jpg"):
+        raise ParameterError(f"--picture {path}: the name must end in .png or .jpg", name="picture", value=path)
+    for index, result in enumerate(results):
+        name = path if len(results) == 1 else path.with_name(f"{path.stem}_{index:05d}{path.suffix}")
+        image = draw_field(decode_bgr(result.frame), result.field, result.tracks)
+        _write(name, lambda temporary, image=image: cv2.imwrite(temporary, image))  # type: ignore[misc]
+
+
+def _write(path: Path, save: Callable[[str], object]) -> None:
+    """Write under a temporary name beside the goal, then rename: no half-written file is ever seen."""
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
+    os.close(handle)
+    try:
+        save(temporary)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}: is the disk full?") from None
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            Path(temporary).unlink()
+
+
+def _summary(method: str, results: list[FieldResult]) -> str:
+    last = results[-1]
+    u, v = last.field.channels[0], last.field.channels[1] if len(last.field.names) > 1 else 0
+    size = np.hypot(u, v)[last.field.valid] if last.field.names[:2] == ("u", "v") else np.abs(u[last.field.valid])
+    text = f"{method}: {len(results)} frame(s), field {'x'.join(map(str, last.field.channels.shape))}"
+    if size.size:
+        text += f", mean {size.mean():.3f}, largest {size.max():.3f} px of 200, valid {last.field.valid.mean():.0%}"
+    if last.tracks is not None:
+        text += f", {int((~last.tracks.lost).sum())} of {len(last.tracks.ids)} dots followed"
+    return text
+
+
+def _shape(text: str) -> tuple[int, int]:
+    try:
+        height, width = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: give HxW, for example 30x30") from None
+    return height, width
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.field",
+        description="Shear field of a picture, or of a video, against the undeformed picture of the same sensor.",
+        epilog="Unit of u, v: pixels of the 200x200 centre crop. Bad input: one line on stderr, exit status 2.",
+    )
+    parser.add_argument("--method", choices=METHODS, default="dots", help="gelslim: exactly the released pipeline")
+    parser.add_argument("--reference", type=Path, required=True, help="picture of the untouched sensor")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--frame", type=Path, help="one picture")
+    what.add_argument("--video", type=Path, help="a video file, or a folder of pictures")
+    parser.add_argument("--shape", type=_shape, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
+    parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help=".png or .jpg: image, dots, arrows, quality")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

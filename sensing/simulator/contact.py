@@ -1,0 +1,271 @@
+"""Frictional contact of the outer surface with a rigid body, at Gauss points of its faces (N, mm, MPa).
+
+Unilateral penalty pressure p = eps_n <-gap> and Coulomb friction by return map with the elastic slip as memory:
+
+    tau_trial = tau_0 - eps_t P (y - y_0),   y = x - translation,   |tau| <= mu p          (Wriggers 2006, ch. 9)
+
+per reference area. Two tangents: with the bound mu p frozen (``lagged``) the friction has a potential, so the step is
+symmetric and an energy line search holds it; with the true bound it is unsymmetric and Newton is quadratic (for the
+plane; for curved bodies the turn of the tangent plane is left out of the friction tangent).
+
+A point that enters within a step slips only over the share of the step it was in contact (``share``), estimated from
+the gaps at both ends: without it the result would depend on the step size.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sensing.simulator.element import OUTER_FACE, Array, face_rule, shape_quad
+from sensing.simulator.mesh import HexMesh, Index
+
+POINTS_PER_SIDE = 4
+PENALTY_RATIO = 25.0  # eps_n over E / T; the report measures what the penalty costs
+TANGENTIAL_RATIO = 0.5  # eps_t over eps_n
+
+
+@dataclass(frozen=True)
+class ContactSurface:
+    """Outer faces ready for contact.
+
+    Attributes:
+        cells: owning cell of each face (f,).
+        nodes: its nodes (f, 9).
+        shape: shape functions at the Gauss points (g, 9).
+        area: reference area of every Gauss point (f, g), mm2.
+        normal_mpa_mm, tangential_mpa_mm: penalties eps_n and eps_t.
+    """
+
+    cells: Index
+    nodes: Index
+    shape: Array
+    area: Array
+    normal_mpa_mm: float
+    tangential_mpa_mm: float
+
+
+@dataclass(frozen=True)
+class ContactMemory:
+    """What friction remembers of the last accepted state, at every Gauss point.
+
+    Attributes:
+        traction: friction traction tau_0 (f, g, 3), MPa.
+        position: position relative to the body, y_0 (f, g, 3), mm.
+        gap: distance to the body (f, g), mm.
+    """
+
+    traction: Array
+    position: Array
+    gap: Array
+
+
+@dataclass(frozen=True)
+class ContactResponse:
+    """Contact at one trial configuration.
+
+    Attributes:
+        energy: penalty and (lagged) friction potential, mJ.
+        force: nodal force ON the shell by face (f, 9, 3), N.
+        stiffness: derivative of -force by nodal position (f, 27, 27), N/mm.
+        pressure, gap: (f, g), MPa and mm.
+        traction: friction on the shell (f, g, 3), MPa.
+        slipping: (f, g) boolean.
+        position: y (f, g, 3), mm.
+        share: share of the step that each point was in contact (f, g).
+        gradient: outward normal of the body at each point (f, g, 3).
+    """
+
+    energy: float
+    force: Array
+    stiffness: Array
+    pressure: Array
+    gap: Array
+    traction: Array
+    slipping: NDArray[np.bool_]
+    position: Array
+    share: Array
+    gradient: Array
+
+    def memory(self) -> ContactMemory:
+        """Memory for the next step."""
+        return ContactMemory(self.traction, self.position, self.gap)
+
+
+def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: float = PENALTY_RATIO) -> ContactSurface:
+    """Contact quadrature of the outer faces of a mesh."""
+    local, rule = face_rule(POINTS_PER_SIDE)
+    shape, grad = shape_quad(local)
+    nodes = mesh.cells[mesh.outer][:, OUTER_FACE]
+    tangent = np.einsum("gak,fai->fgik", grad, mesh.points[nodes])
+    area = np.linalg.norm(np.cross(tangent[..., 0], tangent[..., 1]), axis=-1) * rule
+    normal = ratio * young_mpa / wall_mm
+    return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal)
+
+
+def free_memory(surface: ContactSurface, position: Array, body: Array) -> ContactMemory:
+    """Memory of a surface that no body has touched, at nodal positions (n, 3)."""
+    y = np.einsum("ga,fai->fgi", surface.shape, position[surface.nodes])
+    response = respond(
+        surface, ContactMemory(np.zeros_like(y), y, np.zeros(y.shape[:2])), body, position, np.zeros(3), 0.0
+    )
+    return ContactMemory(np.zeros_like(y), y, np.maximum(response.gap, 0.0))
+
+
+def respond(
+    surface: ContactSurface,
+    memory: ContactMemory,
+    body: Array,
+    position: Array,
+    translation: Array,
+    friction: float,
+    bound: Array | None = None,
+    share: Array | None = None,
+) -> ContactResponse:
+    """Contact forces and tangents at nodal positions (n, 3) of the shell.
+
+    Args:
+        surface: contact quadrature.
+        memory: last accepted state.
+        body: packed indenter (:meth:`sensing.simulator.indenter.Indenter.packed`).
+        position: nodal positions x (n, 3), mm.
+        translation: of the body from its place of first touch (3,), mm.
+        friction: Coulomb coefficient mu.
+        bound: frozen friction bound (f, g), MPa; ``None`` takes the true mu p and its derivative.
+        share: frozen contact share (f, g); ``None`` computes it from the gaps.
+    """
+    lagged = bound is not None
+    shape = surface.area.shape
+    used_bound = bound if bound is not None else np.zeros(shape)
+    frozen = share is not None
+    used_share = share.copy() if share is not None else np.ones(shape)
+    energy, force, stiffness, pressure, gap, traction, slipping, y, gradient = _respond(
+        surface.nodes, surface.shape, surface.area, surface.normal_mpa_mm, surface.tangential_mpa_mm,
+        memory.traction, memory.position, memory.gap, body, position, translation, friction,
+        lagged, used_bound, frozen, used_share,
+    )  # fmt: skip
+    return ContactResponse(energy, force, stiffness, pressure, gap, traction, slipping, y, used_share, gradient)
+
+
+@njit(cache=True)
+def _distance(body, y, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Signed distance of y (3,) to the body at its first touch; fills gradient (3,) and Hessian (3, 3)."""
+    hessian[:] = 0.0
+    if body[0] == 0.0:
+        value = 0.0
+        for i in range(3):
+            gradient[i] = body[5 + i]
+            value += body[5 + i] * (y[i] - body[2 + i])
+        return value
+    along = 0.0
+    if body[0] == 2.0:
+        for i in range(3):
+            along += body[5 + i] * (y[i] - body[2 + i])
+    radius = 0.0
+    for i in range(3):
+        gradient[i] = y[i] - body[2 + i] - along * body[5 + i]
+        radius += gradient[i] ** 2
+    radius = math.sqrt(radius)
+    for i in range(3):
+        gradient[i] /= radius
+    for i in range(3):
+        for j in range(3):
+            hessian[i, j] = ((1.0 if i == j else 0.0) - gradient[i] * gradient[j]) / radius
+            if body[0] == 2.0:
+                hessian[i, j] -= body[5 + i] * body[5 + j] / radius
+    return radius - body[1]
+
+
+@njit(cache=True)
+def _respond(  # type: ignore[no-untyped-def]
+    nodes, shape, area, eps_n, eps_t, tau0, y0, gap0, body, position, translation, friction,
+    lagged, bound, frozen, share,
+):  # fmt: skip
+    faces, points = area.shape
+    force = np.zeros((faces, 9, 3))
+    stiffness = np.zeros((faces, 27, 27))
+    pressure = np.zeros((faces, points))
+    gaps = np.zeros((faces, points))
+    traction = np.zeros((faces, points, 3))
+    slipping = np.zeros((faces, points), dtype=np.bool_)
+    place = np.zeros((faces, points, 3))
+    normals = np.zeros((faces, points, 3))
+    energy = 0.0
+    normal = np.zeros(3)
+    hessian = np.zeros((3, 3))
+    trial = np.zeros(3)
+    tau = np.zeros(3)
+    k = np.zeros((3, 3))
+    for f in range(faces):
+        for q in range(points):
+            y = place[f, q]
+            for a in range(9):
+                for i in range(3):
+                    y[i] += shape[q, a] * position[nodes[f, a], i]
+            for i in range(3):
+                y[i] -= translation[i]
+            gap = _distance(body, y, normal, hessian)
+            gaps[f, q] = gap
+            normals[f, q] = normal
+            if not gap < 0.0:
+                continue
+            w = area[f, q]
+            p = -eps_n * gap
+            pressure[f, q] = p
+            energy += 0.5 * w * p * -gap
+            for i in range(3):
+                for j in range(3):
+                    k[i, j] = eps_n * normal[i] * normal[j] - p * hessian[i, j]
+            tau[:] = 0.0
+            if friction > 0.0:
+                if not frozen:
+                    share[f, q] = -gap / (gap0[f, q] - gap) if gap0[f, q] > 0.0 else 1.0
+                eps = eps_t * share[f, q]
+                dot = 0.0
+                for i in range(3):
+                    trial[i] = tau0[f, q, i] - eps * (y[i] - y0[f, q, i])
+                    dot += trial[i] * normal[i]
+                size = 0.0
+                for i in range(3):
+                    trial[i] -= dot * normal[i]
+                    size += trial[i] ** 2
+                size = math.sqrt(size)
+                limit = bound[f, q] if lagged else friction * p
+                if size <= limit:
+                    energy += 0.5 * w * size * size / eps
+                    turn = 0.0
+                    if not frozen and gap0[f, q] > 0:
+                        turn = gap0[f, q] / ((gap0[f, q] - gap) ** 2 * share[f, q])
+                    for i in range(3):
+                        tau[i] = trial[i]
+                        for j in range(3):
+                            k[i, j] += eps * ((1.0 if i == j else 0.0) - normal[i] * normal[j])
+                            k[i, j] += turn * trial[i] * normal[j]  # the share grows with the overlap
+                else:
+                    slipping[f, q] = True
+                    energy += w * limit * (size - 0.5 * limit) / eps
+                    ratio = limit / size
+                    for i in range(3):
+                        tau[i] = ratio * trial[i]
+                    for i in range(3):
+                        for j in range(3):
+                            project = (1.0 if i == j else 0.0) - normal[i] * normal[j]
+                            k[i, j] += eps * ratio * (project - trial[i] * trial[j] / (size * size))
+                            if not lagged:
+                                k[i, j] += friction * eps_n * trial[i] / size * normal[j]
+            for i in range(3):
+                traction[f, q, i] = tau[i]
+            for a in range(9):
+                wa = w * shape[q, a]
+                for i in range(3):
+                    force[f, a, i] += wa * (p * normal[i] + tau[i])
+                for c in range(9):
+                    wac = wa * shape[q, c]
+                    for i in range(3):
+                        for j in range(3):
+                            stiffness[f, 3 * a + i, 3 * c + j] += wac * k[i, j]
+    return energy, force, stiffness, pressure, gaps, traction, slipping, place, normals

@@ -1,0 +1,205 @@
+"""Pressing the shell: equilibria along a path of body positions or normal forces (level 1; N, mm, MPa).
+
+    model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), half=True)
+    press = Press(model, Indenter(tilt_deg=30), friction=0.5)
+    state = press.advance(press.start(), Target(normal_n=20))
+
+A step that fails is halved; one that fails at its smallest is refused with its reason. Nothing else is answered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensing.simulator import closed_forms, newton
+from sensing.simulator.contact import ContactResponse, free_memory
+from sensing.simulator.element import Array
+from sensing.simulator.indenter import Indenter
+from sensing.simulator.shell import ShellModel
+from sensing.simulator.state import Certificate, Refusal, State, contact_wrench, reaction_wrench
+
+MAX_HALVINGS = 6
+MAX_DEPTH_RATIO = 0.6  # of R: the contact law knows no self-contact of the inner surface
+MAX_FRICTION = 5.0
+FIRST_TOUCH_MM = 1e-3
+WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a step ends: a normal force or a depth (exactly one), and the body's tangential travel.
+
+    Attributes:
+        normal_n: force along the inward normal at first touch (N), or None.
+        depth_mm: approach from first touch, or None.
+        shift_mm: tangential travel along (meridian, lateral), mm.
+    """
+
+    normal_n: float | None = None
+    depth_mm: float | None = None
+    shift_mm: tuple[float, float] = (0.0, 0.0)
+
+
+class Press:
+    """A shell model, a body and a friction coefficient.
+
+    Raises:
+        Refusal: ``path`` for a body that breaks the mirror of a half model; ``range`` for a friction outside 0..5.
+    """
+
+    def __init__(self, model: ShellModel, indenter: Indenter, friction: float) -> None:
+        if not 0 <= friction <= MAX_FRICTION:
+            raise Refusal("range", f"friction={friction:g} outside 0..{MAX_FRICTION:g}: give Coulomb's mu of the pair")
+        if model.half and not indenter.keeps_mirror:
+            raise Refusal("path", f"axis_deg={indenter.axis_deg:g} breaks the mirror plane: build the whole model")
+        self.model = model
+        self.indenter = indenter
+        self.friction = friction
+        self.body = indenter.packed(model.geometry)
+        self.frame = indenter.frame()
+        self._soft_n_mm = closed_forms.point_stiffness_n_mm(model.geometry, model.solid.law)
+
+    def start(self) -> State:
+        """The undeformed shell, the body just touching."""
+        points = self.model.solid.mesh.points
+        memory = free_memory(self.model.surface, points, self.body)
+        return State(np.zeros_like(points), 0.0, (0.0, 0.0), memory, None, np.zeros(6), np.zeros(6), 0.0, None)
+
+    def advance(self, state: State, target: Target) -> State:
+        """Equilibrium at ``target``, reached from ``state`` in as many sub-steps as it takes.
+
+        Raises:
+            Refusal: the path leaves the model, has no stable equilibrium, or cannot be followed.
+        """
+        self.check(target)
+        target = lifted(target)
+        here, done, size, halvings, spent, substeps = state, 0.0, 1.0, 0, 0, 0
+        while done < 1 - 1e-12:
+            share = min(1.0, done + size)
+            try:
+                here = self._step(here, _between(state, target, share))
+            except Refusal as refusal:
+                halvings += 1
+                if halvings > MAX_HALVINGS:
+                    raise Refusal(
+                        refusal.reason, f"{str(refusal).split(': ', 1)[1]} (the step was halved {MAX_HALVINGS} times)"
+                    ) from refusal
+                size /= 2
+                continue
+            done, substeps = share, substeps + 1
+            spent += here.certificate.iterations if here.certificate else 0
+        assert here.certificate is not None
+        return replace(here, certificate=replace(here.certificate, iterations=spent, substeps=substeps))
+
+    def problem(self, state: State, target: Target) -> newton.StepProblem:
+        """The step from a state to a target, ready for :func:`sensing.simulator.newton.solve`."""
+        return newton.StepProblem(
+            self.model, self.body, self.frame, self.friction, state.memory, target.shift_mm, target.normal_n
+        )
+
+    def first_guess(self, state: State, target: Target) -> tuple[Array, float]:
+        """Displacement and depth to start a step from: the tangent's prediction where there is contact already."""
+        if state.contact is None or not (state.contact.pressure > 0).any():
+            return state.displacement, self._first_depth(state, target)
+        given = target.depth_mm is not None
+        depth_travel = target.depth_mm - state.depth_mm if target.depth_mm is not None else 0.0
+        travel = self.frame @ np.array(
+            [-depth_travel, target.shift_mm[0] - state.shift_mm[0], target.shift_mm[1] - state.shift_mm[1]]
+        )
+        problem = replace(self.problem(state, target), shift_mm=state.shift_mm)
+        displacement, depth = newton.predict(problem, state.displacement, state.depth_mm, travel)
+        return displacement, depth_travel + state.depth_mm if given else depth
+
+    def _first_depth(self, state: State, target: Target) -> float:
+        """Guess of the depth: given, or the last one and the force still missing over a stiffness."""
+        if target.depth_mm is not None:
+            return target.depth_mm
+        assert target.normal_n is not None
+        slope = state.certificate.force_stiffness_n_mm if state.certificate and state.normal_n > 0 else self._soft_n_mm
+        slope = slope if np.isfinite(slope) and slope > 0 else self._soft_n_mm
+        guess = max(state.depth_mm, 0.0) + (target.normal_n - state.normal_n) / slope
+        return max(guess, FIRST_TOUCH_MM)
+
+    def accept(self, state: State, target: Target, solution: newton.Solution) -> State:
+        """State and certificate of a converged step."""
+        here = solution.iterate
+        position = self.model.solid.mesh.points + here.displacement
+        wrench = contact_wrench(self.model, position, here.contact)
+        reaction = reaction_wrench(self.model, here.internal)
+        load = max(float(np.linalg.norm(wrench[:3])), WRENCH_FLOOR_N)
+        scale = np.array([load] * 3 + [load * self.model.geometry.outer_radius_mm] * 3)
+        certificate = Certificate(
+            residual=here.error,
+            wrench_gap=float(np.abs((wrench - reaction) / scale).max()),
+            penetration_mm=float(max(0.0, -here.contact.gap.min())),
+            cone_excess_mpa=_cone_excess(here.contact, self.friction),
+            negative_pivots=solution.negative_pivots,
+            force_stiffness_n_mm=solution.force_stiffness_n_mm,
+            iterations=len(solution.errors) - 1,
+            substeps=1,
+        )
+        return State(
+            displacement=here.displacement,
+            depth_mm=here.depth_mm,
+            shift_mm=target.shift_mm,
+            memory=here.contact.memory(),
+            contact=here.contact,
+            wrench=wrench,
+            reaction=reaction,
+            normal_n=-float(wrench[:3] @ self.frame[:, 0]),
+            certificate=certificate,
+        )
+
+    def _step(self, state: State, target: Target) -> State:
+        problem = self.problem(state, target)
+        displacement, depth = self.first_guess(state, target)
+        if target.normal_n is not None:
+            apart = float(problem.contact(displacement, depth, None, None).gap.min())
+            if apart >= 0:  # between Gauss points: the body comes to the nearest one
+                depth += apart + FIRST_TOUCH_MM
+        solution = newton.solve(problem, displacement, depth)
+        if solution.negative_pivots != 0:
+            raise Refusal(
+                "unstable",
+                f"the tangent has {solution.negative_pivots} negative pivots at depth {solution.iterate.depth_mm:.3f} "
+                "mm: the shell buckles here and this branch cannot be seen in reality",
+            )
+        state = self.accept(state, target, solution)
+        if state.depth_mm > MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm:
+            raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
+        return state
+
+    def check(self, target: Target) -> None:
+        """Refuse a target that the model does not cover."""
+        if (target.normal_n is None) == (target.depth_mm is None):
+            raise Refusal("path", f"{target} must give exactly one of normal_n and depth_mm")
+        numbers = [v for v in (target.normal_n, target.depth_mm, *target.shift_mm) if v is not None]
+        if not np.isfinite(numbers).all():
+            raise Refusal("range", f"{target} has a number that is not finite")
+        if target.normal_n is not None and target.normal_n < 0:
+            raise Refusal("range", f"normal_n={target.normal_n:g} pulls: the contact does not stick, give >= 0 N")
+        limit = MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm
+        if target.depth_mm is not None and target.depth_mm > limit:
+            raise Refusal("range", f"depth_mm={target.depth_mm:g} over {limit:g} (0.6 R): self-contact is not modelled")
+        if self.model.half and target.shift_mm[1] != 0:
+            raise Refusal("path", f"shift_mm={target.shift_mm} leaves the mirror plane: build the whole model")
+
+
+def lifted(target: Target) -> Target:
+    """The target itself, or, at zero force, the body lifted clear: without load nothing ties the depth."""
+    return replace(target, normal_n=None, depth_mm=-FIRST_TOUCH_MM) if target.normal_n == 0 else target
+
+
+def _between(state: State, target: Target, share: float) -> Target:
+    """Target at a share of the way, in the target's own control."""
+    shift = tuple((1 - share) * a + share * b for a, b in zip(state.shift_mm, target.shift_mm, strict=True))
+    if target.normal_n is not None:
+        return Target(normal_n=(1 - share) * state.normal_n + share * target.normal_n, shift_mm=(shift[0], shift[1]))
+    assert target.depth_mm is not None
+    return Target(depth_mm=(1 - share) * state.depth_mm + share * target.depth_mm, shift_mm=(shift[0], shift[1]))
+
+
+def _cone_excess(contact: ContactResponse, friction: float) -> float:
+    return float((np.linalg.norm(contact.traction, axis=-1) - friction * contact.pressure).max())

@@ -1,0 +1,223 @@
+"""Pictures of the deformed inner surface as the endcap's camera takes them.
+
+    renderer = DomeRenderer(EndcapParams(130, 8), nominal_mount(params), RenderSettings(seed=1))
+    frame = renderer.render(displacement_mm)      # (n, 3) at renderer.surface_mm, or at your own surface nodes
+    frame.image_bgr, frame.dots_px, frame.dots_visible
+
+    python -m sensing.simulator.render --out frame.png --digit 4
+    python -m sensing.simulator.render --camera camera.json --beside photo.jpg --out beside.png
+
+Input is a displacement field of the inner surface (mm, endcap frame) from any mechanics; nothing here computes one.
+Left out: the parallax of a dent's 0.6 mm depth (up to 1 px at the rim, nearly constant under load), light through the
+wall, and shadows of the surface on itself. Folds are hidden correctly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cad.errors import ParameterError
+from cad.params import EndcapParams
+from sensing.camera_model import Array, MountedCamera
+from sensing.camera_nominal import nominal_mount
+from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance
+from sensing.simulator.render_mesh import interpolation_matrix, surface_mesh, vertex_normals
+from sensing.simulator.render_raster import interpolate, rasterise
+from sensing.simulator.render_sensor import (
+    AMBIENT_TINT,
+    BRONZE,
+    Floats,
+    Image,
+    defocus,
+    develop,
+    lens_transmission,
+    pixel_angles,
+    radiance_image,
+    signal_of,
+)
+from sensing.simulator.render_settings import RenderSettings
+from sensing.simulator.render_skin import paint_skin
+
+NOISE_TABLE = 1 << 23  # standard normals kept for frames without fresh noise
+HIDDEN_MM = 1.0  # a dot this far behind the surface seen at its pixel is hidden
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rendered frame and where the dots truly are in it.
+
+    Attributes:
+        image_bgr: (h, w, 3) 8-bit.
+        dots_px: (d, 2) image of each dot's ink centre, in the order of ``cad.dots.dot_pattern``; ``nan`` out of view.
+        dots_visible: (d,) painted, inside the frame and not hidden by a fold.
+    """
+
+    image_bgr: Image
+    dots_px: Array
+    dots_visible: NDArray[np.bool_]
+
+
+class DomeRenderer:
+    """Renders frames of one endcap; everything that does not change with the displacement is prepared once.
+
+    Args:
+        params: the design.
+        mounted: camera and pose.
+        settings: look and quality.
+        surface_mm: (n, 3) undeformed nodes of the inner surface at which displacements will be given (any order, no
+            connectivity needed). Without it they are those of the renderer's own mesh, :attr:`surface_mm`.
+    """
+
+    def __init__(
+        self,
+        params: EndcapParams,
+        mounted: MountedCamera | None = None,
+        settings: RenderSettings | None = None,
+        surface_mm: ArrayLike | None = None,
+    ) -> None:
+        self.params = params
+        self.settings = settings or RenderSettings()
+        self.mounted = mounted or nominal_mount(params)
+        self._mesh = surface_mesh(params, self.settings.mesh)
+        rim = 0.99 * self._mesh.rim_polar
+        self._inner = np.linalg.norm(self._mesh.disc, axis=1) < rim  # the outermost cells are slivers
+        self._skin = paint_skin(params, self.settings.paint, self.settings.texels, self.settings.seed)
+        self.surface_mm = self._mesh.vertices_mm if surface_mm is None else np.asarray(surface_mm, dtype=float)
+        self._to_mesh = (
+            None if surface_mm is None else interpolation_matrix(params, self.surface_mm, self._mesh.vertices_mm)
+        )
+        self._to_dots = interpolation_matrix(params, self.surface_mm, self._skin.ink_mm)
+        camera, factor = self.mounted.camera, self.settings.supersample
+        fine = camera.resized(camera.width_px * factor, camera.height_px * factor)
+        self._fine = MountedCamera(fine, self.mounted.T_camera_endcap)
+        self._transmission = lens_transmission(fine, self.settings.optics)
+        edge = np.nan_to_num(pixel_angles(camera) / (np.pi / 2), nan=1.0) ** 2
+        self._edge_weight = np.clip(edge, 0, 1).astype(np.float32)
+        self._noise = np.random.default_rng([self.settings.seed, 4]).standard_normal(NOISE_TABLE, np.float32)
+
+    def render(
+        self,
+        displacement_mm: ArrayLike | None = None,
+        *,
+        start_mm: ArrayLike | None = None,
+        frame: int = 0,
+        settings: RenderSettings | None = None,
+    ) -> Frame:
+        """One frame.
+
+        Args:
+            displacement_mm: (n, 3) at :attr:`surface_mm` when the exposure ends; ``None`` for the undeformed dome.
+            start_mm: (n, 3) when the exposure begins, for motion blur; ``None`` for no motion.
+            frame: number that selects the noise; the same number gives the same bytes.
+            settings: other lamp, optics or sensor for this frame; paint, mesh and texture stay those of the renderer.
+
+        Raises:
+            ParameterError: displacement of the wrong shape or with numbers that are not finite.
+        """
+        settings = settings or self.settings
+        end = self._displacement(displacement_mm)
+        radiance = self.radiance(displacement_mm, start_mm=start_mm, settings=settings)
+        sensor = settings.sensor
+        signal = signal_of(
+            radiance,
+            self._normals(radiance.size, frame),
+            sensor.exposure,
+            sensor.gain,
+            sensor.full_well_e,
+            sensor.read_noise_e,
+        )
+        middle = end if start_mm is None else (end + self._displacement(start_mm)) / 2
+        dots, visible = self._dots(middle)
+        return Frame(develop(signal, sensor), dots, visible)
+
+    def radiance(
+        self,
+        displacement_mm: ArrayLike | None = None,
+        *,
+        start_mm: ArrayLike | None = None,
+        settings: RenderSettings | None = None,
+    ) -> Floats:
+        """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear."""
+        settings = settings or self.settings
+        end = self._displacement(displacement_mm)
+        if start_mm is None:
+            light = self._sharp(end, settings)
+        else:
+            start, count = self._displacement(start_mm), self.settings.blur_frames
+            shares = (np.arange(count) + 0.5) / count
+            light = np.mean([self._sharp(start + t * (end - start), settings) for t in shares], axis=0)
+        size = (self.mounted.camera.width_px, self.mounted.camera.height_px)
+        if self.settings.supersample > 1:
+            light = np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_AREA))
+        return defocus(light, settings.optics, self._edge_weight)
+
+    def _sharp(self, displacement: Array, settings: RenderSettings) -> Floats:
+        """Light at the rasteriser's resolution, before the lens's blur."""
+        lamp, vertices = settings.lamp, self._vertices(displacement)
+        leds, brightness = led_positions_mm(lamp)
+        tip = tip_irradiance(lamp, self.params.centre_height_mm + self.params.inner_radius_mm)
+        normals = vertex_normals(vertices, self._mesh.triangles)
+        lit = shade(vertices, normals, self.mounted.pupil_endcap_mm, leds, brightness / tip)
+        values = np.concatenate([self._mesh.disc.astype(np.float32), lit], 1)
+        owner, corners, _ = self._trace(self._fine, vertices)
+        seen = interpolate(owner, corners, values, self._mesh.triangles)
+        ambient = float(brightness.sum()) * lamp.ambient * AMBIENT_TINT
+        weights = np.stack([ambient, np.full(3, lamp.gloss), lamp.ink_gloss * BRONZE]).astype(np.float32)
+        same = settings.optics == self.settings.optics
+        passed = self._transmission if same else lens_transmission(self._fine.camera, settings.optics)
+        passed = np.where(owner >= 0, passed, np.float32(0))
+        return radiance_image(seen, self._skin.texture, self._skin.extent, passed, weights)
+
+    def _vertices(self, displacement: Array) -> Array:
+        moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
+        return np.ascontiguousarray(self._mesh.vertices_mm + moved)
+
+    def _trace(self, mounted: MountedCamera, vertices: Array) -> tuple[NDArray[np.int32], Floats, Floats]:
+        """The triangle that each pixel sees, where in it, and how far from the pupil."""
+        depth = np.linalg.norm(vertices - mounted.pupil_endcap_mm, axis=1)
+        size = mounted.camera.height_px, mounted.camera.width_px
+        return rasterise(mounted.project(vertices), depth, self._mesh.triangles, *size)
+
+    def _dots(self, displacement: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Where the ink's centres are seen, and which of them can be."""
+        points = self._skin.ink_mm + self._to_dots @ displacement
+        pixels, camera = self.mounted.project(points), self.mounted.camera
+        inside = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(1)
+        visible = inside & self._skin.painted
+        vertices, pupil = self._vertices(displacement), self.mounted.pupil_endcap_mm
+        facing = (vertex_normals(vertices, self._mesh.triangles) * (pupil - vertices)).sum(1) > 0
+        if not facing[self._inner].all():  # otherwise nothing can hide anything
+            nearest = self._trace(self.mounted, vertices)[2]
+            columns, rows = np.round(pixels[visible]).astype(int).T
+            distance = np.linalg.norm(points[visible] - pupil, axis=1)
+            visible[visible] = distance < nearest[rows, columns] + HIDDEN_MM
+        return pixels, visible
+
+    def _displacement(self, displacement_mm: ArrayLike | None) -> Array:
+        if displacement_mm is None:
+            return np.zeros_like(self.surface_mm)
+        array = np.asarray(displacement_mm, dtype=float)
+        if array.shape != self.surface_mm.shape or not np.isfinite(array).all():
+            raise ParameterError(
+                f"displacement_mm of shape {array.shape}: need finite numbers of shape {self.surface_mm.shape}, one "
+                f"row for each of the renderer's surface nodes",
+                name="displacement_mm",
+            )
+        return array
+
+    def _normals(self, count: int, frame: int) -> Floats:
+        rng = np.random.default_rng([self.settings.seed, 5, frame])
+        if self.settings.fresh_noise or count > NOISE_TABLE:
+            return rng.standard_normal(count, np.float32)
+        start = int(rng.integers(0, NOISE_TABLE - count + 1))
+        return self._noise[start : start + count]
+
+
+if __name__ == "__main__":
+    from sensing.simulator.render_cli import main
+
+    raise SystemExit(main())

@@ -1,0 +1,273 @@
+"""The verification report: ``python -m sensing.simulator.verify`` writes docs/verification.md and its plots.
+
+Every number in the report is computed by the run that writes its section; ``--only`` renews chosen sections.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cad.errors import EndcapError
+from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
+from sensing.simulator import closed_forms, hard_cases, verify_contact, verify_solid
+from sensing.simulator.element import Array
+from sensing.simulator.frozen import FrozenPress
+from sensing.simulator.geometry import shell_geometry
+from sensing.simulator.indenter import Indenter
+from sensing.simulator.mesh import MeshDensity
+from sensing.simulator.press import Press, Target
+from sensing.simulator.shell import ShellModel, shell_model
+from sensing.simulator.state import State
+from sensing.simulator.surface import dot_directions, surface_sampler
+
+HEAD = "# Verification of the simulator\n\nWritten by `python -m sensing.simulator.verify`; do not edit.\n"
+FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the report; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m sensing.simulator.verify", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder for verification.md (default docs)")
+    parser.add_argument(
+        "--only", nargs="+", choices=list(SECTIONS), default=list(SECTIONS), help="renew these, keep the others"
+    )
+    options = parser.parse_args(arguments)
+    path = options.out / "verification.md"
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        parts = _read(path)
+        for name in options.only:
+            begin = time.process_time()
+            title, *rest = SECTIONS[name](options.out).split("\n", 1)
+            parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
+    except EndcapError as error:
+        print(error, file=sys.stderr)
+        return 2
+    temporary = path.with_name(".verification.md.part")
+    text = [HEAD, *(f"{title}\n{body}" for title, body in parts.items())]
+    temporary.write_text("\n".join(text), encoding="utf-8")
+    temporary.replace(path)
+    print(path)
+    return 0
+
+
+def _read(path: Path) -> dict[str, str]:
+    """Sections of an earlier report, title -> body."""
+    if not path.exists():
+        return {}
+    parts = path.read_text(encoding="utf-8").split("\n## ")[1:]
+    return {"## " + part.split("\n", 1)[0]: part.split("\n", 1)[1].rstrip("\n") + "\n" for part in parts}
+
+
+def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
+
+
+def _solid(_: Path) -> str:
+    _say("solid")
+    rows = [("patch test, distorted 2x2x2 mesh", f"relative error {verify_solid.patch_error():.0e}")]
+    for poisson in (0.3, 0.4999):
+        sizes = (2, 4, 6)
+        errors = [verify_solid.lame_error(n, n, poisson) for n in sizes]
+        order = math.log(errors[1] / errors[2]) / math.log(sizes[2] / sizes[1])
+        listed = ", ".join(f"{100 * e:.3f} %" for e in errors)
+        rows.append((f"Lame thick sphere, nu {poisson:g}, 2, 4, 6 elements", f"L2 error {listed}; order {order:.2f}"))
+    for across in (2, 4):
+        found, exact = verify_solid.inflated_sphere(1.3, across, across)
+        rows.append(
+            (f"inflated sphere, inner stretch 1.3, {across} elements", f"{found:.5f} against {exact:.5f} MPa "
+             f"({100 * (found / exact - 1):+.3f} %)")
+        )  # fmt: skip
+    for poisson in (0.0, 0.49, 0.4999):
+        rows.append(
+            (f"slender bar, nu {poisson:g}, 5 elements", f"{verify_solid.cantilever_ratio(poisson):.4f} of Timoshenko")
+        )
+    for poisson in (0.3, 0.4999):
+        law = hyperelastic_law(0.34, poisson)
+        tips = [verify_solid.cook_tip_mm(n, law) for n in (2, 4, 8)]
+        rows.append((f"Cook's membrane, nu {poisson:g}, 2, 4, 8 elements", ", ".join(f"{t:.4f}" for t in tips) + " mm"))
+    return "## The solid\n\nNo locking: errors hardly depend on Poisson's ratio.\n\n" + _table(("case", "result"), rows)
+
+
+def _contact(_: Path) -> str:
+    _say("contact")
+    ball = verify_contact.ball_on_block()
+    rows = [
+        ("contact radius under a ball", f"{ball.radius_mm:.4f}", f"{ball.hertz_radius_mm:.4f} mm (Hertz)"),
+        (
+            f"stick radius at {100 * ball.tangential_share:.0f} % of the friction limit",
+            f"{ball.stick_radius_mm:.4f}",
+            f"{ball.mindlin_radius_mm:.4f} mm (Cattaneo, Mindlin)",
+        ),
+    ]
+    text = "## Contact\n\n" + _table(("case", "found", "closed form"), rows)
+    text += (
+        f"\nRadii are from the area of the Gauss points that touch or stick, a resolution of about 3 %. Single Gauss "
+        f"point pressures scatter round Hertz's by {100 * ball.pressure_scatter:.0f} % rms, because there are more "
+        "contact points than nodes on a face; sums over a face are right.\n"
+    )
+    thin = []
+    for wall, density in ((3.0, MeshDensity(16, 16)), (2.0, MeshDensity(16, 16)), (1.5, MeshDensity(22, 22))):
+        ratio = verify_contact.reissner_ratio(wall, density)
+        thinness = wall / (65 - wall / 2)
+        thin.append((f"{wall:g}", f"{thinness:.4f}", f"{ratio:.3f}", f"{(1 - ratio) / thinness:.1f}"))
+    text += (
+        "\nReissner's point load on the open dome. The form holds as T/R goes to 0; the defect falls about in "
+        "proportion to T/R, as the membrane compliance that it leaves out:\n\n"
+    )
+    return text + _table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), thin)
+
+
+def _march(model: ShellModel, friction: float, tilt: float, forces: tuple[float, ...]) -> list[State]:
+    press = Press(model, Indenter(tilt), friction)
+    states = [press.start()]
+    for force in forces:
+        states.append(press.advance(states[-1], Target(normal_n=force)))
+    return states[1:]
+
+
+def _shell(out: Path) -> str:
+    _say("shell")
+    geometry, table = shell_geometry(130, 8), silicone()
+    laws: dict[str, HyperelasticLaw] = {
+        "neo-Hooke, nu 0.49": table.neo_hooke(),
+        "Yeoh, nu 0.49": table.yeoh(),
+        "neo-Hooke, nu 0.499": table.neo_hooke(0.499),
+        "neo-Hooke, nu 0.4999": table.neo_hooke(0.4999),
+    }
+    dots = dot_directions(geometry)
+    curves: dict[str, tuple[Array, Array]] = {}
+    rows, markers = [], {}
+    worst = 0.0
+    for name, law in laws.items():
+        model = shell_model(geometry, law, "data", half=True)
+        states = _march(model, 0.5, 30.0, FORCES_N)
+        sampler = surface_sampler(model, dots)
+        markers[name] = [sampler.sample(state.displacement) for state in states]
+        depths = np.array([state.depth_mm for state in states])
+        curves[name] = (depths, np.array(FORCES_N))
+        worst = max(worst, *(state.certificate.wrench_gap for state in states if state.certificate))
+        base = markers["neo-Hooke, nu 0.49"]
+        change = [_rms(a - b) / _rms(b) for a, b in zip(markers[name], base, strict=True)]
+        largest = float(np.linalg.norm(markers[name][-1], axis=1).max())
+        rows.append((name, f"{depths[4]:.3f}", f"{depths[-1]:.3f}", f"{largest:.2f}", f"{100 * change[-1]:.2f} %"))
+    plot = _plot(out, curves, geometry_line=closed_forms.point_stiffness_n_mm(geometry, table.neo_hooke()))
+    return (
+        "## The shell\n\nD = 130, T = 8, Smooth-Sil 950, plane at tilt 30 degrees, friction 0.5, `data` mesh. Contact "
+        f"and clamp wrenches differ by at most {worst:.0e} of the load.\n\n"
+        + _table(("law", "depth at 20 N, mm", "at 35 N", "largest marker at 35 N, mm", "marker change at 35 N"), rows)
+        + f"\n![Force by depth]({plot})\n"
+    )
+
+
+def _levels(_: Path) -> str:
+    _say("levels")
+    geometry, law = shell_geometry(130, 8), silicone().neo_hooke()
+    dots = dot_directions(geometry)
+    rows = []
+    for name, half in (("half, press", True), ("whole, circle", False)):
+        model = shell_model(geometry, law, "data", half=half)
+        press = Press(model, Indenter(30.0), 0.5)
+        path = _press_path() if half else _circle_path()
+        sampler = surface_sampler(model, dots)
+        begin = time.process_time()
+        state, exact = press.start(), []
+        for target in path:
+            state = press.advance(state, target)
+            exact.append(state)
+        slow = (time.process_time() - begin) / len(path)
+        for tolerance in (1e-3, 1e-4, 1e-5):
+            fast = FrozenPress(press, tolerance)
+            for _round in range(2):  # the second round has its tangents
+                fast.fast_steps = fast.fallbacks = 0
+                begin = time.process_time()
+                state, found = fast.start(), []
+                for target in path:
+                    state = fast.advance(state, target)
+                    found.append(state)
+            quick = (time.process_time() - begin) / len(path)
+            errors = [
+                _rms(sampler.sample(a.displacement - b.displacement)) / _rms(sampler.sample(b.displacement))
+                for a, b in zip(found, exact, strict=True)
+            ]
+            rows.append(
+                (name, f"{tolerance:.0e}", f"{100 * float(np.mean(errors)):.1e} %", f"{100 * max(errors):.1e} %",
+                 f"{1 / slow:.1f}", f"{1 / quick:.1f}", f"{fast.fallbacks} of {len(path)}")
+            )  # fmt: skip
+    text = (
+        "## Level 2 against level 1\n\nSame mesh (`data`), tilt 30, friction 0.5; tangents stored by an earlier pass "
+        "over the path. Processor time on one core, on a machine shared with others.\n\n"
+    )
+    header = ("path", "tolerance", "mean marker error", "largest", "level 1 states/s", "level 2 states/s", "fall-backs")
+    return text + _table(header, rows)
+
+
+def _press_path() -> list[Target]:
+    return [Target(normal_n=force) for force in (3, 5, 8, 11, 14, 17, 20, 18, 15, 12, 9, 6)]
+
+
+def _circle_path() -> list[Target]:
+    angles = np.linspace(0, 2 * math.pi, 17)[1:]
+    circle = [Target(20.0, None, (float(2 * np.sin(a)), float(2 * (1 - np.cos(a))))) for a in angles]
+    return [Target(normal_n=force) for force in (5, 12, 20)] + circle
+
+
+def _hard(_: Path) -> str:
+    rows = []
+    for case in hard_cases.CASES:
+        _say(f"hard case: {case.name}")
+        outcome = hard_cases.run_case(case)
+        rows.append((outcome.name, outcome.verdict, outcome.detail))
+    wrong = sum(row[1].startswith("WRONG") for row in rows)
+    return (
+        f"## Hard cases\n\n{len(rows)} cases on the half model, `data` mesh, tilt 30 and friction 0.5 where not named: "
+        f"{wrong} passed silently wrong.\n\n" + _table(("case", "verdict", "detail"), rows)
+    )
+
+
+def _plot(out: Path, curves: dict[str, tuple[Array, Array]], geometry_line: float) -> str:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(5, 3.2), layout="constrained")
+    for name, (depth, force) in curves.items():
+        axes.plot(depth, force, marker=".", label=name)
+    depth = np.array([0, 4.0])
+    axes.plot(depth, geometry_line * depth, "k:", label="Reissner (level 0)")
+    axes.set(xlabel="depth, mm", ylabel="normal force, N", title="Plane on the dome, tilt 30, friction 0.5")
+    axes.legend(fontsize=7)
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "verification_force_depth.png", dpi=110)
+    pyplot.close(figure)
+    return "verification_force_depth.png"
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def _say(what: str) -> None:
+    if sys.stderr.isatty():
+        print(what, file=sys.stderr)
+
+
+SECTIONS: dict[str, Callable[[Path], str]] = {
+    "solid": _solid,
+    "contact": _contact,
+    "shell": _shell,
+    "levels": _levels,
+    "hard": _hard,
+}
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""A USB camera through Video4Linux and OpenCV: compressed frames as they come, with the driver's capture time.
+
+Video4Linux stamps buffers with CLOCK_MONOTONIC, the clock of ``time.monotonic`` on Linux, so the stamp is taken over
+when it is near the arrival, else the arrival is.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from cad.errors import ParameterError
+from sensing.records import Frame
+from sensing.sources.files import jpeg_size
+from sensing.sources.newest import SourceError
+
+STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is not believed
+MODES = ((640, 480), (800, 600), (1280, 720), (1920, 1080))  # probed by list_modes
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """What is asked of the camera; it may answer with another mode, which the frames then tell.
+
+    Attributes:
+        device: number N of /dev/videoN.
+        size: (width, height).
+        rate_hz: frames per second.
+        exposure: fixed exposure in the driver's unit (100 us for USB cameras); None leaves it automatic.
+        gain: fixed gain in the driver's unit; None leaves it alone.
+    """
+
+    device: int = 0
+    size: tuple[int, int] = (640, 480)
+    rate_hz: float = 30.0
+    exposure: float | None = None
+    gain: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.device < 0 or min(self.size) < 1 or self.rate_hz <= 0:
+            raise ParameterError(
+                f"device={self.device}, size={self.size}, rate_hz={self.rate_hz}: need device >= 0, size and rate > 0",
+                name="device",
+                value=self.device,
+            )
+
+
+class CameraSource:
+    """Frames of a camera until it is unplugged (then SourceError).
+
+    Raises:
+        SourceError: no such device, no permission, or busy; the message tells which.
+    """
+
+    def __init__(self, config: CameraConfig) -> None:
+        self.config = config
+        self.name = f"/dev/video{config.device}"
+        _require_usable(Path(self.name))
+
+    def __iter__(self) -> Iterator[Frame]:
+        capture = _open(self.config, self.name)
+        exposure, gain = capture.get(cv2.CAP_PROP_EXPOSURE), capture.get(cv2.CAP_PROP_GAIN)
+        try:
+            sequence = 0
+            while True:
+                known, data = capture.read()
+                arrival_s = time.monotonic()
+                if not known or data is None:
+                    raise SourceError(f"{self.name}: no more frames: is it unplugged?")
+                stamp_s = capture_time_s(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, arrival_s)
+                yield to_frame(data, stamp_s, sequence, self.name, exposure, gain)
+                sequence += 1
+        finally:
+            capture.release()
+
+
+def capture_time_s(stamp_s: float, arrival_s: float) -> float:
+    """The driver's stamp if it is believable, else the arrival."""
+    return stamp_s if 0 <= arrival_s - stamp_s < STAMP_TRUST_S else arrival_s
+
+
+def to_frame(
+    data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float | None, gain: float | None
+) -> Frame:
+    """A frame from what the driver gave: JPEG bytes as a row of uint8, or a decoded (H, W, 3) picture."""
+    if data.ndim == 2 and 1 in data.shape:
+        jpeg = data.tobytes()
+        return Frame(time_s, sequence, name, jpeg=jpeg, size=jpeg_size(jpeg), exposure=exposure, gain=gain)
+    return Frame(time_s, sequence, name, image=data, exposure=exposure, gain=gain)
+
+
+def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int, str]]:
+    """(N, name) of every /dev/videoN that captures, in order; empty where there is none."""
+    found = []
+    for entry in sorted(root.glob("video*"), key=lambda p: int(p.name[5:] or 0)) if root.is_dir() else []:
+        index = entry / "index"
+        if index.is_file() and index.read_text().strip() not in ("", "0"):
+            continue  # the second node of a USB camera carries metadata only
+        name = entry / "name"
+        found.append((int(entry.name[5:]), name.read_text().strip() if name.is_file() else "camera"))
+    return found
+
+
+def list_modes(device: int) -> list[tuple[int, int, float]]:
+    """(width, height, frames/s) that the camera answers with when asked for the usual MJPEG modes.
+
+    Raises:
+        SourceError: see :class:`CameraSource`.
+    """
+    found = []
+    for size in MODES:
+        capture = _open(CameraConfig(device, size), f"/dev/video{device}")
+        width, height = (int(capture.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        found.append((width, height, float(capture.get(cv2.CAP_PROP_FPS))))
+        capture.release()
+    return sorted(set(found))
+
+
+def _require_usable(path: Path) -> None:
+    """Say exactly what is wrong before OpenCV fails without a reason."""
+    if not path.exists():
+        known = ", ".join(f"/dev/video{n} ({name})" for n, name in list_devices()) or "none"
+        raise SourceError(f"{path}: no such camera; found: {known}: plug it in or choose another")
+    try:
+        path.open("rb").close()
+    except PermissionError:
+        raise SourceError(f"{path}: no permission: add yourself to the group 'video' and log in again") from None
+    except OSError as error:
+        raise SourceError(f"{path}: {error.strerror}: close the program that uses it, or plug it in again") from None
+
+
+def _open(config: CameraConfig, name: str) -> cv2.VideoCapture:
+    _require_usable(Path(name))
+    capture = cv2.VideoCapture(config.device, cv2.CAP_V4L2)
+    if not capture.isOpened():
+        raise SourceError(f"{name}: busy or no camera: close the program that uses it")
+    capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
+    capture.set(cv2.CAP_PROP_FRAME_WIDTH, config.size[0])
+    capture.set(cv2.CAP_PROP_FRAME_HEIGHT, config.size[1])
+    capture.set(cv2.CAP_PROP_FPS, config.rate_hz)
+    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # leave the JPEG alone: each method decodes what it needs
+    if config.exposure is not None:
+        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # V4L2_EXPOSURE_MANUAL
+        capture.set(cv2.CAP_PROP_EXPOSURE, config.exposure)
+    if config.gain is not None:
+        capture.set(cv2.CAP_PROP_GAIN, config.gain)
+    return capture

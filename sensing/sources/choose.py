@@ -1,0 +1,38 @@
+"""One word to a source: a camera number, an address, a folder, a video or a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from cad.errors import FileError
+from sensing.sources.camera import CameraConfig, CameraSource
+from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
+from sensing.sources.mjpeg import MjpegSource
+from sensing.sources.newest import FrameSource
+
+
+def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callable[[], FrameSource], bool]:
+    """(function that opens the source anew, whether it is live and worth reopening when it ends).
+
+    Args:
+        word: ``0`` for /dev/video0, ``http://...``, a folder of pictures, a video or a picture.
+        camera: mode and exposure for a camera; its device number is replaced by ``word``.
+
+    Raises:
+        FileError: nothing of that name.
+    """
+    if word.isdigit():
+        base = camera or CameraConfig()
+        config = CameraConfig(int(word), base.size, base.rate_hz, base.exposure, base.gain)
+        return lambda: CameraSource(config), True
+    if word.startswith(("http://", "https://")):
+        return lambda: MjpegSource(word), True
+    path = Path(word)
+    if path.is_dir():
+        return lambda: FolderSource(path), False
+    if not path.is_file():
+        raise FileError(f"{word}: no camera number, address, folder or file: check the spelling")
+    if path.suffix.lower() in PICTURES:
+        return lambda: [read_picture(path)], False
+    return lambda: VideoSource(path), False

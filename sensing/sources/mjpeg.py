@@ -1,0 +1,84 @@
+"""Motion JPEG over HTTP (multipart/x-mixed-replace, RFC 2046), as network cameras and streamers serve it.
+
+Capture time: the part's ``X-Timestamp`` header is a wall clock of another machine and is not used; frames carry their
+arrival on the monotonic clock.
+"""
+
+from __future__ import annotations
+
+import http.client
+import time
+from collections.abc import Iterator
+from typing import BinaryIO
+from urllib.error import URLError
+from urllib.parse import urlsplit
+from urllib.request import Request, urlopen
+
+from cad.errors import ParameterError
+from sensing.records import Frame
+from sensing.sources.files import jpeg_size
+from sensing.sources.newest import SourceError
+
+LARGEST_FRAME = 8 * 2**20  # bytes; more than this without an end of picture is no camera
+
+
+class MjpegSource:
+    """Frames of a stream until it breaks (then SourceError).
+
+    Args:
+        url: http or https address of the stream.
+        timeout_s: silence after which the stream counts as broken.
+
+    Raises:
+        ParameterError: the address is not http or https.
+    """
+
+    def __init__(self, url: str, timeout_s: float = 5.0) -> None:
+        if urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).netloc:
+            raise ParameterError(
+                f"url={url}: give an http address such as http://127.0.0.1:8080/stream", name="url", value=url
+            )
+        self.name, self._timeout_s = url, timeout_s
+
+    def __iter__(self) -> Iterator[Frame]:
+        try:
+            with urlopen(Request(self.name), timeout=self._timeout_s) as stream:
+                for sequence, jpeg in enumerate(split_jpegs(stream)):
+                    yield Frame(time.monotonic(), sequence, self.name, jpeg=jpeg, size=jpeg_size(jpeg))
+        except (URLError, OSError, http.client.HTTPException, ValueError) as error:
+            raise SourceError(f"{self.name}: {getattr(error, 'reason', error)}: check address and network") from None
+        raise SourceError(f"{self.name}: the stream ended: is the camera still there?")
+
+
+def split_jpegs(stream: BinaryIO) -> Iterator[bytes]:
+    """The pictures of a multipart stream, by Content-Length where given, else by the JPEG's own markers.
+
+    Raises:
+        ValueError: more than 8 MiB without the end of a picture.
+    """
+    length = None
+    while line := stream.readline(65536):
+        header = line.strip().lower()
+        if header.startswith(b"content-length:") and header[15:].strip().isdigit():
+            length = int(header[15:])
+            if length > LARGEST_FRAME:
+                raise ValueError(f"frame of {length} bytes, at most {LARGEST_FRAME} allowed")
+        elif header == b"" and length is not None:
+            data = stream.read(length)
+            length = None
+            if data:
+                yield data
+        elif line.startswith(b"\xff\xd8"):
+            yield _read_to_end(line, stream)
+
+
+def _read_to_end(start: bytes, stream: BinaryIO) -> bytes:
+    data = bytearray(start)
+    while b"\xff\xd9" not in data[-65600:]:
+        if len(data) > LARGEST_FRAME:
+            raise ValueError(f"no end of picture within {LARGEST_FRAME} bytes")
+        line = stream.readline(65536)
+        if not line:
+            break
+        data += line
+    return bytes(data)

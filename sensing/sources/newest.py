@@ -1,0 +1,216 @@
+"""Between a source that runs at its own pace and a reader that may be slower: a short queue where the newest wins.
+
+    NewestQueue     bounded; a full queue drops its oldest frame and counts it
+    LiveSource      a thread that keeps a source open, and says what is wrong while it is not delivering
+
+Times are seconds of ``time.monotonic``.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+from cad.errors import EndcapError
+from sensing.records import Frame
+from sensing.sources.files import jpeg_size
+
+Status = Literal["starting", "running", "frozen", "silent", "unplugged", "ended", "closed"]
+
+
+class SourceError(EndcapError):
+    """A source that cannot be opened or stopped delivering."""
+
+
+class FrameSource(Protocol):
+    """What a source is to the thread: an iterator of frames that can be closed."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames until the source ends; raises SourceError when it breaks."""
+        ...
+
+
+@dataclass(frozen=True)
+class Health:
+    """How a source is doing.
+
+    Attributes:
+        status: ``frozen``: frames come but never change; ``silent``: none come; ``unplugged``: being reopened.
+        frames: frames received.
+        dropped: frames that nobody took in time.
+        corrupt: frames that were no pictures.
+        reopened: times the source was opened again.
+        size_changes: times the picture's size changed.
+        message: what is wrong, in one line; empty when nothing is.
+    """
+
+    status: Status = "starting"
+    frames: int = 0
+    dropped: int = 0
+    corrupt: int = 0
+    reopened: int = 0
+    size_changes: int = 0
+    message: str = ""
+
+
+class NewestQueue:
+    """A bounded queue of frames for one reader; putting never waits.
+
+    Args:
+        length: frames kept at most; 1 is right for a live view, 2 rides out a hiccup.
+    """
+
+    def __init__(self, length: int = 2) -> None:
+        self._frames: deque[Frame] = deque(maxlen=length)
+        self._changed = threading.Condition()
+        self._closed = False
+        self.dropped = 0
+
+    def put(self, frame: Frame) -> None:
+        """Append a frame; a full queue loses its oldest."""
+        with self._changed:
+            self.dropped += len(self._frames) == self._frames.maxlen
+            self._frames.append(frame)
+            self._changed.notify()
+
+    def get(self, timeout_s: float | None = None) -> Frame | None:
+        """The oldest frame still kept; None after the timeout, or when closed and empty."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._frames or self._closed, timeout_s)
+            return self._frames.popleft() if self._frames else None
+
+    def close(self) -> None:
+        """No more frames will come; a waiting reader wakes up."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
+class LiveSource:
+    """Reads a source in a thread, reopens it when it breaks, and keeps only the newest frames.
+
+    Use as a context manager. Sequence numbers go on through reopening, so a gap means dropped frames.
+
+    Args:
+        open_source: opens the source anew; may raise SourceError, which is retried.
+        length: see :class:`NewestQueue`.
+        silent_s: no frame for this long is a fault.
+        retry_s: pause before opening again.
+        reopen: False for a source that ends, such as a file.
+    """
+
+    def __init__(
+        self,
+        open_source: Callable[[], FrameSource],
+        length: int = 2,
+        silent_s: float = 1.0,
+        retry_s: float = 0.5,
+        reopen: bool = True,
+    ) -> None:
+        self._open, self._silent_s, self._retry_s, self._reopen = open_source, silent_s, retry_s, reopen
+        self._queue = NewestQueue(length)
+        self._health = Health()
+        self._last_new_s = self._last_s = time.monotonic()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> LiveSource:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop the thread; a read that hangs in a driver is left behind (the thread is a daemon)."""
+        self._stop.set()
+        self._queue.close()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2.0)
+
+    def get(self, timeout_s: float | None = None) -> Frame | None:
+        """The next frame, None after the timeout or at the end."""
+        return self._queue.get(timeout_s)
+
+    @property
+    def health(self) -> Health:
+        """State of this moment; silence and freezing are judged by the clock, also while the driver hangs."""
+        health = replace(self._health, dropped=self._queue.dropped)
+        if health.status != "running":
+            return health
+        now = time.monotonic()
+        if now - self._last_s > self._silent_s:
+            return replace(health, status="silent", message=f"no frame for {now - self._last_s:.1f} s: check the cable")
+        if now - self._last_new_s > self._silent_s:
+            message = f"same picture for {now - self._last_new_s:.1f} s: the camera hangs, plug it in again"
+            return replace(health, status="frozen", message=message)
+        return health
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                frames = iter(self._open())
+                try:
+                    self._pump(frames)
+                finally:
+                    getattr(frames, "close", lambda: None)()  # generators release their device here
+                if not self._reopen:
+                    self._health = replace(self._health, status="ended", message="")
+                    break
+                self._fault("the source ended")
+            except EndcapError as error:
+                self._fault(str(error))
+            except Exception as error:  # a source must not end the thread: say what happened and open it again
+                self._fault(f"{type(error).__name__}: {error}")
+            self._stop.wait(self._retry_s)
+        self._queue.close()
+
+    def _fault(self, message: str) -> None:
+        self._health = replace(
+            self._health, status="unplugged", message=message, reopened=self._health.reopened + 1
+        )  # fmt: skip
+
+    def _pump(self, frames: Iterator[Frame]) -> None:
+        before: Frame | None = None
+        for frame in frames:
+            if self._stop.is_set():
+                return
+            self._last_s = time.monotonic()
+            if not _is_picture(frame):
+                self._health = replace(self._health, corrupt=self._health.corrupt + 1, message="corrupt frame skipped")
+                continue
+            if before is None or _differs(before, frame):
+                self._last_new_s = self._last_s
+            changed = before is not None and before.size != frame.size
+            before = frame
+            self._health = replace(
+                self._health,
+                status="running",
+                frames=self._health.frames + 1,
+                size_changes=self._health.size_changes + changed,
+                message=f"size is now {frame.size}: take a new reference" if changed else self._clean_message(),
+            )
+            self._queue.put(replace(frame, sequence=self._health.frames - 1))
+
+    def _clean_message(self) -> str:
+        return self._health.message if self._health.message.startswith("size is now") else ""
+
+
+def _is_picture(frame: Frame) -> bool:
+    """Raw images are; a JPEG must have a frame header and not be cut short."""
+    if frame.jpeg is None:
+        return frame.image is not None and frame.image.size > 0
+    return jpeg_size(frame.jpeg) is not None and b"\xff\xd9" in frame.jpeg[-64:]  # cameras pad after the end
+
+
+def _differs(before: Frame, frame: Frame) -> bool:
+    """Whether a picture changed at all; real sensors always have noise, so equality means a hung camera."""
+    if before.jpeg is not None and frame.jpeg is not None:
+        return before.jpeg != frame.jpeg
+    if before.image is None or frame.image is None or before.image.shape != frame.image.shape:
+        return True
+    return bool((before.image[::7, ::7] != frame.image[::7, ::7]).any())

@@ -1,0 +1,235 @@
+"""Follows the painted dots from frame to frame, tells how far each is to be trusted, and gives the field.
+
+Per frame: decode to the working size (half at 640 x 480), align every dot's window starting from the previous frame
+(:mod:`sensing.patches`), judge it by correlation with the reference and by what its neighbours predict, try bad ones
+again from that prediction and from rest, and search from scratch (:mod:`sensing.recovery`) when many are bad. Lost
+dots come back by themselves, because they are tried in every frame.
+
+Units: records are in full-size pixels; inside, pixels of the working picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cad.errors import ParameterError
+from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
+from sensing.dots import Dots, find_dots
+from sensing.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
+from sensing.gelslim import CROP_PX
+from sensing.patches import align, cut_patches
+from sensing.records import DotTracks, Frame, Image, ShearField
+from sensing.recovery import recover, regrow
+
+RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Knobs of the tracker; each has its curve in bench/bench_fields.py.
+
+    Attributes:
+        shape: (H, W) of the field.
+        least_quality: correlation under which a dot is bad.
+        sure_quality: correlation from which the neighbours' opinion counts less.
+        restart_share: share of bad dots from which all are searched from scratch.
+        window: half width of a window over the dots' median diameter.
+        length_px: length of the field's kernel at 480 px.
+        noise: noise of the field's kernel.
+    """
+
+    shape: tuple[int, int] = (30, 30)
+    least_quality: float = 0.7
+    sure_quality: float = 0.9
+    restart_share: float = 0.15
+    window: float = 0.7
+    length_px: float = LENGTH_PX
+    noise: float = NOISE
+
+    def __post_init__(self) -> None:
+        if not -1 < self.least_quality <= self.sure_quality < 1:
+            raise ParameterError(
+                f"least_quality={self.least_quality}, sure_quality={self.sure_quality}: need "
+                "-1 < least_quality <= sure_quality < 1",
+                name="least_quality",
+                value=self.least_quality,
+            )
+
+
+class DotTracker:
+    """Frames in, dot tracks and fields out, against one undeformed reference.
+
+    Args:
+        reference: the undeformed picture.
+        config: knobs.
+        dots: dots in pixels of the working picture; found in the reference if not given.
+
+    Raises:
+        NoDotsError: the reference has no dots.
+    """
+
+    def __init__(self, reference: Frame, config: TrackerConfig | None = None, dots: Dots | None = None) -> None:
+        self.config = config or TrackerConfig()
+        self.size = frame_size(reference)
+        self.reduction = working_reduction(self.size)
+        gray = decode_gray(reference, self.reduction)
+        self.dots = find_dots(gray, source=reference.source) if dots is None else dots
+        diameter = float(np.median(self.dots.diameter_px))
+        half = int(np.clip(np.rint(self.config.window * diameter), 4, 12))
+        self._patches = cut_patches(smoothed(gray), self.dots.position_px, half)
+        self.reference_px = to_full_px(self.dots.position_px, self.reduction)
+        self.operator: FieldOperator = field_operator(
+            self.reference_px, self.size, self.config.shape, self.config.length_px, self.config.noise
+        )
+        self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
+        self._all = np.arange(len(self.dots))
+        self._reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
+        self._patience = RETRY_EVERY - 1
+        self.restart()
+
+    def update(self, frame: Frame) -> DotTracks:
+        """Tracks of one frame.
+
+        Raises:
+            FrameError: the frame cannot be decoded or has another size than the reference.
+        """
+        gray = decode_gray(frame, self.reduction)
+        expected = tuple(-(-side // self.reduction) for side in self.size)
+        if gray.shape[::-1] != expected:
+            got = frame.size or tuple(side * self.reduction for side in gray.shape[::-1])
+            raise FrameError(
+                f"{frame.source}: frame of {got[0]}x{got[1]} px, the reference has {self.size[0]}x{self.size[1]}: "
+                "take a new reference at this size"
+            )
+        fit = self._follow(smoothed(gray))
+        self._last = fit
+        return DotTracks(
+            time_s=frame.time_s,
+            ids=self._all,
+            reference_px=self.reference_px,
+            position_px=self.reference_px + fit.moved * self.reduction,
+            quality=np.where(fit.live, np.clip(fit.quality, 0, 1), 0.0),
+            lost=~fit.live,
+            size=self.size,
+            stretch=np.where(fit.live[:, None, None], fit.stretch, np.nan),
+        )
+
+    def field(self, tracks: DotTracks) -> ShearField:
+        """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
+        scale = CROP_PX / min(self.size)
+        channels = self.operator.field(tracks.displacement_px, tracks.stretch) * scale
+        return ShearField(tracks.time_s, channels.astype(np.float32), valid=self.operator.valid(~tracks.lost))
+
+    def restart(self) -> None:
+        """Forget the previous frame."""
+        count = len(self.dots)
+        self._last = _Fit(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(count, bool))
+
+    def _follow(self, gray: Image) -> _Fit:
+        """The best fit of one frame; lost dots are where their neighbours put them."""
+        fit = self._judged(self._refined(gray, self._all, self._last.moved))
+        if fit.live.mean() < 1 - self.config.restart_share:
+            again = self._search(gray)
+            if again.live.sum() > fit.live.sum():
+                fit = again
+        if not fit.live.all():
+            fit = self._retry(gray, fit)
+        return replace(fit, moved=self.operator.filled(fit.moved, fit.live))
+
+    def _refined(self, gray: Image, which: NDArray[np.int64], start: NDArray[np.float64]) -> _Fit:
+        """Windows ``which`` aligned, from displacements ``start`` and the stretch that these imply."""
+        moved = start.copy()
+        stretch = np.clip(self.operator.predicted_stretch(moved) * self.reduction, -0.5, 0.5)
+        quality = align(gray, self._patches, which, moved, stretch)
+        return _Fit(moved, stretch, quality, np.zeros(len(moved), bool))
+
+    def _judged(self, fit: _Fit) -> _Fit:
+        """Which dots to believe: good correlation, and not far from what the believed others predict."""
+        live = fit.quality > self.config.least_quality
+        trust = np.where(fit.quality > self.config.sure_quality, 0.5, 0.25) * self._spacing
+        for _ in range(12):
+            if live.sum() < 5:
+                break
+            residual = self.operator.left_out(self.operator.filled(fit.moved, live))
+            excess = np.where(live, np.hypot(residual[:, 0], residual[:, 1]) / trust, 0)
+            worst = int(excess.argmax())
+            if excess[worst] <= 1:
+                break
+            live[worst] = False
+        return replace(fit, live=live)
+
+    def _retry(self, gray: Image, fit: _Fit) -> _Fit:
+        """Bad dots again, from the neighbours' prediction, from rest and from a search; the better correlation stays.
+
+        Dots that were lost before start from their neighbours' prediction anyway and get this chance now and then.
+        """
+        self._patience += 1
+        shaken = self._last.live.mean() < 1 - self.config.restart_share
+        worth = np.full(len(fit.live), True) if shaken or self._patience % RETRY_EVERY == 0 else self._last.live
+        for attempt in (self._from_neighbours, self._from_rest, self._from_search):
+            bad = ~fit.live & worth
+            if not bad.any():
+                break
+            trial = self._refined(gray, np.flatnonzero(bad), attempt(gray, fit))
+            better = bad & (trial.quality > fit.quality)
+            if better.any():
+                fit = self._judged(_merged(fit, trial, better))
+        return fit
+
+    def _from_neighbours(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+        return self.operator.filled(fit.moved, fit.live)
+
+    def _from_rest(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+        return np.where(fit.live[:, None], fit.moved, 0.0)
+
+    def _from_search(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+        return regrow(gray, self._patches, self.operator, fit.moved, fit.live, self._reach)
+
+    def _search(self, gray: Image) -> _Fit:
+        moved, _ = recover(gray, self._patches, self.operator, self._reach, np.random.default_rng(0))
+        return self._judged(self._refined(gray, self._all, moved))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Displacement (N, 2) and stretch (N, 2, 2) in working pixels, correlation (N,) and belief (N,)."""
+
+    moved: NDArray[np.float64]
+    stretch: NDArray[np.float64]
+    quality: NDArray[np.float64]
+    live: NDArray[np.bool_]
+
+
+def _merged(fit: _Fit, trial: _Fit, better: NDArray[np.bool_]) -> _Fit:
+    return _Fit(
+        np.where(better[:, None], trial.moved, fit.moved),
+        np.where(better[:, None, None], trial.stretch, fit.stretch),
+        np.where(better, trial.quality, fit.quality),
+        fit.live,
+    )
+
+
+def frame_size(frame: Frame) -> tuple[int, int]:
+    """(width, height) in full-size pixels; decodes the frame if it does not say."""
+    if frame.size is not None:
+        return frame.size
+    gray = decode_gray(frame)
+    return gray.shape[1], gray.shape[0]
+
+
+def smoothed(gray: Image) -> Image:
+    """The picture without detail that bilinear sampling would distort (the bias of whole against half pixels)."""
+    return cv2.GaussianBlur(gray, (3, 3), 0.8)
+
+
+def _spacing(position: NDArray[np.float64], fallback: float) -> NDArray[np.float64]:
+    """(N,) distance to the nearest other dot; ``fallback`` for a lone one or for coincident ones."""
+    if len(position) < 2:
+        return np.full(len(position), fallback)
+    nearest = cKDTree(position).query(position, k=2)[0][:, 1]
+    return np.where(nearest > 1.0, nearest, fallback)

@@ -1,0 +1,62 @@
+import cv2
+import numpy as np
+import pytest
+
+from sensing.decode import decode_gray, to_full_px
+from sensing.dots import NoDotsError, find_dots
+from sensing.records import Frame
+from sensing.sources.degrade import Degradation, degrade
+from sensing.sources.drawn import Drawing, draw_dots
+
+
+def found_px(image: np.ndarray) -> np.ndarray:
+    return to_full_px(find_dots(decode_gray(Frame(0, 0, "t", image=image), 2)).position_px, 2)
+
+
+def matches(found: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+    """(share of true dots that were found, share of finds that are dots), away from the frame's edge."""
+    distance = np.linalg.norm(found[:, None] - truth[None], axis=2)
+    inner = ((truth > 14) & (truth < np.array([640, 480]) - 14)).all(axis=1)
+    found_inner = ((found > 14) & (found < np.array([640, 480]) - 14)).all(axis=1)
+    return (distance.min(axis=0) < 3)[inner].mean(), (distance.min(axis=1) < 3)[found_inner].mean()
+
+
+@pytest.mark.parametrize("painted", [1.0, 0.6, 0.25])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_any_painted_subset_is_found_among_specks_and_digits(painted, seed):
+    image, truth = draw_dots(Drawing(seed=seed, painted=painted, turn_rad=seed * 0.7, digit=str(4 + seed)))
+    recall, precision = matches(found_px(image), truth)
+    assert recall == 1.0 and precision >= 0.95
+
+
+def test_centres_are_exact_to_a_fraction_of_a_pixel():
+    image, truth = draw_dots(Drawing(specks=0, digit=""))
+    distance = np.linalg.norm(found_px(image)[:, None] - truth[None], axis=2).min(axis=1)
+    assert np.median(distance) < 0.3
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [Degradation(gain=0.5), Degradation(gain=1.4), Degradation(gradient=0.35), Degradation(noise=5, jpeg_quality=60)],
+    ids=["dark", "bright", "gradient", "noise"],
+)
+def test_finding_survives_lamp_and_noise(damage):
+    image, truth = draw_dots(Drawing())
+    spoiled = cv2.imdecode(np.frombuffer(degrade(image, damage, np.random.default_rng(0)), np.uint8), 1)
+    recall, precision = matches(found_px(spoiled), truth)
+    assert recall > 0.97 and precision > 0.93
+
+
+@pytest.mark.parametrize(
+    "gray",
+    [
+        np.zeros((240, 320), np.uint8),
+        np.full((240, 320), 255, np.uint8),
+        np.full((1, 1), 90, np.uint8),
+        np.random.default_rng(0).integers(90, 110, (240, 320), dtype=np.uint8),
+    ],
+    ids=["black", "white", "1x1", "noise"],
+)
+def test_no_dots_is_said(gray):
+    with pytest.raises(NoDotsError, match="0 dots found, at least 1 needed"):
+        find_dots(gray)

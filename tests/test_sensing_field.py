@@ -1,0 +1,97 @@
+"""The command line as a user runs it, and the function behind it."""
+
+import cv2
+import numpy as np
+import pytest
+
+from cad.errors import ParameterError
+from sensing.field import compute_fields, main
+from sensing.methods import METHODS, field_method
+from sensing.records import Frame
+from sensing.sources.drawn import Drawing, draw_dots
+from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
+
+IMAGE, _ = draw_dots(Drawing())
+PRESS = Displacement((1.0, 0.5), bumps=(Bump((400.0, 280.0), (8.0, 6.0), 60.0),))
+
+
+@pytest.fixture
+def files(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.jpg"), IMAGE)
+    cv2.imwrite(str(tmp_path / "b.jpg"), warp_image(IMAGE, PRESS))
+    cv2.imwrite(str(tmp_path / "small.png"), IMAGE[::2, ::2])
+    cv2.imwrite(str(tmp_path / "blank.png"), np.full_like(IMAGE, 90))
+    (tmp_path / "text.jpg").write_text("no picture")
+    return tmp_path
+
+
+def call(files, *arguments: str) -> int:
+    words = [str(files / a[1:]) if a.startswith("@") else a for a in arguments]
+    return main(words)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_writes_a_field_near_the_truth_and_a_picture(files, method, capsys):
+    status = call(files, "--method", method, "--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy",
+                  "--picture", "@f.png")  # fmt: skip
+    field = np.load(files / "f.npy", allow_pickle=False)
+    assert status == 0 and field.shape == (2, 30, 30) and field.dtype == np.float32
+    assert np.linalg.norm(field - cell_truth(PRESS, (640, 480)), axis=0).mean() < 0.3
+    picture = cv2.imread(str(files / "f.png"))
+    assert picture.shape[:2] == (960, 1280) and picture.std() > 20
+    assert f"{method}: 1 frame(s)" in capsys.readouterr().out
+    assert not [p for p in files.iterdir() if p.name.startswith("tmp")]
+
+
+def test_video_and_tracks(files):
+    folder = files / "press"
+    folder.mkdir()
+    for index, share in enumerate((0.0, 0.5, 1.0)):
+        cv2.imwrite(str(folder / f"{index}.jpg"), warp_image(IMAGE, PRESS.scaled(share)))
+    assert (
+        call(files, "--reference", "@a.jpg", "--video", "@press", "--out", "@f.npz", "--channels", "u,v,div,sol_u") == 0
+    )
+    with np.load(files / "f.npz", allow_pickle=False) as data:
+        assert data["channels"].shape == (3, 4, 30, 30) and data["names"].tolist() == ["u", "v", "div", "sol_u"]
+        assert data["position_px"].shape == (3, *data["reference_px"].shape) and data["valid"].shape == (3, 30, 30)
+        size = np.linalg.norm(data["channels"][:, :2], axis=1).mean(axis=(1, 2))
+    assert size[0] < 0.05 < size[1] < size[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--reference", "@none.jpg", "--frame", "@b.jpg", "--out", "@f.npy"), "none.jpg: No such file"),
+        (("--reference", "@text.jpg", "--frame", "@b.jpg", "--out", "@f.npy"), "text.jpg: no picture"),
+        (("--reference", "@blank.png", "--frame", "@b.jpg", "--out", "@f.npy"), "blank.png: 0 dots found"),
+        (("--reference", "@a.jpg", "--frame", "@small.png", "--out", "@f.npy"), "320x240 px, but the reference"),
+        (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@no/f.npy"), "f.npy: No such file or directory"),
+        (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.csv"), "must end in .npy or .npz"),
+        (("--reference", "@a.jpg", "--frame", "@b.jpg"), "nothing to write"),
+        (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--channels", "u,w"), "channels=w"),
+        (
+            ("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--channels", "du"),
+            "only --method gelslim",
+        ),
+    ],
+)
+def test_bad_input_gets_one_line_and_status_2(files, arguments, words, capsys):
+    before = {p.name for p in files.iterdir()}
+    assert call(files, *arguments) == 2
+    message = capsys.readouterr().err
+    assert words in message and message.count("\n") == 1 and "Traceback" not in message
+    assert {p.name for p in files.iterdir()} == before
+
+
+def test_unknown_method_lists_the_known():
+    with pytest.raises(ParameterError, match="choose from dots, gelslim"):
+        field_method("magic", Frame(0, 0, "a", image=IMAGE))
+
+
+def test_results_come_frame_by_frame():
+    def endless():
+        while True:
+            yield Frame(0, 0, "a", image=IMAGE)
+
+    results = compute_fields("dots", Frame(0, 0, "a", image=IMAGE), endless())
+    assert next(results).field.channels.shape == (2, 30, 30) and next(results).tracks is not None

@@ -1,0 +1,329 @@
+import http.server
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from cad.errors import FileError, ParameterError
+from sensing.records import Frame
+from sensing.sources.camera import CameraConfig, CameraSource, capture_time_s, list_devices, to_frame
+from sensing.sources.choose import source_opener
+from sensing.sources.degrade import random_degradation
+from sensing.sources.files import FolderSource, VideoSource, jpeg_size, read_picture
+from sensing.sources.mjpeg import MjpegSource, split_jpegs
+from sensing.sources.newest import LiveSource, NewestQueue, SourceError
+from sensing.sources.warp import Bump, Displacement, WarpSource, cell_truth, warp_image
+
+
+def jpeg(level: int, size: tuple[int, int] = (64, 48)) -> bytes:
+    image = np.full((size[1], size[0], 3), level, np.uint8)
+    image[::5] = 255 - level
+    return cv2.imencode(".jpg", image)[1].tobytes()
+
+
+def frames(count: int, size: tuple[int, int] = (64, 48)) -> list[Frame]:
+    return [Frame(i / 30, i, "test", jpeg=jpeg(i * 7 % 200, size), size=size) for i in range(count)]
+
+
+def wait_for(condition, seconds: float = 5.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.005)
+
+
+# --- queue ---------------------------------------------------------------------------------------------------
+def test_newest_frames_win_and_drops_are_counted():
+    queue = NewestQueue(2)
+    for frame in frames(5):
+        queue.put(frame)
+    assert [queue.get(0).sequence, queue.get(0).sequence] == [3, 4] and queue.dropped == 3
+    assert queue.get(0.01) is None
+
+
+def test_slow_reader_sees_gaps_in_the_sequence_not_old_frames():
+    def endless():
+        while True:
+            yield from frames(20)
+            time.sleep(0.001)
+
+    with LiveSource(endless, length=1) as live:
+        first = live.get(5)
+        wait_for(lambda: live.health.frames > first.sequence + 60)
+        assert live.get(5).sequence > first.sequence + 50 and live.health.dropped > 50
+
+
+# --- faults --------------------------------------------------------------------------------------------------
+def test_unplugged_source_says_so_and_recovers():
+    opened = []
+
+    def open_source():
+        opened.append(1)
+        if len(opened) == 2:
+            raise SourceError("/dev/video7: no such camera")
+        yield from frames(3)
+        if len(opened) == 1:
+            raise SourceError("/dev/video7: no more frames: is it unplugged?")
+        while True:
+            time.sleep(0.01)
+            yield from frames(3)
+
+    with LiveSource(open_source, length=100, retry_s=0.05) as live:
+        wait_for(lambda: live.health.status == "unplugged")
+        assert "/dev/video7" in live.health.message
+        wait_for(lambda: live.health.status == "running" and live.health.frames > 6)
+        assert live.health.reopened == 2
+        sequences = [live.get(1).sequence for _ in range(6)]
+        assert sequences == list(range(6))  # goes on counting through the reopening
+
+
+def test_frozen_and_silent_are_told_apart():
+    gate = threading.Event()
+
+    def frozen():
+        while not gate.is_set():
+            yield frames(1)[0]
+            time.sleep(0.01)
+        time.sleep(1.0)
+
+    with LiveSource(frozen, silent_s=0.15) as live:
+        wait_for(lambda: live.health.status == "frozen")
+        gate.set()
+        wait_for(lambda: live.health.status == "silent")
+        assert "no frame for" in live.health.message
+
+
+def test_corrupt_frames_are_skipped_and_counted():
+    def noisy():
+        good = frames(4)
+        yield good[0]
+        yield Frame(0, 0, "cut", jpeg=jpeg(9)[:200])
+        yield Frame(0, 0, "junk", jpeg=b"nothing")
+        yield good[1]
+        time.sleep(2)
+
+    with LiveSource(noisy, length=10) as live:
+        wait_for(lambda: live.health.frames == 2)
+        assert live.health.corrupt == 2 and live.health.status == "running"
+
+
+def test_change_of_size_is_flagged():
+    def changing():
+        yield frames(1)[0]
+        yield frames(1, (32, 24))[0]
+        time.sleep(2)
+
+    with LiveSource(changing) as live:
+        wait_for(lambda: live.health.frames == 2)
+        assert live.health.size_changes == 1 and "size is now (32, 24)" in live.health.message
+
+
+def test_unexpected_error_in_a_source_does_not_end_the_thread():
+    def broken():
+        yield frames(1)[0]
+        raise RuntimeError("driver")
+
+    with LiveSource(broken, retry_s=0.01) as live:
+        wait_for(lambda: live.health.reopened >= 3)
+        assert "RuntimeError: driver" in live.health.message or live.health.status == "running"
+
+
+def test_six_sources_side_by_side():
+    def endless():
+        while True:
+            yield from frames(10)
+            time.sleep(0.002)
+
+    lives = [LiveSource(endless) for _ in range(6)]
+    try:
+        for live in lives:
+            live.__enter__()
+        for live in lives:
+            assert live.get(5) is not None
+        wait_for(lambda: all(live.health.frames > 30 for live in lives))
+    finally:
+        for live in lives:
+            live.close()
+
+
+def test_file_source_ends():
+    with LiveSource(lambda: frames(3), length=10, reopen=False) as live:
+        wait_for(lambda: live.health.status == "ended")
+        assert (
+            live.health.frames == 3
+            and [f.sequence for f in (live.get(0), live.get(0), live.get(0))] == [0, 1, 2]
+            and live.get(1) is None
+        )
+
+
+# --- files ---------------------------------------------------------------------------------------------------
+def test_jpeg_size_without_decoding():
+    assert jpeg_size(jpeg(3, (123, 45))) == (123, 45)
+    assert jpeg_size(b"") is None and jpeg_size(b"\xff\xd8\xff\xc0") is None and jpeg_size(b"\x89PNG") is None
+
+
+def test_folder_in_order_of_names(tmp_path):
+    for name, level in [("b.jpg", 2), ("a.jpg", 1)]:
+        (tmp_path / name).write_bytes(jpeg(level))
+    cv2.imwrite(str(tmp_path / "c.png"), np.zeros((48, 64, 3), np.uint8))
+    (tmp_path / "notes.txt").write_text("x")
+    got = list(FolderSource(tmp_path))
+    assert [f.source[-5:] for f in got] == ["a.jpg", "b.jpg", "c.png"] and got[0].jpeg and got[2].image is not None
+
+
+def test_video_round_trip(tmp_path):
+    path = tmp_path / "v.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
+    for level in (10, 120, 230):
+        writer.write(np.full((48, 64, 3), level, np.uint8))
+    writer.release()
+    got = list(VideoSource(path))
+    assert [round(f.image.mean(), -1) for f in got] == [10, 120, 230] and got[2].time_s == pytest.approx(2 / 25)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda d: read_picture(d / "none.jpg"), "No such file"),
+        (lambda d: FolderSource(d / "none"), "no such folder"),
+        (lambda d: FolderSource(d), "no picture in it"),
+        (lambda d: VideoSource(d / "none.avi"), "no such file"),
+        (lambda d: source_opener(str(d / "none")), "no camera number, address, folder or file"),
+    ],
+)
+def test_missing_files_are_named(tmp_path, make, words):
+    with pytest.raises(FileError, match=words):
+        make(tmp_path)
+
+
+def test_file_that_is_no_picture_or_video(tmp_path):
+    path = tmp_path / "x.jpg"
+    for content in (b"", b"hello", b"\xff\xd8\xff"):
+        path.write_bytes(content)
+        with pytest.raises(FileError, match="no picture"):
+            read_picture(path)
+    with pytest.raises(FileError, match="no video"):
+        VideoSource(path)
+
+
+# --- camera --------------------------------------------------------------------------------------------------
+def test_missing_camera_is_named():
+    with pytest.raises(SourceError, match="/dev/video77: no such camera"):
+        CameraSource(CameraConfig(device=77))
+
+
+def test_driver_stamp_is_believed_only_when_near_the_arrival():
+    assert capture_time_s(99.98, 100.0) == 99.98
+    assert capture_time_s(0.0, 100.0) == 100.0 and capture_time_s(100.1, 100.0) == 100.0
+
+
+def test_driver_data_becomes_a_frame_either_way():
+    data = jpeg(3)
+    packed = to_frame(np.frombuffer(data, np.uint8)[None], 1.0, 0, "c", 50.0, 2.0)
+    assert packed.jpeg == data and packed.size == (64, 48) and packed.exposure == 50.0
+    assert to_frame(np.zeros((48, 64, 3), np.uint8), 1.0, 0, "c", None, None).image.shape == (48, 64, 3)
+
+
+def test_devices_are_listed_without_metadata_nodes(tmp_path):
+    for name, index, label in [("video0", "0", "HD USB"), ("video1", "1", "HD USB"), ("video10", "0", "other")]:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "index").write_text(index + "\n")
+        (tmp_path / name / "name").write_text(label + "\n")
+    assert list_devices(tmp_path) == [(0, "HD USB"), (10, "other")]
+    assert list_devices(tmp_path / "none") == []
+
+
+def test_bad_camera_settings_are_refused():
+    with pytest.raises(ParameterError, match="rate_hz=0"):
+        CameraConfig(rate_hz=0)
+
+
+# --- MJPEG over HTTP -----------------------------------------------------------------------------------------
+class Stream(http.server.BaseHTTPRequestHandler):
+    with_length = True
+
+    def do_GET(self):
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=b")
+        self.end_headers()
+        for level in (10, 90, 170):
+            data = jpeg(level)
+            length = f"Content-Length: {len(data)}\r\n" if self.with_length else ""
+            head = f"--b\r\nContent-Type: image/jpeg\r\n{length}\r\n"
+            self.wfile.write(head.encode() + data + b"\r\n")
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.mark.parametrize("with_length", [True, False])
+def test_mjpeg_over_loopback(with_length):
+    handler = type("Handler", (Stream,), {"with_length": with_length})
+    server = http.server.HTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        got = []
+        with pytest.raises(SourceError, match="the stream ended"):
+            for frame in MjpegSource(f"http://127.0.0.1:{server.server_port}/"):
+                got.append(cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), 0)[2, 2])
+        assert np.abs(np.array(got, int) - [10, 90, 170]).max() < 12
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_stream_that_never_ends_a_picture_is_refused():
+    class Endless:
+        def readline(self, size):
+            return b"\xff\xd8" + b"x" * (size - 2)
+
+    with pytest.raises(ValueError, match="no end of picture"):
+        list(split_jpegs(Endless()))
+
+
+def test_dead_address_is_said():
+    with pytest.raises(SourceError, match="check address"):
+        list(MjpegSource("http://127.0.0.1:9/", timeout_s=1))
+    with pytest.raises(ParameterError, match="give an http address"):
+        MjpegSource("file:///etc/passwd")
+
+
+# --- warp ----------------------------------------------------------------------------------------------------
+def test_warp_moves_a_dot_where_the_displacement_says():
+    image = np.full((240, 320), 200, np.uint8)
+    cv2.circle(image, (150, 110), 6, 20, -1)
+    motion = Displacement((3.0, 2.0), 0.02, (160.0, 120.0), (Bump((150.0, 110.0), (8.0, -5.0), 90.0),))
+    dark = 200.0 - warp_image(image, motion)
+    y, x = np.mgrid[0:240, 0:320]
+    centre = np.array([(dark * x).sum(), (dark * y).sum()]) / dark.sum()
+    u, v = motion.at(np.array(150.0), np.array(110.0))
+    assert np.abs(centre - [150 + u, 110 + v]).max() < 0.03
+
+
+@pytest.mark.parametrize("shift", [0.1, 0.25, 0.5, 0.8])
+def test_warp_shifts_a_ramp_without_bias(shift):
+    ramp = np.tile(np.arange(0, 256, 2, dtype=np.uint8), (32, 1))
+    moved = warp_image(ramp, Displacement((shift, 0.0))).astype(float)[4:-4, 8:-8]
+    expected = np.floor(ramp[4:-4, 8:-8] - 2 * shift + 0.5)
+    assert (moved == expected).mean() > 0.95  # one gray level is half a pixel of this ramp
+
+
+def test_cell_truth_converges_to_the_centre_value_for_small_cells():
+    motion = Displacement(bumps=(Bump((320.0, 240.0), (10.0, 0.0), 80.0),))
+    fine = cell_truth(motion, (640, 480), (240, 240), unit_px=480)
+    assert abs(fine[0].max() - 10) < 0.01
+    coarse = cell_truth(motion, (640, 480), (30, 30), unit_px=480)
+    assert np.allclose(fine.reshape(2, 30, 8, 30, 8).mean(axis=(2, 4)), coarse, atol=1e-3)
+
+
+def test_warp_source_frames_follow_the_clock():
+    image = np.zeros((48, 64), np.uint8)
+    got = list(WarpSource(image, [Displacement((i, 0.0)) for i in range(3)], rate_hz=50))
+    assert [f.time_s for f in got] == [0.0, 0.02, 0.04] and got[0].size == (64, 48)
+
+
+def test_unknown_level_is_refused():
+    with pytest.raises(ParameterError, match="clean, mild, hard"):
+        random_degradation("awful", np.random.default_rng(0))

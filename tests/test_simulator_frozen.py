@@ -1,0 +1,67 @@
+"""Level 2 against level 1 on the same mesh, and its fall-back."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cad.materials import silicone
+from sensing.simulator import condensed
+from sensing.simulator.frozen import FrozenPress
+from sensing.simulator.geometry import shell_geometry
+from sensing.simulator.indenter import Indenter
+from sensing.simulator.press import Press, Target
+from sensing.simulator.shell import shell_model
+from sensing.simulator.state import Refusal
+from sensing.simulator.surface import dot_directions, surface_sampler
+
+PATH = [Target(normal_n=n) for n in (4.0, 8.0, 10.0)] + [
+    Target(normal_n=10.0, shift_mm=shift) for shift in ((0.5, 0.0), (1.0, 0.0), (0.4, 0.0))
+]
+
+
+@pytest.fixture(scope="module")
+def press() -> Press:
+    model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), "draft", half=True)
+    return Press(model, Indenter(tilt_deg=30), 0.5)
+
+
+def test_level_2_meets_newton_along_a_path_with_friction(press: Press) -> None:
+    fast = FrozenPress(press)
+    here, there = fast.start(), press.start()
+    dots = surface_sampler(press.model, dot_directions(press.model.geometry))
+    for target in PATH:
+        here, there = fast.advance(here, target), press.advance(there, target)
+        wrong = dots.sample(here.displacement - there.displacement)
+        assert np.sqrt((wrong**2).mean()) < 1e-3 * np.sqrt((dots.sample(there.displacement) ** 2).mean())
+        assert np.abs(here.wrench[:3] - there.wrench[:3]).max() < 1e-3 * np.linalg.norm(there.wrench[:3])
+        assert here.certificate is not None and here.certificate.wrench_gap < fast.tolerance
+    assert fast.fast_steps >= 4  # otherwise this compared level 1 with itself
+
+
+def test_a_step_that_level_2_cannot_do_goes_to_level_1(press: Press, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        return None
+
+    fast = FrozenPress(press)
+    state = fast.advance(fast.start(), PATH[0])
+    monkeypatch.setattr(condensed.CondensedStep, "solve", fail)
+    state = fast.advance(state, PATH[1])
+    assert fast.fallbacks == 2 and fast.fast_steps == 0
+    assert state.certificate is not None and state.certificate.residual < 1e-9
+
+
+def test_contact_outside_the_patch_is_noticed(press: Press, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(condensed, "PATCH_MARGIN_MM", 0.0)  # only faces already loaded
+    fast = FrozenPress(press)
+    state = fast.advance(fast.start(), Target(depth_mm=0.3))
+    state = fast.advance(state, Target(depth_mm=6.0))
+    assert state.certificate is not None and state.certificate.residual < 1e-5
+    assert state.contact is not None and state.contact.gap.min() > -0.2  # no face was let through
+
+
+def test_level_2_refuses_what_level_1_refuses(press: Press) -> None:
+    fast = FrozenPress(press)
+    state = fast.advance(fast.start(), PATH[0])
+    with pytest.raises(Refusal, match=r"^range: normal_n=-1"):
+        fast.advance(state, Target(normal_n=-1.0))

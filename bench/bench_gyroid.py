@@ -29,10 +29,10 @@ HERE = Path(__file__).parent
 STEPS_MM = (1.6, 1.2, 1.0, 0.8, 0.6, 0.5, 0.4)
 PERIOD_MM = 13.95
 BALLS = (  # D, T, voxel
-    *((130.0, wall, VOXEL_MM) for wall in (5.0, 6.0, 6.5, 7.0, 8.0, 10.0, 13.0)),
-    *((98.9, wall, VOXEL_MM) for wall in (5.0, 6.0, 6.5, 7.0)),
+    *((130.0, wall, VOXEL_MM) for wall in (6.5, 7.0, 8.0, 13.0)),
+    *((98.9, wall, VOXEL_MM) for wall in (6.5, 7.0)),
     *((250.0, wall, VOXEL_MM) for wall in (6.5, 8.0)),
-    *((130.0, 6.5, voxel) for voxel in (0.4, 0.2, 0.15)),
+    *((130.0, 6.5, voxel) for voxel in (0.4, 0.2)),
 )
 
 

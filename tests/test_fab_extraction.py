@@ -114,7 +114,7 @@ def test_a_wide_taken_before_the_keys_meets_them(released_mold):
 
 
 def test_a_cup_without_a_parting_at_the_equator_cannot_leave(released_mold):
-    layout, parts, meshes = released_mold
+    layout, _, meshes = released_mold
     joined = trimesh.util.concatenate([meshes["cup_bowl_1"], meshes["cup_collar_1"]])
     for name in ("cup_bowl_1", "cup_collar_1"):
         way = extract_cup(layout, {name: joined})[0]

@@ -121,7 +121,7 @@ def test_manifest_has_every_check_with_its_number(written):
 
 def test_a_second_run_reproduces_every_mesh_and_the_manifest(runs):
     first, second = runs[0][0], runs[1][0]
-    names = sorted(path.name for path in first.glob("*.stl")) + ["manifest.json"]
+    names = [*sorted(path.name for path in first.glob("*.stl")), "manifest.json"]
     assert len(names) > 15
     assert [n for n in names if (first / n).read_bytes() != (second / n).read_bytes()] == []
 

@@ -218,7 +218,7 @@ def test_a_leak_grows_with_the_cube_of_the_gap_and_fails_at_half_a_millimetre(re
 
 
 def cast_block(*tools: Solid) -> trimesh.Trimesh:
-    """A cast of 40 mm cube above the flange's level, with something raised or cut."""
+    """A round cast of 40 mm height above the flange's level, with something added."""
     block = drill((0, 0), 30.0, 6.0, 46.0)
     return tessellate(one_solid(block.fuse(*tools) if tools else block, "block"), 0.05)
 
@@ -234,8 +234,12 @@ def test_air_is_trapped_where_the_cast_rises_into_a_pocket_of_the_mold(released_
 
 def test_air_is_trapped_under_a_flat_roof_and_in_a_ring(released_mold):
     layout = released_mold[0]
-    assert trapped_air_check(layout, cast_block(drill((32.0, 0.0), 6.0, 20.0, 30.0))).value == 1
-    assert trapped_air_check(layout, cast_block(drill((0.0, 0.0), 35.0, 20.0, 30.0))).value == 1
+    brim = drill((0.0, 0.0), 36.0, 30.0, 40.0)  # its roof leads to the block, so it holds no air itself
+    assert trapped_air_check(layout, cast_block(brim)).value == 0
+    chimney = drill((33.0, 0.0), 1.5, 25.0, 31.0)
+    assert trapped_air_check(layout, cast_block(brim, chimney)).value == 1
+    ring = one_solid(drill((0.0, 0.0), 34.0, 25.0, 31.0).cut(drill((0.0, 0.0), 32.0, 24.0, 32.0)), "ring")
+    assert trapped_air_check(layout, cast_block(brim, ring)).value == 1
 
 
 def test_air_climbs_along_a_sloping_roof(released_mold):

@@ -7,7 +7,7 @@ the zone's sides close the sheet (:mod:`fab.sheet`); manifold3d joins it to the 
 Notes:
     Surface: g = sin x cos y + sin y cos z + sin z cos x = 0 with x = 2 pi X / L (A. H. Schoen, NASA TN D-5541, 1970).
     One Newton step along the gradient gives the distance to first order, g / |grad g|; a second step from the foot of
-    the first makes the wall uniform (bench/gyroid.csv has both).
+    the first takes one per cent of bias off the wall; what spread is left is the grid's (bench/gyroid.csv).
     A sheet of wall t fills 3.09 t / L: 3.0915 is the gyroid's area per period squared.
 """
 

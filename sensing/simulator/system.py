@@ -32,6 +32,7 @@ class Solid:
         slots: position of every element entry in ``pattern.data``, -1 where fixed (e, 81, 81).
         pattern: empty matrix (unknowns, unknowns) in CSC with the union of all element couplings.
         fronts: plan of the factorisation.
+        prestress: second Piola-Kirchhoff stress (e, 27, 3, 3) that stands whatever the strain, or None; MPa.
     """
 
     mesh: HexMesh
@@ -42,6 +43,7 @@ class Solid:
     slots: NDArray[np.int32]
     pattern: sparse.csc_matrix
     fronts: tuple[multifrontal.Front, ...]
+    prestress: Array | None = None
 
     @property
     def unknowns(self) -> int:
@@ -62,7 +64,11 @@ class Solid:
 
     def energy_and_force(self, displacement: Array) -> tuple[float, Array]:
         """Stored energy (mJ) and internal nodal forces (n, 3) of a displacement (n, 3)."""
-        energy, element_force = elastic.energy_and_force(self.law, self.data, displacement[self.mesh.cells])
+        local = displacement[self.mesh.cells]
+        energy, element_force = elastic.energy_and_force(self.law, self.data, local)
+        if self.prestress is not None:
+            more, force = elastic.prestress_energy_and_force(self.prestress, self.data, local)
+            energy, element_force = energy + more, element_force + force
         return energy, self.nodal(element_force)
 
     def nodal(self, element_force: Array) -> Array:
@@ -73,7 +79,8 @@ class Solid:
 
     def tangent(self, displacement: Array) -> Array:
         """Consistent element tangents (e, 81, 81) at a displacement (n, 3)."""
-        return elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
+        blocks = elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
+        return blocks if self.prestress is None else blocks + elastic.prestress_tangent(self.prestress, self.data)
 
     def assemble(self, blocks: Array) -> sparse.csc_matrix:
         """Sparse matrix from element matrices (e, 81, 81)."""

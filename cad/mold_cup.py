@@ -80,7 +80,9 @@ def collar_body(layout: MoldLayout) -> Solid:
 def cup_parts(layout: MoldLayout, bowl: Solid, collar: Solid) -> list[Part]:
     """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``."""
     outer = layout.params.outer_radius_mm
-    flange_tab = Tab(along_mm=outer + 13.0, radius_mm=3.5, beyond_mm=2.2)
+    flange_tab = Tab(
+        along_mm=outer + 13.7, radius_mm=3.5, beyond_mm=2.2
+    )  # clear of the dam: no sliver of it on the tab
     foot_tab = Tab(along_mm=0.45 * outer, radius_mm=5.0, beyond_mm=3.2)
     halves = [
         ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, flange_tab)),

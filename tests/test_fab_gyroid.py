@@ -181,6 +181,14 @@ def test_all_checks_of_the_printed_mesh_hold(printed: trimesh.Trimesh) -> None:
     assert [check for check in checks if not check.ok] == []
 
 
+def test_the_zones_inner_cylinder_is_no_wall_of_the_sheet() -> None:
+    """A thick wall clips the zone at a cylinder, whose facets have TPU of any depth behind them."""
+    thick = EndcapParams(130, 13)
+    assert interface.zone_clip_radius_mm(thick) > 0 == interface.zone_clip_radius_mm(PARAMS)
+    walls = gyroid_checks.sheet_walls_mm(thick, interface_mesh(thick).mesh)
+    assert walls.max() < 1.3 * gyroid.WALL_MM
+
+
 def skin(low: float, high: float, floor: float, top: float) -> manifold3d.Manifold:
     """A closed spherical skin between two radii, from one height to another."""
     heights = np.linspace(floor, top, 60)

@@ -13,7 +13,7 @@ from sensing.simulator.__main__ import main
 from sensing.simulator.dataset import DataRequest, read_shard, shard_path, write_dataset
 from sensing.simulator.press import Target
 from sensing.simulator.protocols import PHASES, LoadPath, Waypoint, load_path
-from sensing.simulator.surface import turn_wrench
+from sensing.simulator.turn import turn_wrench
 
 
 def short_path(_: int, number: int, azimuths: int) -> LoadPath:

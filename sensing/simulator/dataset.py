@@ -35,7 +35,8 @@ from sensing.simulator.press import Press
 from sensing.simulator.protocols import PHASES, LoadPath, load_path
 from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.state import Refusal, State, contact_patch
-from sensing.simulator.surface import dot_directions, surface_sampler, turn_wrench
+from sensing.simulator.surface import dot_directions, surface_sampler
+from sensing.simulator.turn import turn_wrench
 
 FORMAT = 1
 PATHS_PER_SHARD = 5  # one of each tilt

@@ -21,6 +21,7 @@ from sensing.simulator.element import INNER_FACE, Array, shape_quad
 from sensing.simulator.geometry import ShellGeometry
 from sensing.simulator.mesh import Index
 from sensing.simulator.shell import ShellModel
+from sensing.simulator.turn import turn_about_axis
 
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
@@ -54,18 +55,6 @@ def dot_directions(geometry: ShellGeometry) -> Array:
     The pattern asks only for inner radius and view rim, which a shell of any wall has.
     """
     return np.array([dot.direction for dot in dot_pattern(cast(EndcapParams, geometry))])
-
-
-def turn_about_axis(azimuth_deg: float) -> Array:
-    """Rotation about z (3, 3)."""
-    c, s = math.cos(math.radians(azimuth_deg)), math.sin(math.radians(azimuth_deg))
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def turn_wrench(wrench: Array, azimuth_deg: float) -> Array:
-    """Wrench (..., 6) of a state solved at azimuth 0, for a contact at another azimuth."""
-    turn = turn_about_axis(azimuth_deg)
-    return np.concatenate([wrench[..., :3] @ turn.T, wrench[..., 3:] @ turn.T], axis=-1)
 
 
 def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0.0) -> SurfaceSampler:

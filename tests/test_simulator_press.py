@@ -14,8 +14,7 @@ from sensing.simulator.indenter import Indenter
 from sensing.simulator.press import Press, Target
 from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.state import Refusal, State, contact_patch
-from sensing.simulator.surface import dot_directions, surface_sampler
-from sensing.simulator.turn import turn_about_axis, turn_wrench
+from sensing.simulator.surface import dot_directions, surface_sampler, turn_about_axis, turn_wrench
 
 GEOMETRY = ShellGeometry.from_params(EndcapParams(130, 8))
 LAW = silicone().neo_hooke()

@@ -14,7 +14,9 @@ wall, and shadows of the surface on itself. Folds are hidden correctly.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -43,8 +45,9 @@ from sensing.simulator.render_sensor import (
 )
 from sensing.simulator.render_settings import RenderSettings
 from sensing.simulator.render_skin import paint_skin
-from sensing.simulator.turn import turn_about_axis
+from sensing.simulator.surface import turn_about_axis
 
+Interpolation = Callable[[Array], csr_matrix]
 NOISE_TABLE = 1 << 23  # standard normals kept for frames without fresh noise
 KEPT_AZIMUTHS = 16  # dot interpolations kept
 HIDDEN_MM = 1.0  # a dot this far behind the surface seen at its pixel is hidden
@@ -83,6 +86,9 @@ class DomeRenderer:
         settings: look and quality.
         surface_mm: (n, 3) undeformed nodes of the inner surface at which displacements will be given (any order, no
             connectivity needed). Without it they are those of the renderer's own mesh, :attr:`surface_mm`.
+        interpolation: points (t, 3) at rest to a sparse (t, n) matrix from those nodes, such as
+            :meth:`sensing.simulator.surface.InnerSurface.interpolation`. Without it moving least squares, which needs
+            nodes of even spacing.
     """
 
     def __init__(
@@ -91,6 +97,7 @@ class DomeRenderer:
         mounted: MountedCamera | None = None,
         settings: RenderSettings | None = None,
         surface_mm: ArrayLike | None = None,
+        interpolation: Interpolation | None = None,
     ) -> None:
         self.params = params
         self.settings = settings or RenderSettings()
@@ -100,9 +107,8 @@ class DomeRenderer:
         self._inner = np.linalg.norm(self._mesh.disc, axis=1) < rim  # the outermost cells are slivers
         self._skin = paint_skin(params, self.settings.paint, self.settings.texels, self.settings.seed)
         self.surface_mm = self._mesh.vertices_mm if surface_mm is None else np.asarray(surface_mm, dtype=float)
-        self._to_mesh = (
-            None if surface_mm is None else interpolation_matrix(params, self.surface_mm, self._mesh.vertices_mm)
-        )
+        self._interpolation = interpolation or partial(interpolation_matrix, params, self.surface_mm)
+        self._to_mesh = None if surface_mm is None else self._interpolation(self._mesh.vertices_mm)
         self._dot_matrices: dict[float, csr_matrix] = {}
         camera, factor = self.mounted.camera, self.settings.supersample
         fine = camera.resized(camera.width_px * factor, camera.height_px * factor)
@@ -191,7 +197,7 @@ class DomeRenderer:
         return radiance_image(seen, self._skin.texture, self._skin.extent, passed, weights)
 
     def _vertices(self, displacement: Array, azimuth_deg: float) -> Array:
-        """Deformed vertices: the whole mesh is turned with the displacement, so its interpolation serves any azimuth."""
+        """Deformed vertices: the whole mesh is turned with the displacement, for one interpolation at any azimuth."""
         moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
         return np.ascontiguousarray((self._mesh.vertices_mm + moved) @ turn_about_axis(azimuth_deg).T)
 
@@ -223,7 +229,7 @@ class DomeRenderer:
             if len(self._dot_matrices) >= KEPT_AZIMUTHS:
                 del self._dot_matrices[next(iter(self._dot_matrices))]
             turned_back = self._skin.ink_mm @ turn_about_axis(azimuth_deg)
-            self._dot_matrices[azimuth_deg] = interpolation_matrix(self.params, self.surface_mm, turned_back)
+            self._dot_matrices[azimuth_deg] = self._interpolation(turned_back)
         return self._dot_matrices[azimuth_deg]
 
     def _displacement(self, displacement_mm: ArrayLike | None) -> Array:

@@ -12,6 +12,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
@@ -21,7 +22,6 @@ from sensing.simulator.element import INNER_FACE, Array, shape_quad
 from sensing.simulator.geometry import ShellGeometry
 from sensing.simulator.mesh import HexMesh, Index
 from sensing.simulator.shell import ShellModel
-from sensing.simulator.turn import turn_about_axis
 
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
@@ -83,6 +83,14 @@ class InnerSurface:
         """Sampler of fields (k, 3) on this surface (see :func:`surface_sampler`)."""
         return _sampler(self.geometry, self.position, self.face, False, directions, azimuth_deg)
 
+    def interpolation(self, points_mm: Array) -> csr_matrix:
+        """Sparse (t, k) matrix from fields on this surface to points (t, 3) of the inner sphere at rest."""
+        offset = np.asarray(points_mm, dtype=float) - np.array(self.geometry.centre_mm)
+        found = self.sampler(offset / np.linalg.norm(offset, axis=1, keepdims=True))
+        starts = np.arange(len(offset) + 1) * found.nodes.shape[1]
+        shape = (len(offset), len(self.position))
+        return csr_matrix((found.weights.ravel(), found.nodes.ravel(), starts), shape=shape)
+
 
 def inner_surface(model: ShellModel) -> InnerSurface:
     """Inner surface of a whole model, or of both halves of a half model."""
@@ -112,6 +120,18 @@ def dot_directions(geometry: ShellGeometry) -> Array:
     return np.array([dot.direction for dot in dot_pattern(cast(EndcapParams, geometry))])
 
 
+def turn_about_axis(azimuth_deg: float) -> Array:
+    """Rotation about z (3, 3)."""
+    c, s = math.cos(math.radians(azimuth_deg)), math.sin(math.radians(azimuth_deg))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def turn_wrench(wrench: Array, azimuth_deg: float) -> Array:
+    """Wrench (..., 6) of a state solved at azimuth 0, for a contact at another azimuth."""
+    turn = turn_about_axis(azimuth_deg)
+    return np.concatenate([wrench[..., :3] @ turn.T, wrench[..., 3:] @ turn.T], axis=-1)
+
+
 def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0.0) -> SurfaceSampler:
     """Find directions (k, 3) on the inner surface, for a contact at an azimuth.
 
@@ -137,10 +157,12 @@ def _sampler(
     local = np.zeros((len(wanted), 2))
     chosen = np.zeros(len(wanted), dtype=np.int64)
     for candidate in near.T:
-        found, missed = _invert(relative[candidate], wanted)
+        lost = np.flatnonzero(best > 1)  # not inside a face yet
+        found, missed = _invert(relative[candidate[lost]], wanted[lost])
         excess = np.where(missed, np.inf, np.abs(found).max(axis=1))
-        better = excess < best
-        best[better], local[better], chosen[better] = excess[better], found[better], candidate[better]
+        better = excess < best[lost]
+        place = lost[better]
+        best[place], local[place], chosen[place] = excess[better], found[better], candidate[place]
     if not best.max() <= 1 + EDGE_TOLERANCE:
         worst = int(best.argmax())
         raise ParameterError(

@@ -18,7 +18,7 @@ turns the wrench.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cad.errors import ParameterError
@@ -36,7 +36,7 @@ from sensing.simulator.state import Certificate, Patch, State, contact_patch
 from sensing.simulator.surface import InnerSurface, dot_directions, inner_surface
 
 LEVELS = (1, 2)
-TOLERANCE = 1e-4  # of level 2: residual over contact force
+TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
 MAX_SAMPLERS = 64  # azimuths kept ready
 
@@ -127,18 +127,35 @@ class Simulator:
             Refusal: the state at that target has no trustworthy answer; those before it stand.
         """
         half = scene.indenter.keeps_mirror and all(_in_mirror_plane(target) for target in targets)
+        walk = self.walk(scene, half)
+        for target in targets:
+            yield walk(target)
+
+    def walk(self, scene: Scene, half: bool = False) -> Callable[[Target], SceneState]:
+        """The same for a path that is not known beforehand: a function that goes from state to state.
+
+        Args:
+            scene: what presses. half: the path will stay in the mirror plane.
+        """
         press = Press(self._model(half), scene.indenter, scene.friction)
         fast = FrozenPress(press, self.tolerance, self._tangents.setdefault((scene.indenter, half), []))
         solver = press if self.level == 1 else fast
-        state = press.start()
-        for target in targets:
+        here = solver.start()
+
+        def step(target: Target) -> SceneState:
+            nonlocal here
             before = fast.fallbacks
             if target.tangential_n is None:
-                state = solver.advance(state, target)
+                here = solver.advance(here, target)
             else:
-                state = tangential.reach(solver.advance, state, target, press.frame, scene.friction, half)
-            state_level = 1 if self.level == 1 or fast.fallbacks > before else 2
-            yield self._answer(press, state, state_level)
+                here = tangential.reach(solver.advance, here, target, press.frame, scene.friction, half)
+            return self._answer(press, here, 1 if self.level == 1 or fast.fallbacks > before else 2)
+
+        return step
+
+    def forget(self) -> None:
+        """Drop the stored tangents: what follows depends on nothing that went before (a shard begins so)."""
+        self._tangents.clear()
 
     def markers(self, state: SceneState, azimuth_deg: float = 0.0) -> Array:
         """Displacement (m, 3) of the painted dots, in the order of their pattern, for a contact at an azimuth."""

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-.PHONY: help setup molds test check bench clean
+.PHONY: help setup molds ring test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -19,6 +19,9 @@ molds: $(VENV)/fab.stamp ## print and cast files of one endcap: make molds D=130
 
 molds-help: $(VENV)/fab.stamp
 	@$(BIN)/python -m fab.molds --help
+
+ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light on the dome
+	@$(BIN)/python -m fab.led_ring $(MAKEOVERRIDES)
 
 test: $(VENV)/all.stamp ## all tests
 	@$(BIN)/python -m pytest -n 2 --dist loadfile

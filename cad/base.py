@@ -18,11 +18,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from cad.errors import GeometryError
 from cad.part import Part
 
 if TYPE_CHECKING:
-    from build123d import Shape, Solid
+    from build123d import Shape
 
     from cad.params import EndcapParams
 
@@ -63,20 +62,10 @@ def base_part(params: EndcapParams) -> Part:
     Raises:
         GeometryError: the kernel did not return one valid solid.
     """
-    solid = one_solid("base", _body(params) - _cuts(params))
+    from cad.solids import one_solid
+
+    solid = one_solid(_body(params) - _cuts(params), "base")
     return Part("base", "printed", "PLA", solid, (0.30, 0.33, 0.38))
-
-
-def one_solid(name: str, shape: Shape) -> Solid:
-    """Take the only solid out of a boolean's result.
-
-    Raises:
-        GeometryError: there is none, there are several, or it is invalid.
-    """
-    solids = shape.solids()
-    if len(solids) != 1 or not solids[0].is_valid:
-        raise GeometryError(f"{name} came out as {len(solids)} solids or invalid: report D and T, it is our mistake")
-    return solids[0]
 
 
 def flank_profile(params: EndcapParams) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cad import base, ring_spacer
+from cad import ring_spacer
 from cad.part import Part
 
 if TYPE_CHECKING:
@@ -30,11 +30,13 @@ def led_ring_part(params: EndcapParams) -> Part:
     """Build the LED ring's envelope (the same at every size)."""
     from build123d import Box, Cylinder, Pos, Rot
 
+    from cad.solids import one_solid
+
     seat, top = ring_spacer.SEAT_Z_MM, ring_spacer.SEAT_Z_MM + BOARD_THICKNESS_MM
     disc, hole = (Cylinder(radius, BOARD_THICKNESS_MM) for radius in (BOARD_OUTER_RADIUS_MM, BOARD_INNER_RADIUS_MM))
     board = Pos(0, 0, (seat + top) / 2) * (disc - hole)
     led = Pos(LED_CIRCLE_RADIUS_MM, 0, top + LED_HEIGHT_MM / 2) * Box(LED_WIDTH_MM, LED_WIDTH_MM, LED_HEIGHT_MM)
     leds = [Rot(0, 0, 360.0 / LED_COUNT * k) * led for k in range(LED_COUNT)]
     plug = Rot(0, 0, ring_spacer.NOTCH_AZIMUTH_DEG) * Pos(PLUG_RADIUS_MM, 0, seat - PLUG_MM[2] / 2) * Box(*PLUG_MM)
-    solid = base.one_solid("led_ring", board.fuse(*leds, plug))
+    solid = one_solid(board.fuse(*leds, plug), "led_ring")
     return Part("led_ring", "bought", "circuit board", solid, (0.05, 0.42, 0.24))

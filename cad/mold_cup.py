@@ -21,6 +21,7 @@ PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
 PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
 PIN_DEPTH_MM = 4.5
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
+FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 COLOR = (0.36, 0.56, 0.80)
 
 
@@ -80,17 +81,22 @@ def collar_body(layout: MoldLayout) -> Solid:
 def cup_parts(layout: MoldLayout, bowl: Solid, collar: Solid) -> list[Part]:
     """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``."""
     outer = layout.params.outer_radius_mm
-    flange_tab = Tab(along_mm=outer + 13.0, radius_mm=3.5, beyond_mm=2.2)
+    on_flange = flange_tab(layout)
     foot_tab = Tab(along_mm=0.45 * outer, radius_mm=5.0, beyond_mm=3.2)
     halves = [
-        ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, flange_tab)),
-        ("cup_collar", collar, layout.collar_seams_deg, (flange_tab,)),
+        ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, on_flange)),
+        ("cup_collar", collar, layout.collar_seams_deg, (on_flange,)),
     ]
     return [
         Part(f"{stem}_{k + 1}", "printed", "PLA", one_solid(body.intersect(prism), f"{stem}_{k + 1}"), COLOR)
         for stem, body, seams, tabs in halves
         for k, prism in enumerate(sector_prisms(layout, seams, tabs))
     ]
+
+
+def flange_tab(layout: MoldLayout) -> Tab:
+    """The tab in the bolt flanges of bowl and collar."""
+    return Tab(along_mm=layout.params.outer_radius_mm + FLANGE_TAB_OFFSET_MM, radius_mm=3.5, beyond_mm=2.2)
 
 
 def _gusset(top: float, flange: float, piston: float) -> list[tuple[float, float]]:

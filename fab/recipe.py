@@ -20,8 +20,8 @@ LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
 HIGH_MASS_RATIO = 1.03  # E: above it the mold leaked or was not closed
 MIX_MIN = 3.0  # E: scraping sides and bottom
 DEGAS_MIN = 5.0  # E: until the foam has fallen, at 29 inHg
-POUR_MIN = 8.0  # E: thin stream onto one spot
-CLOSE_MIN = 10.0  # E: lowering the upper half slowly, six bolts crosswise
+POUR_MIN = 5.0  # E: thin stream onto one spot
+CLOSE_MIN = 7.0  # E: lowering the upper half slowly, six bolts crosswise
 RELEASE_AGENT = "Ease Release 200"  # P
 
 

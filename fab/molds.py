@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
@@ -69,18 +69,18 @@ def _interrupt(interrupts: list[int], number: int) -> None:
     raise KeyboardInterrupt
 
 
-def parse_options(words: Sequence[str]) -> dict[str, str]:
+def parse_options(words: Sequence[str], defaults: Mapping[str, str] = DEFAULTS) -> dict[str, str]:
     """Read NAME=VALUE words over the defaults.
 
     Raises:
         ParameterError: an unknown name, or a word of another form.
     """
-    options = dict(DEFAULTS)
+    options = dict(defaults)
     for word in words:
         name, equals, value = word.partition("=")
-        if not equals or name not in DEFAULTS or not value:
+        if not equals or name not in defaults or not value:
             raise ParameterError(
-                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name
+                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in defaults)}", name=name
             )
         options[name] = value
     return options

@@ -168,13 +168,13 @@ class Wrench:
 
 
 def _require_shape(name: str, array: NDArray, shape: tuple[int, ...]) -> None:
-    if np.shape(array) != tuple(shape):
-        raise ParameterError(f"{name} has shape {np.shape(array)}, expected {tuple(shape)}", name=name, value=array)
+    if np.shape(array) != shape:
+        raise ParameterError(f"{name} has shape {np.shape(array)}, expected {shape}", name=name, value=array)
 
 
-def _freeze(record: object, names: tuple[str, ...]) -> None:
+def _freeze(record: Any, names: tuple[str, ...]) -> None:
     """Replace the named arrays by read-only views, so that the caller's own array stays writable."""
     for name in names:
         view = np.asarray(getattr(record, name)).view()
-        view.flags.writeable = False
-        object.__setattr__(record, name, view)
+        view.setflags(write=False)
+        record.__dict__[name] = view

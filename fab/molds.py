@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="make molds",
-        usage="make molds [D=MM] [T=MM] [exports=DIR]",
+        usage="make molds [D=MM] [T=MM] [joint_clearance=MM] [exports=DIR]",
         description="Make the mold, the TPU interface, the base and the assembly of one endcap.",
         epilog=HELP.format(low=diameter_range_mm()[0], high=diameter_range_mm()[1]),
         formatter_class=argparse.RawDescriptionHelpFormatter,

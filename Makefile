@@ -33,6 +33,9 @@ ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
 	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
 
+coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
+	@$(BIN)/python -m fab.coupons $(MAKEOVERRIDES)
+
 test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -19,17 +19,34 @@ import math
 from dataclasses import dataclass
 
 from cad import feasible
+from cad.errors import ParameterError
 from cad.params import EndcapParams
 
+JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon tells your printer's
+JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coupons)
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 
 @dataclass(frozen=True)
 class MoldLayout:
-    """Derived sizes of the mold for one endcap (mm, endcap frame)."""
+    """Derived sizes of the mold for one endcap (mm, endcap frame).
+
+    Raises:
+        ParameterError: a joint clearance outside what the fit coupon tells.
+    """
 
     params: EndcapParams
-    joint_clearance_mm: float = 0.15  # E: gap on each side of a printed joint; the fit coupon refines it
+    joint_clearance_mm: float = JOINT_CLEARANCE_MM
+
+    def __post_init__(self) -> None:
+        low, high = JOINT_CLEARANCE_RANGE_MM
+        if not low <= self.joint_clearance_mm <= high:
+            raise ParameterError(
+                f"joint_clearance={self.joint_clearance_mm:g} outside {low}..{high} mm a side: tighter joints fuse in "
+                "print, looser ones leak silicone; measure it with the fit coupon (make coupons)",
+                name="joint_clearance",
+                value=self.joint_clearance_mm,
+            )
 
     # --- cup --------------------------------------------------------------------------------------------------
     @property

@@ -12,7 +12,7 @@ from pathlib import Path
 import trimesh
 
 from cad.interface import build_zone
-from cad.mold_layout import MoldLayout
+from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from fab.bumps import bump_checks
@@ -28,7 +28,7 @@ from fab.nut_checks import nut_checks
 
 SHELL = "shell"
 CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
-LEAST_GAP_MM = 0.05  # of a 0.15 mm joint, what facets of two pieces may leave where a bump ends at it
+LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
 
 
 def run_gates(design: Design, folder: Path, workers: Executor, progress: Progress) -> list[Check]:
@@ -55,7 +55,9 @@ def run_gates(design: Design, folder: Path, workers: Executor, progress: Progres
     ]
     progress("checks: extraction")
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
-    checks = extraction_checks([*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)])
+    checks = extraction_checks(
+        [*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)], design.layout.joint_clearance_mm
+    )
     progress("checks: fit")
     fit = fit_gates(design, meshes)
     progress("checks: cavity, gyroid and files")
@@ -93,13 +95,13 @@ def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Che
     return checks
 
 
-def extraction_checks(extractions: Sequence[Extraction]) -> list[Check]:
+def extraction_checks(extractions: Sequence[Extraction], joint_clearance_mm: float = JOINT_CLEARANCE_MM) -> list[Check]:
     """What must hold for each piece on its way out."""
     checks = []
     for way in extractions:
         checks += [
             Check(f"{way.piece}.way_out_penetration_mm", way.penetration_mm, high=0.01),
-            Check(f"{way.piece}.way_out_gap_mm", way.piece_gap_mm, low=LEAST_GAP_MM),
+            Check(f"{way.piece}.way_out_gap_mm", way.piece_gap_mm, low=LEAST_GAP_RATIO * joint_clearance_mm),
             Check(f"{way.piece}.draft_deg", way.draft_deg, low=0.0),
             Check(f"{way.piece}.rim_strain", way.rim_strain, high=0.0),
         ]

@@ -11,7 +11,7 @@ from cad.led_placement import LED_COUNT, placements
 
 
 @dataclass(frozen=True)
-class BomLine:
+class RingLine:
     """One line: what, how many, where.
 
     Attributes:
@@ -30,27 +30,27 @@ class BomLine:
     package: str
 
 
-def ring_bom(led_count: int = LED_COUNT) -> tuple[BomLine, ...]:
+def ring_bom(led_count: int = LED_COUNT) -> tuple[RingLine, ...]:
     """Lines of one ring, the board itself first.
 
     Raises:
         ParameterError: LED count outside what the board takes.
     """
     lines = [
-        BomLine("board", 1, "", "circuit board, 2 layers, 1.6 mm FR4, white mask", "any", "led_ring-gerber.zip", "")
+        RingLine("board", 1, "", "circuit board, 2 layers, 1.6 mm FR4, white mask", "any", "led_ring-gerber.zip", "")
     ]
     places = placements(led_count)
     for kind in dict.fromkeys(place.kind for place in places):
         same = [place for place in places if place.kind == kind]
         part = same[0].part
         names = " ".join(place.reference for place in same)
-        lines.append(BomLine(kind, len(same), names, part.description, part.maker, part.part_number, part.package))
+        lines.append(RingLine(kind, len(same), names, part.description, part.maker, part.part_number, part.package))
     return tuple(lines)
 
 
-def bom_csv(lines: tuple[BomLine, ...]) -> str:
+def bom_csv(lines: tuple[RingLine, ...]) -> str:
     """The lines as CSV."""
-    return _table(list(BomLine.__dataclass_fields__), [list(vars(line).values()) for line in lines])
+    return _table(list(RingLine.__dataclass_fields__), [list(vars(line).values()) for line in lines])
 
 
 def placement_csv(led_count: int = LED_COUNT) -> str:

@@ -16,7 +16,7 @@ from fab.led_bom import bom_csv, placement_csv, ring_bom
 from fab.led_budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
 from fab.led_circuit import circuit_checks, netlist
 from fab.led_driver import Driver, fitted_driver, losses_w
-from fab.options import read_number, read_options
+from fab.molds import parse_length, parse_options
 
 ROOT = Path(__file__).resolve().parent.parent
 DEFAULTS = {"D": "130", "T": "8", "leds": str(LED_COUNT), "exports": str(ROOT / "exports")}
@@ -48,10 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
     arguments, unknown = parser.parse_known_args(argv)
     try:
-        options = read_options([*arguments.options, *unknown], DEFAULTS)
-        lengths = [read_number(name, options[name], "millimetres, for example D=130 T=8") for name in ("D", "T")]
-        count = read_number("leds", options["leds"], "a whole number, for example leds=9")
-        return make_ring(EndcapParams(*lengths), count, Path(options["exports"]))
+        options = parse_options([*arguments.options, *unknown], DEFAULTS)
+        diameter, wall, count = (parse_length(name, options[name]) for name in ("D", "T", "leds"))
+        return make_ring(EndcapParams(diameter, wall), count, Path(options["exports"]))
     except EndcapError as error:
         print(f"make ring: {error}", file=sys.stderr)
         return 1 if isinstance(error, RingChecksError) else 2

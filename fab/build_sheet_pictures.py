@@ -170,10 +170,12 @@ def draw(things: Sequence[Thing], view: View, path: Path, width: int = WIDTH_PX,
 
 def halved(things: Sequence[Thing]) -> list[Thing]:
     """The halves y > 0 of things, so that one sees inside."""
-    return [
-        Thing(from_manifold(to_manifold(thing.mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0)), thing.color, thing.shift)
-        for thing in things
-    ]
+    halves = []
+    for thing in things:
+        half = to_manifold(thing.mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0)
+        if not half.is_empty():
+            halves.append(Thing(from_manifold(half), thing.color, thing.shift))
+    return halves
 
 
 def step_pictures(shop: Workshop, depth_mm: float, folder: Path, progress: Callable[[str], None]) -> dict[str, Path]:
@@ -238,7 +240,8 @@ def _demolding(shop: Workshop) -> Scenes:
     rest = ("shell", "interface")
     return {
         "bowl_off": (DOME_DOWN_LOW, lambda: [
-            *_upper_half(shop), shop.part("shell"), *shop.apart("cup_bowl", 40.0, 55.0), *shop.screws("cup_collar", 30.0)
+            *_upper_half(shop), shop.part("shell"), *shop.apart("cup_bowl", 40.0, 55.0),
+            *shop.screws("cup_collar", 30.0),
         ]),
         "hanger_off": (DOME_DOWN_LOW, lambda: [
             *(shop.part(name) for name in rest), *shop.named("cup_collar"), *shop.named("core_"),
@@ -278,7 +281,8 @@ def _assembling(shop: Workshop) -> Scenes:
             shop.part("base"), shop.part("camera", 0, 0, 25.0), *shop.screws("camera_to_base", 18.0, 25.0)
         ]),
         "ring": (UP, lambda: [
-            shop.part("base"), shop.part("camera"), shop.part("ring_spacer", 0, 0, 22.0), shop.part("led_ring", 0, 0, 40.0)
+            shop.part("base"), shop.part("camera"), shop.part("ring_spacer", 0, 0, 22.0),
+            shop.part("led_ring", 0, 0, 40.0),
         ]),
         "base": (UP_LOW, lambda: [
             shop.part("shell", 0, 0, 55.0), shop.part("interface", 0, 0, 30.0), shop.part("base"), shop.part("camera"),

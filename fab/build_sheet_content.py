@@ -116,6 +116,8 @@ def _prints(data: SheetData) -> list[Block]:
     for project in data.sliced["projects"]:
         s = project["settings"]
         fill = f"{s['walls']} walls, {s['density_percent']:g} % {s['pattern']}"
+        for volume, own in project["own_settings"].items():
+            fill += f"; {volume}: {own['density_percent']:g} % {own['pattern']}, no walls, no top, no bottom, anchors 0"
         extra = ", ".join(
             word
             for word in (
@@ -224,15 +226,7 @@ def _casting(data: SheetData) -> list[Block]:
                     ),
                     "nuts",
                 ),
-                (
-                    "Put the core together",
-                    (
-                        "Release agent on every face, seams too; let it dry as its label says.",
-                        "Stand the centre on its neck. Push the three wides against its short sides.",
-                        "Lower the three keys over its tabs. Hold all with a rubber band round the equator.",
-                    ),
-                    "core",
-                ),
+                *_core_first(data),
                 (
                     "Screw the interface to the hanger",
                     (
@@ -242,15 +236,7 @@ def _casting(data: SheetData) -> list[Block]:
                     ),
                     "interface_on_hanger",
                 ),
-                (
-                    "Lower the core into the interface",
-                    (
-                        "Neck first, through the gyroid ring onto the hanger; keys at the azimuths of the "
-                        "hanger's pins.",
-                        f"{_screw(data, 'hanger_to_core')} from below into the core. Take the rubber band off.",
-                    ),
-                    "core_on_hanger",
-                ),
+                *_core_to_hanger(data),
                 (
                     "Set the collar round it",
                     (
@@ -306,6 +292,44 @@ def _casting(data: SheetData) -> list[Block]:
             ],
         ),
     ]
+
+
+def _core_first(data: SheetData) -> list[tuple[str, tuple[str, ...], str]]:
+    """How the core comes together: outside the interface where it can be lowered in whole, else inside it."""
+    agent = "Release agent on every face, seams too; let it dry as its label says."
+    if lowers(data.layout):
+        lines: tuple[str, ...] = (
+            agent,
+            "Stand the centre on its neck. Push the three wides against its short sides.",
+            "Lower the three keys over its tabs. Hold all with a rubber band round the equator.",
+        )
+        return [("Put the core together", lines, "core")]
+    lines = (
+        agent,
+        "At this size the gyroid closes in over the core's equator: the pieces go in through the bore, as they will "
+        "come out, last piece first.",
+        "Interface on a soft ring, bore up. Wides in and outward, keys in between, the centre straight down.",
+    )
+    return [("Put the core together inside the interface", lines, "core_inside")]
+
+
+def _core_to_hanger(data: SheetData) -> list[tuple[str, tuple[str, ...], str]]:
+    """The step that brings the core to the hanger; where it is inside the interface already, its screws alone."""
+    screws = f"{_screw(data, 'hanger_to_core')} from below into the core."
+    if not lowers(data.layout):
+        return [
+            ("Screw the core to the hanger", (f"Keys at the azimuths of the hanger's pins. {screws}",), "core_held")
+        ]
+    lines = (
+        "Neck first, through the gyroid ring onto the hanger; keys at the azimuths of the hanger's pins.",
+        f"{screws} Take the rubber band off.",
+    )
+    return [("Lower the core into the interface", lines, "core_on_hanger")]
+
+
+def lowers(layout: MoldLayout) -> bool:
+    """Whether the whole core passes the gyroid ring from the dome's side: below its equator it narrows all the way."""
+    return layout.params.interlock_top_mm <= layout.params.centre_height_mm
 
 
 def _demolding(data: SheetData) -> list[Block]:
@@ -384,9 +408,9 @@ def _painting(data: SheetData) -> list[Block]:
         ]),
         Table(("ring", "dots", "angle from the tip", "in the centre square"), rows, (1, 1, 2, 2)),
         Heading("Gores, 1:1"),
-        Paragraph("Print at 100 %. Cut out, lay into the dome from the tip: every hole meets its dent. Numbers "
-        "are rings."),
+        Paragraph("Print this page at 100 % and measure:"),
         ruler(),
+        Paragraph("Cut out, lay into the dome from the tip: every dot meets its dent. Numbers are rings."),
         *gores(params),
     ]  # fmt: skip
 
@@ -436,8 +460,10 @@ def _first_light(data: SheetData) -> list[Block]:
             (
                 ("disc of the shell", f"centre within 10 px of the frame's, radius about {DISC_PX:g} px",
                  "camera not flat on its four pads, or another lens"),
-                ("dots in the whole frame", f"about {frame}", "ink missing, or lamps too dark"),
-                ("dots in the centre square", f"about {square}", "camera not centred"),
+                ("dots in the whole frame", f"about {frame} by an equidistant lens; the released sensor: 92",
+                 "ink missing, or lamps too dark"),
+                ("dots in the centre square", f"about {square} by the same; the released sensor: 75 to 80",
+                 "camera not centred"),
                 ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
                 "fixed by hand"),
                 ("dots of the common meridian", "one straight line to the right", "turn the picture, not the camera"),

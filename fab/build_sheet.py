@@ -114,7 +114,7 @@ def read_slices(export: Export) -> dict[str, Any] | None:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         matches = record["digest"] == export.params.digest
-        [project["cost_usd"] for project in record["projects"]]
+        [(project["cost_usd"], project["own_settings"]) for project in record["projects"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
     if not matches:

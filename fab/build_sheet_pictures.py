@@ -20,7 +20,7 @@ from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from fab.canvas import Canvas, Frame, Surface, View
 from fab.extraction import core_path
-from fab.mesh import from_manifold, to_manifold
+from fab.mesh import from_manifold, joined, to_manifold
 from fab.screw_fit import ScrewFit
 
 WIDTH_PX, HEIGHT_PX = 900, 640
@@ -106,7 +106,7 @@ def screw_mesh(fit: ScrewFit, seat_mm: float) -> trimesh.Trimesh:
             body = trimesh.creation.cylinder(size, high - low, sections=24)
             body.apply_translation((x, y, seat_mm + sign * (low + high) / 2))
             bodies.append(body)
-    return trimesh.util.concatenate(bodies)
+    return joined(bodies)
 
 
 def nuts_mesh(layout: MoldLayout, inward_mm: float) -> trimesh.Trimesh:
@@ -120,7 +120,7 @@ def nuts_mesh(layout: MoldLayout, inward_mm: float) -> trimesh.Trimesh:
         nut.apply_translation((params.screw_circle_radius_mm - inward_mm, 0.0, 2.2 + thick / 2))
         nut.apply_transform(trimesh.transformations.rotation_matrix(math.radians(azimuth), (0, 0, 1)))
         nuts.append(nut)
-    return trimesh.util.concatenate(nuts)
+    return joined(nuts)
 
 
 def fill_depth_mm(layout: MoldLayout, volume_mm3: float) -> float:
@@ -150,7 +150,7 @@ def dots_mesh(layout: MoldLayout) -> trimesh.Trimesh:
         disc.apply_transform(align)
         disc.apply_translation(dot_position_mm(layout.params, dot))
         discs.append(disc)
-    return trimesh.util.concatenate(discs)
+    return joined(discs)
 
 
 def draw(things: Sequence[Thing], view: View, path: Path, width: int = WIDTH_PX, height: int = HEIGHT_PX) -> Path:
@@ -170,10 +170,12 @@ def draw(things: Sequence[Thing], view: View, path: Path, width: int = WIDTH_PX,
 
 def halved(things: Sequence[Thing]) -> list[Thing]:
     """The halves y > 0 of things, so that one sees inside."""
-    return [
-        Thing(from_manifold(to_manifold(thing.mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0)), thing.color, thing.shift)
-        for thing in things
-    ]
+    halves = []
+    for thing in things:
+        half = to_manifold(thing.mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0)
+        if not half.is_empty():
+            halves.append(Thing(from_manifold(half), thing.color, thing.shift))
+    return halves
 
 
 def step_pictures(shop: Workshop, depth_mm: float, folder: Path, progress: Callable[[str], None]) -> dict[str, Path]:
@@ -222,6 +224,12 @@ def _casting(shop: Workshop, depth_mm: float) -> Scenes:
             shop.part("hanger"), shop.part("interface"), *(shop.part(name, 0, 0, 0.75 * tall) for name in core),
             *shop.screws("hanger_to_core", 22.0),
         ]),
+        "core_inside": (DOME_DOWN, lambda: [
+            *halved([shop.part("interface")]), *_core_state(shop, 1)
+        ]),
+        "core_held": (UP_LOW, lambda: [
+            shop.part("hanger"), shop.part("interface"), *shop.named("core_"), *shop.screws("hanger_to_core", 22.0)
+        ]),
         "collar": (UP_LOW, lambda: [
             shop.part("hanger"), shop.part("interface"), *shop.named("core_"), *shop.apart("cup_collar", 45.0, 12.0),
             *shop.screws("hanger_to_cup", 22.0),
@@ -238,7 +246,8 @@ def _demolding(shop: Workshop) -> Scenes:
     rest = ("shell", "interface")
     return {
         "bowl_off": (DOME_DOWN_LOW, lambda: [
-            *_upper_half(shop), shop.part("shell"), *shop.apart("cup_bowl", 40.0, 55.0), *shop.screws("cup_collar", 30.0)
+            *_upper_half(shop), shop.part("shell"), *shop.apart("cup_bowl", 40.0, 55.0),
+            *shop.screws("cup_collar", 30.0),
         ]),
         "hanger_off": (DOME_DOWN_LOW, lambda: [
             *(shop.part(name) for name in rest), *shop.named("cup_collar"), *shop.named("core_"),
@@ -278,7 +287,8 @@ def _assembling(shop: Workshop) -> Scenes:
             shop.part("base"), shop.part("camera", 0, 0, 25.0), *shop.screws("camera_to_base", 18.0, 25.0)
         ]),
         "ring": (UP, lambda: [
-            shop.part("base"), shop.part("camera"), shop.part("ring_spacer", 0, 0, 22.0), shop.part("led_ring", 0, 0, 40.0)
+            shop.part("base"), shop.part("camera"), shop.part("ring_spacer", 0, 0, 22.0),
+            shop.part("led_ring", 0, 0, 40.0),
         ]),
         "base": (UP_LOW, lambda: [
             shop.part("shell", 0, 0, 55.0), shop.part("interface", 0, 0, 30.0), shop.part("base"), shop.part("camera"),

@@ -49,6 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
     arguments, unknown = parser.parse_known_args(argv)
+    interrupts: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: _interrupt(interrupts, number))
     try:
         options = parse_options([*arguments.options, *unknown], DEFAULTS)
         params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
@@ -58,9 +60,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     except EndcapError as error:
         print(f"make slice: {error}", file=sys.stderr)
         return 1 if isinstance(error, ChecksFailedError) else 2
-    except KeyboardInterrupt:
+    except (Exception, KeyboardInterrupt):
+        if not interrupts:
+            raise
         print("make slice: interrupted; nothing was left behind", file=sys.stderr)
         return 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupt(interrupts: list[int], number: int) -> None:
+    """Remember a Ctrl-C: it may come back as the end of a worker."""
+    interrupts.append(number)
+    raise KeyboardInterrupt
 
 
 def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_gcode: bool = False) -> int:

@@ -23,6 +23,7 @@ import numpy as np
 import trimesh
 
 from cad.errors import FileError
+from fab.mesh import joined
 from fab.slice_settings import BED_MM, PrintSettings, Region
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -76,7 +77,7 @@ def write_prusa(project: Project, path: Path) -> None:
     Raises:
         FileError: it could not be written; nothing is left.
     """
-    mesh = trimesh.util.concatenate([volume.mesh for volume in project.volumes])
+    mesh = joined([volume.mesh for volume in project.volumes])
     model = [
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}" xmlns:slic3rpe="{_PRUSA}">',
         ' <metadata name="slic3rpe:Version3mf">1</metadata>',
@@ -84,7 +85,7 @@ def write_prusa(project: Project, path: Path) -> None:
         " <resources>",
         *_object(1, project.name, mesh),
         " </resources>",
-        f' <build><item objectid="1" transform="{_placed()}" printable="1"/></build>',
+        f' <build><item objectid="1" transform="{_placed()}"/></build>',
         "</model>",
     ]
     objects = ["<config>", ' <object id="1" instances_count="1">', _prusa_item("object", "name", project.name)]
@@ -129,7 +130,7 @@ def write_orca(project: Project, path: Path) -> None:
         *(f'   <component objectid="{number}"/>' for number in range(1, whole)),
         "  </components></object>",
         " </resources>",
-        f' <build><item objectid="{whole}" transform="{_placed()}" printable="1"/></build>',
+        f' <build><item objectid="{whole}" transform="{_placed()}"/></build>',
         "</model>",
     ]
     objects = ["<config>", f' <object id="{whole}">', *_orca_items({"name": project.name, "extruder": "1"})]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -73,11 +73,7 @@ class Moves:
     def pick(self, mask: np.ndarray) -> Moves:
         """Some of the moves."""
         columns = ("start", "end", "top_mm", "height_mm", "width_mm", "volume_mm3", "layer", "path", "kind")
-        picked = {name: getattr(self, name)[mask] for name in columns}
-        rest = (self.kinds, self.layer_tops_mm, self.slicer_time_s, self.slicer_grams)
-        return Moves(
-            **picked, **dict(zip(("kinds", "layer_tops_mm", "slicer_time_s", "slicer_grams"), rest, strict=True))
-        )
+        return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
     def points(self, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
         """Points along the moves, at most a spacing apart, both ends included.

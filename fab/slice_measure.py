@@ -57,11 +57,13 @@ class ZoneFigures:
     Attributes:
         fraction: plastic in the zone over its volume.
         open_share: share of its inner, outer and top boundary that no line covers.
+        side_open_share: the same of its inner and outer boundary alone.
         worst_layer_open: the least of it over inner and outer boundary of one layer.
     """
 
     fraction: float
     open_share: float
+    side_open_share: float
     worst_layer_open: float
 
 
@@ -143,7 +145,7 @@ def zone_figures(moves: Moves, params: EndcapParams) -> ZoneFigures:
     points, move = zone.points(BOUNDARY_STEP_MM / 2)
     points = points - BED_MM / 2
     layer = zone.layer[move]
-    clear, total, worst = 0.0, 0.0, 1.0
+    clear, total, worst, side = 0.0, 0.0, 1.0, 1.0
     layers = np.unique(layer)
     for number in layers:
         here = layer == number
@@ -156,11 +158,12 @@ def zone_figures(moves: Moves, params: EndcapParams) -> ZoneFigures:
             free = _free_share(tree, width, ring)
             length = float(zone.height_mm[index]) * 2 * math.pi * float(np.linalg.norm(ring[0]))
             clear, total, worst = clear + free * length, total + length, min(worst, free)
+        side = clear / total
         if number == layers[-1]:
             rings = [_ring(radius) for radius in np.arange(inner + INSET_MM, outer, 2 * INSET_MM)]
             area = math.pi * (outer**2 - inner**2)
             clear, total = clear + _free_share(tree, width, np.concatenate(rings)) * area, total + area
-    return ZoneFigures(fraction, clear / total, worst)
+    return ZoneFigures(fraction, clear / total, side, worst)
 
 
 _MARGIN_PX = 16

@@ -17,7 +17,7 @@ from fab.slice_3mf import Project, write_orca, write_prusa
 from fab.slice_gcode import read_gcode
 from fab.slice_measure import PrintFigures, ZoneFigures, print_figures, zone_figures
 from fab.slice_run import ModelInfo, model_info, slice_to_gcode
-from fab.slice_settings import PrintSettings
+from fab.slice_settings import PrintSettings, Region
 
 FRACTION_TOLERANCE = 0.005  # of the zone's volume: 10 +- 0.5 %
 FRACTION = 0.10
@@ -34,6 +34,7 @@ class SliceResult:
         name: of the project.
         settings: of the part.
         volumes: names of its meshes.
+        regions: fillings of volumes that have their own.
         triangles: of all its meshes.
         figures: of the print.
         zone: of the interlock zone; ``None`` for parts without one.
@@ -45,6 +46,7 @@ class SliceResult:
     name: str
     settings: PrintSettings
     volumes: tuple[str, ...]
+    regions: Mapping[str, Region]
     triangles: int
     figures: PrintFigures
     zone: ZoneFigures | None
@@ -85,6 +87,7 @@ class SliceResult:
                 **dataclasses.asdict(self.settings.region),
             },
             "volumes": list(self.volumes),
+            "own_settings": {name: dataclasses.asdict(region) for name, region in self.regions.items()},
             "triangles": self.triangles,
             **_rounded(dataclasses.asdict(self.figures)),
             "zone": _rounded(dataclasses.asdict(self.zone)) if self.zone else None,
@@ -119,6 +122,7 @@ def slice_project(slicer: str, project: Project, folder: Path, params: EndcapPar
         project.name,
         project.settings,
         tuple(volume.name for volume in project.volumes),
+        {volume.name: volume.region for volume in project.volumes if volume.region},
         sum(len(volume.mesh.faces) for volume in project.volumes),
         print_figures(moves, project.settings.filament),
         zone_figures(moves, params) if project.name.startswith("interface") else None,

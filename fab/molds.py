@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import multiprocessing
 import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.params import EndcapParams
+from fab.check import Check
 
 ROOT = Path(__file__).resolve().parent.parent
 DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports")}
@@ -66,18 +69,18 @@ def _interrupt(interrupts: list[int], number: int) -> None:
     raise KeyboardInterrupt
 
 
-def parse_options(words: Sequence[str]) -> dict[str, str]:
+def parse_options(words: Sequence[str], defaults: Mapping[str, str] = DEFAULTS) -> dict[str, str]:
     """Read NAME=VALUE words over the defaults.
 
     Raises:
         ParameterError: an unknown name, or a word of another form.
     """
-    options = dict(DEFAULTS)
+    options = dict(defaults)
     for word in words:
         name, equals, value = word.partition("=")
-        if not equals or name not in DEFAULTS or not value:
+        if not equals or name not in defaults or not value:
             raise ParameterError(
-                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name
+                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in defaults)}", name=name
             )
         options[name] = value
     return options
@@ -116,7 +119,10 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
     final = exports / params.label
     require_writable(exports)
     progress = Progress()
-    # Forked before the CAD kernel is loaded: a worker starts in milliseconds and carries nothing it does not need.
+    progress("CAD kernel")
+    for module in ("fab.design", "fab.exports", "fab.gates"):
+        importlib.import_module(module)
+    # Forked once the libraries are loaded, so that no worker loads them again, and before any of them starts a thread.
     context = multiprocessing.get_context("fork")
     # Ctrl-C reaches every process: a worker dies of it without a word, and this process tidies up.
     with ProcessPoolExecutor(WORKERS, context, signal.signal, (signal.SIGINT, signal.SIG_DFL)) as workers:
@@ -138,28 +144,20 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
     from fab.gates import run_gates
 
     design = build_design(params, workers, progress)
-    with files.whole_folder(final) as folder:
+    with files.whole_folder(final) as folder, finished([]) as pending:
         progress("files")
-        names = files.write_meshes(design, folder)
-        archives = [
-            workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf") for name in names
-        ]
+        files.write_meshes(design, folder)
+        pending.append(workers.submit(files.write_pictures, *files.picture_items(design), folder))
+        for name, part in design.parts.items():
+            if part.role == "printed":
+                pending.append(workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf"))
         files.write_solids(design, folder)
         checks = run_gates(design, folder, workers, progress)
-        failed = [check for check in checks if not check.ok]
-        if failed:
-            for check in failed:
-                print(
-                    f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr
-                )
-            raise ChecksFailedError(
-                f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written"
-            )
+        require_passed(checks, params)
         progress("assembly and pictures")
         files.write_assemblies(design, folder)
-        files.write_pictures(design, folder)
-        for archive in archives:
-            archive.result()
+        for job in pending:
+            job.result()
         files.write_manifest(files.manifest(design, checks, folder), folder)
         count = len(list(folder.iterdir()))
     print(
@@ -168,8 +166,32 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
     return 0
 
 
+@contextmanager
+def finished(jobs: list[Future[None]]) -> Iterator[list[Future[None]]]:
+    """Leave only when no worker writes any more: what is removed afterwards must stay removed."""
+    try:
+        yield jobs
+    finally:
+        for job in jobs:
+            job.cancel()
+        wait(jobs)
+
+
 class ChecksFailedError(EndcapError):
     """A gate did not hold, so the folder was not written."""
+
+
+def require_passed(checks: Sequence[Check], params: EndcapParams) -> None:
+    """Name every check that failed.
+
+    Raises:
+        ChecksFailedError: there is one.
+    """
+    failed = [check for check in checks if not check.ok]
+    for check in failed:
+        print(f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
+    if failed:
+        raise ChecksFailedError(f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written")
 
 
 def require_writable(folder: Path) -> None:

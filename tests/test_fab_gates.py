@@ -11,6 +11,10 @@ import trimesh
 from build123d import Solid
 
 from cad.hanger import SCREW_HOLE_RADIUS_MM, hanger_part
+from cad.jigsaw import sector_prisms
+from cad.mold_cup import bowl_body, flange_tab
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
 from cad.part import Part
 from cad.solids import cut_holes, drill, one_solid
 from fab.cavity import balance_check, cavity_body, leak_check, trapped_air_check, wall_check
@@ -136,6 +140,19 @@ def test_the_thinnest_wall_is_found(wall_mm):
     check = min_wall_check("plate", box(40, 30, wall_mm))
     assert check.value == pytest.approx(wall_mm, abs=1e-5)
     assert check.ok == (wall_mm >= 0.8)
+
+
+def test_no_sliver_stands_where_a_jigsaw_tab_meets_the_highest_dam(monkeypatch):
+    layout = MoldLayout(EndcapParams(130, 13))
+    bowl = bowl_body(layout)
+
+    def wall_mm() -> float:
+        prism = sector_prisms(layout, layout.bowl_seams_deg, (flange_tab(layout),))[0]
+        return min_wall_check("bowl", tessellate(one_solid(bowl.intersect(prism), "bowl"), 0.03)).value
+
+    assert wall_mm() > 2
+    monkeypatch.setattr("cad.mold_cup.FLANGE_TAB_OFFSET_MM", 13.0)
+    assert wall_mm() < 0.6
 
 
 def test_the_bed_is_the_smallest_square_in_any_turn():

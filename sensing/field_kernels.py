@@ -105,7 +105,13 @@ def judge_dots(precision, moved, live, trust, fewest, most):
         _eliminate(rest, worst, present)
         order[gone] = worst
         gone += 1
-    for n in range(gone - 1, -1, -1):
+    _fill(rest, order[:gone], x, y, moved)
+
+
+@numba.njit(**_JIT)
+def _fill(rest, order, x, y, moved):
+    """Puts the dots of ``order`` (as they were taken out) where those that stayed predict them."""
+    for n in range(len(order) - 1, -1, -1):
         i = order[n]
         u, v = _products(rest[i], x, y)
         x[i], y[i] = -u / rest[i, i], -v / rest[i, i]

@@ -114,16 +114,7 @@ def field_operator(
     Raises:
         ParameterError: no dots, positions that are not finite, or a length or noise that is not positive.
     """
-    reference_px = np.asarray(reference_px, float).reshape(-1, 2)
-    if len(reference_px) == 0 or not np.isfinite(reference_px).all():
-        raise ParameterError(
-            f"reference_px has {len(reference_px)} dots, all finite: {bool(np.isfinite(reference_px).all())}: "
-            "at least one finite position needed",
-            name="reference_px",
-            value=len(reference_px),
-        )
-    if not (length_px > 0 and noise > 0):
-        raise ParameterError(f"length_px={length_px}, noise={noise}: both must be positive", name="noise", value=noise)
+    reference_px = _checked(reference_px, length_px, noise)
     scale = min(size) / 480.0
     origin = reference_px.mean(axis=0)  # so that few dots tilt nothing
     dots = (reference_px - origin) / (length_px * scale)
@@ -147,6 +138,20 @@ def field_operator(
         shape=shape,
         condition=float(np.linalg.cond(gram)),
     )
+
+
+def _checked(reference_px: NDArray[np.float64], length_px: float, noise: float) -> NDArray[np.float64]:
+    reference_px = np.asarray(reference_px, float).reshape(-1, 2)
+    if len(reference_px) == 0 or not np.isfinite(reference_px).all():
+        raise ParameterError(
+            f"reference_px has {len(reference_px)} dots, all finite: {bool(np.isfinite(reference_px).all())}: "
+            "at least one finite position needed",
+            name="reference_px",
+            value=len(reference_px),
+        )
+    if not (length_px > 0 and noise > 0):
+        raise ParameterError(f"length_px={length_px}, noise={noise}: both must be positive", name="noise", value=noise)
+    return reference_px
 
 
 def _kernel(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

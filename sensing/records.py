@@ -108,7 +108,7 @@ class ShearField:
         channels: (C, H, W) float32.
         names: the C channel names; "u" is along x (right), "v" along y (down).
         unit: unit of u and v.
-        valid: (H, W) bool, False where the method has nothing to go by.
+        valid: (H, W) bool, False where the method has nothing to go by; set False where u or v is not finite.
     """
 
     time_s: float
@@ -127,6 +127,9 @@ class ShearField:
         if self.valid.size == 0:
             object.__setattr__(self, "valid", np.ones(self.channels.shape[1:], bool))
         _require_shape("valid", self.valid, self.channels.shape[1:])
+        if not np.isfinite(self.channels).all():
+            moved = [k for k, name in enumerate(self.names) if name in ("u", "v")]
+            object.__setattr__(self, "valid", self.valid & np.isfinite(self.channels[moved]).all(axis=0))
         _freeze(self, ("channels", "valid"))
 
     def channel(self, name: str) -> NDArray[np.float32]:

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-.PHONY: help setup molds test check bench clean
+.PHONY: help setup molds data test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -19,6 +19,9 @@ molds: $(VENV)/fab.stamp ## print and cast files of one endcap: make molds D=130
 
 molds-help: $(VENV)/fab.stamp
 	@$(BIN)/python -m fab.molds --help
+
+data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
+	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
 
 test: $(VENV)/all.stamp ## all tests
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
@@ -50,7 +53,7 @@ $(VENV)/fab.stamp: pyproject.toml lock.txt scripts/prove_kernel.py | $(VENV)/bin
 
 $(VENV)/all.stamp: $(VENV)/fab.stamp
 	@$(PIP) install -c lock.txt $(TORCH)
-	@$(PIP) install -c lock.txt -e '.[fab,sensing,dev]'
+	@$(PIP) install -c lock.txt -e '.[fab,sensing,cluster,dev]'
 	@$(PIP) install --force-reinstall --no-deps $(OCP)
 	@$(BIN)/python scripts/prove_kernel.py
 	@touch $@

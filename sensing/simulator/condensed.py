@@ -8,21 +8,19 @@ then iterated. The same two phases as level 1, on a few hundred unknowns.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from sensing.simulator.contact import ContactMemory, ContactResponse, ContactSurface, respond
 from sensing.simulator.element import Array
 from sensing.simulator.mesh import Index
 from sensing.simulator.newton import StepProblem
 from sensing.simulator.shell import ShellModel
-from sensing.simulator.state import State
 from sensing.simulator.system import Factorisation, factorise
 
 PATCH_MARGIN_MM = 2.5  # faces nearer to the body than this belong to the patch
 MAX_ITERATIONS = 40
-CONVERGED = 1e-7  # of displacement and force, relative
 TRUE_BELOW = 0.1  # error under which the true friction bound takes over
 LAGGED_AFTER_RISE = 2
 
@@ -32,23 +30,35 @@ class StoredTangent:
     """An elastic tangent and the patch condensed on it.
 
     Attributes:
-        depth_mm, shift_mm: where it was taken.
+        depth_mm, shift_mm, normal_n, displacement: the state at which it was taken.
         factor: factorisation of K0.
         surface: contact quadrature of the patch faces, nodes numbered within the patch.
         faces: their numbers on the whole surface. nodes: node numbers of the patch (s,).
         live: which of the 3 s patch degrees of freedom are free. rows: their unknowns.
+        places: position of every face's degrees of freedom among the live ones, len(live) where fixed (faces, 27).
         response: K0^-1 P' (unknowns, live). compliance: P K0^-1 P' (live, live), mm/N. stiffness: its inverse.
     """
 
     depth_mm: float
     shift_mm: tuple[float, float]
+    normal_n: float
+    displacement: Array
     factor: Factorisation
     surface: ContactSurface
     faces: Index
     nodes: Index
     live: Index
     rows: Index
+    places: Index
     response: Array
+    compliance: Array
+    stiffness: Array
+
+
+class PatchInverse(Protocol):
+    """What a step needs to know of the solid: see :class:`sensing.simulator.secant.SecantInverse`."""
+
+    tangent: StoredTangent
     compliance: Array
     stiffness: Array
 
@@ -69,11 +79,15 @@ class _Point:
 
 
 class CondensedStep:
-    """The dense problem of one step on one stored tangent."""
+    """The dense problem of one step: compliance of ``inverse``, contact of ``problem``."""
 
-    def __init__(self, problem: StepProblem, tangent: StoredTangent, last_shift_mm: tuple[float, float]) -> None:
+    def __init__(
+        self, problem: StepProblem, inverse: PatchInverse, last_shift_mm: tuple[float, float], converged: float
+    ) -> None:
         self.problem = problem
-        self.tangent = tangent
+        self.inverse = inverse
+        self.converged = converged
+        tangent = self.tangent = inverse.tangent
         self.last_shift_mm = last_shift_mm
         self.points = problem.model.solid.mesh.points[tangent.nodes]
         faces, memory = tangent.faces, problem.memory
@@ -100,16 +114,14 @@ class CondensedStep:
         here = self._evaluate(free_place, x, depth_mm)
         lagged, best = (1 if self.problem.friction > 0 else 0), np.inf
         for _ in range(MAX_ITERATIONS):
-            if here.error < CONVERGED:
+            if here.error < self.converged:
                 return here.load[self.tangent.live], here.x.reshape(-1, 3), here.depth, slope
             symmetric = self.problem.friction == 0 or lagged > 0 or here.error > TRUE_BELOW
             if symmetric:
                 lagged -= 1
                 found = self._descend(free_place, here)
             else:
-                change, depth, slope = _contact_direction(
-                    self.problem, self.tangent, here.contact, here.wrong, here.force_gap
-                )
+                change, depth, slope = self._direction(here.contact, here.wrong, here.force_gap)
                 found = self._evaluate(free_place, here.x + change, here.depth + depth)
             if found is None or not np.isfinite(found.error):
                 return None
@@ -125,9 +137,7 @@ class CondensedStep:
         bound = friction * here.contact.pressure if friction > 0 else None
         share = here.contact.share if friction > 0 else None
         frozen = self._evaluate(free_place, here.x, here.depth, bound, share) if friction > 0 else here
-        change, depth, _ = _contact_direction(
-            self.problem, self.tangent, frozen.contact, frozen.wrong, frozen.force_gap
-        )
+        change, depth, _ = self._direction(frozen.contact, frozen.wrong, frozen.force_gap)
         slope = float(frozen.slope_by_x @ change[self.tangent.live]) + frozen.force_gap * depth
         step = 1.0
         for _ in range(14):
@@ -146,18 +156,60 @@ class CondensedStep:
         travel_mm = np.array(
             [0.0, self.problem.shift_mm[0] - self.last_shift_mm[0], self.problem.shift_mm[1] - self.last_shift_mm[1]]
         )
-        before = CondensedStep(replace(self.problem, shift_mm=self.last_shift_mm), self.tangent, self.last_shift_mm)
+        standing = replace(self.problem, shift_mm=self.last_shift_mm)
+        before = CondensedStep(standing, self.inverse, self.last_shift_mm, self.converged)
         here = before._evaluate(free_place, x, depth_mm)
         moved = here.contact.stiffness @ np.tile(self.problem.frame @ travel_mm, 9)
         pushed = _gather(moved, self.tangent)
         live = self.tangent.live
         wrong = here.wrong.copy()
-        wrong[live] -= self.tangent.compliance @ pushed[live]
+        wrong[live] -= self.inverse.compliance @ pushed[live]
         force_gap = here.force_gap
         if self.problem.normal_n is not None:
             force_gap -= float(pushed.reshape(-1, 3).sum(axis=0) @ self.problem.frame[:, 0])
-        change, depth, _ = _contact_direction(self.problem, self.tangent, here.contact, wrong, force_gap)
+        change, depth, _ = self._direction(here.contact, wrong, force_gap)
         return x + change, depth_mm + depth
+
+    def _direction(self, contact: ContactResponse, wrong: Array, force_gap: float) -> tuple[Array, float, float]:
+        """Newton direction of the patch and the depth, and dN/dd: with A = 1 + C K on the loaded unknowns l,
+
+        A x = -wrong - d C k,        k = K n (n the outward normal at every node),        dN = n' K x + (n' k) d.
+        """
+        problem, tangent = self.problem, self.tangent
+        active = np.flatnonzero((contact.pressure > 0).any(axis=1))
+        if not len(active):  # the body is clear: the patch goes where the solid puts it
+            return -wrong, 0.0 if problem.normal_n is None else float("nan"), 0.0
+        loaded = np.unique(tangent.places[active])  # among the live unknowns; fixed ones are last, and dropped
+        loaded = loaded[loaded < len(tangent.live)]
+        place = np.full(len(tangent.live) + 1, -1)
+        place[loaded] = np.arange(len(loaded))
+        columns = self.inverse.compliance[:, loaded]
+        own = columns[loaded]
+        matrix = np.eye(len(loaded))
+        outward = np.tile(problem.frame[:, 0], 9)
+        column, row, kappa = np.zeros(len(loaded)), np.zeros(len(loaded)), 0.0
+        for face in active:
+            at = place[tangent.places[face]]
+            free = at >= 0
+            stiffness, at = contact.stiffness[face], at[free]
+            matrix[:, at] += own[:, at] @ stiffness[np.ix_(free, free)]
+            column[at] += (stiffness @ outward)[free]
+            row[at] += (outward @ stiffness)[free]
+            kappa += float(outward @ stiffness @ outward)
+        here = tangent.live[loaded]
+        both = np.linalg.solve(matrix, np.stack([-wrong[here], own @ column], axis=1))
+        slope = kappa - float(row @ both[:, 1])
+        depth = 0.0 if problem.normal_n is None else (-force_gap - float(row @ both[:, 0])) / slope
+        moved = both[:, 0] - depth * both[:, 1]
+        change = -wrong
+        load = -depth * column  # - K x - d k
+        for face in active:
+            at = place[tangent.places[face]]
+            free = at >= 0
+            load[at[free]] -= contact.stiffness[face][np.ix_(free, free)] @ moved[at[free]]
+        change[tangent.live] += columns @ load
+        change[here] = moved
+        return change, depth, slope / problem.model.force_share
 
     def _evaluate(
         self, free_place: Array, x: Array, depth: float, bound: Array | None = None, share: Array | None = None
@@ -172,8 +224,8 @@ class CondensedStep:
         live = tangent.live
         apart = x - free_place
         wrong = apart.copy()
-        wrong[live] -= tangent.compliance @ load[live]
-        spring = tangent.stiffness @ apart[live]
+        wrong[live] -= self.inverse.compliance @ load[live]
+        spring = self.inverse.stiffness @ apart[live]
         target = problem.mesh_force_n
         normal = -float(load.reshape(-1, 3).sum(axis=0) @ problem.frame[:, 0])
         force_gap = 0.0 if target is None else normal - target
@@ -182,11 +234,20 @@ class CondensedStep:
         return _Point(x, depth, contact, load, wrong, force_gap, error, potential, spring - load[live])
 
 
-def stored_tangent(model: ShellModel, state: State) -> StoredTangent:
-    """Factorise the elastic tangent of a state and condense it on the faces near the body."""
+def stored_tangent(
+    model: ShellModel,
+    displacement: Array,
+    contact: ContactResponse,
+    depth_mm: float,
+    shift_mm: tuple[float, float],
+    normal_n: float,
+) -> StoredTangent:
+    """Factorise the elastic tangent at a displacement (n, 3) and condense it on the faces near the body.
+
+    The other arguments say where that is, so that the nearest of several tangents can be found.
+    """
     solid, whole = model.solid, model.surface
-    assert state.contact is not None
-    faces = np.flatnonzero(state.contact.gap.min(axis=1) < PATCH_MARGIN_MM)
+    faces = np.flatnonzero(contact.gap.min(axis=1) < PATCH_MARGIN_MM)
     nodes, inverse = np.unique(whole.nodes[faces], return_inverse=True)
     surface = replace(
         whole, cells=whole.cells[faces], nodes=inverse.reshape(-1, 9).astype(np.int64), area=whole.area[faces]
@@ -196,50 +257,20 @@ def stored_tangent(model: ShellModel, state: State) -> StoredTangent:
     rows = equation[live]
     unit = np.zeros((solid.unknowns, len(rows)))
     unit[rows, np.arange(len(rows))] = 1.0
-    factor = factorise(solid, solid.tangent(state.displacement))
+    factor = factorise(solid, solid.tangent(displacement))
+    position = np.full(3 * len(nodes), len(live))
+    position[live] = np.arange(len(live))
+    places = position[(3 * surface.nodes[:, :, None] + np.arange(3)).reshape(-1, 27)]
     response = np.ascontiguousarray(factor.solve(unit))
     compliance = (response[rows] + response[rows].T) / 2
     return StoredTangent(
-        state.depth_mm, state.shift_mm, factor, surface, faces, nodes, live, rows, response, compliance,
+        depth_mm, shift_mm, normal_n, displacement, factor, surface, faces, nodes, live, rows,
+        places, response, compliance,
         np.linalg.inv(compliance),
     )  # fmt: skip
 
 
-def _contact_direction(
-    problem: StepProblem, tangent: StoredTangent, contact: ContactResponse, wrong: Array, force_gap: float
-) -> tuple[Array, float, float]:
-    """Newton direction of the patch and the depth; only degrees of freedom of loaded faces enter the dense solve."""
-    active = np.flatnonzero((contact.pressure > 0).any(axis=1))
-    if not len(active):  # the body is clear: the patch goes where the solid puts it
-        return -wrong, 0.0 if problem.normal_n is None else float("nan"), 0.0
-    nodes = np.unique(tangent.surface.nodes[active])
-    place = np.full(len(tangent.nodes), -1)
-    place[nodes] = np.arange(len(nodes))
-    local = (3 * place[tangent.surface.nodes[active]][:, :, None] + np.arange(3)).reshape(-1, 27)
-    stiffness = np.zeros((3 * len(nodes), 3 * len(nodes)))
-    np.add.at(stiffness, (local[:, :, None], local[:, None, :]), contact.stiffness[active])
-    dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
-    full = np.zeros((len(wrong), len(dofs)))  # C of the loaded columns, fixed rows zero
-    position = np.full(len(wrong), -1)
-    position[tangent.live] = np.arange(len(tangent.live))
-    free = position[dofs] >= 0
-    full[np.ix_(tangent.live, np.flatnonzero(free))] = tangent.compliance[:, position[dofs[free]]]
-    coupled = full @ stiffness  # (3 s, loaded)
-    factor = lu_factor(np.eye(len(dofs)) + coupled[dofs])
-    tiled = np.tile(problem.frame[:, 0], len(nodes))
-    column, row = stiffness @ tiled, tiled @ stiffness
-    kappa = float(tiled @ column)
-    pushed = full @ column
-    both = lu_solve(factor, np.stack([-wrong[dofs], pushed[dofs]], axis=1))
-    slope = kappa - float(row @ both[:, 1])
-    depth = 0.0 if problem.normal_n is None else (-force_gap - float(row @ both[:, 0])) / slope
-    loaded = both[:, 0] - depth * both[:, 1]
-    change = -wrong - coupled @ loaded - depth * pushed
-    change[dofs] = loaded
-    return change, depth, slope / problem.model.force_share
-
-
 def _gather(face_force: Array, tangent: StoredTangent) -> Array:
-    load = np.zeros((len(tangent.nodes), 3))
-    np.add.at(load, tangent.surface.nodes.ravel(), face_force.reshape(-1, 3))
-    return load.ravel()
+    """Sum of face forces (faces, 27) on the patch (3 s,)."""
+    place = (3 * tangent.surface.nodes[:, :, None] + np.arange(3)).ravel()
+    return np.asarray(np.bincount(place, face_force.ravel(), 3 * len(tangent.nodes)), dtype=float)

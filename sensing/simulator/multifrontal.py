@@ -117,6 +117,7 @@ class FrontalFactors:
         self.symmetric = symmetric
         self.count = sum(front.own for front in fronts)
         self.parts: list[tuple[Any, ...]] = []
+        self._columns: tuple[Any, Index, Index] | None = None
         rests: dict[int, Array] = {}
         for number, front in enumerate(fronts):
             size, own = len(front.variables), front.own
@@ -146,6 +147,21 @@ class FrontalFactors:
                 continue
             x[own] = self._backward(part, x[own], x[shared])
         return x[:, 0] if one else np.ascontiguousarray(x)
+
+    def solve_roughly(self, right: Array) -> Array:
+        """Solution (n,) to about 1e-6, for iterations that correct it: symmetric factors in single precision, packed.
+
+        Reading the factor from memory is what a solution costs; half the bytes and no call a front take a quarter of
+        the time of :meth:`solve`.
+        """
+        if self._columns is None:
+            parts = [np.concatenate(part[:2]).ravel(order="F").astype(np.float32) for part in self.parts]
+            sizes = np.array([(front.own, len(front.variables)) for front in self.fronts])
+            self._columns = np.concatenate(parts), np.concatenate([front.variables for front in self.fronts]), sizes
+        solution = right.astype(np.float32)
+        values, variables, sizes = self._columns
+        _solve_columns(values, variables, sizes, solution)
+        return solution.astype(np.float64)
 
     def _cholesky(self, matrix: Array, own: int) -> Array:
         if not own:
@@ -198,6 +214,45 @@ def _permutation(pivots: Index) -> Index:
         if pivot != row:
             order[row], order[pivot] = order[pivot], order[row]
     return order
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _solve_columns(values, variables, sizes, x):  # type: ignore[no-untyped-def]
+    """Forward and backward substitution in place; every front is a trapezoid of ``own`` columns, ``size`` rows."""
+    local = np.empty(sizes[:, 1].max(), dtype=np.float32)
+    start, place = 0, 0
+    for front in range(len(sizes)):
+        own, size = sizes[front]
+        if own:
+            for k in range(size):
+                local[k] = x[variables[place + k]]
+            for c in range(own):
+                column = values[start + c * size : start + (c + 1) * size]
+                local[c] /= column[c]
+                pivot = local[c]
+                tail, rest = local[c + 1 : size], column[c + 1 :]
+                for k in range(len(rest)):  # from 0, or it does not vectorise
+                    tail[k] -= pivot * rest[k]
+            for k in range(size):
+                x[variables[place + k]] = local[k]
+        start += own * size
+        place += size
+    for front in range(len(sizes) - 1, -1, -1):
+        own, size = sizes[front]
+        start -= own * size
+        place -= size
+        if own:
+            for k in range(size):
+                local[k] = x[variables[place + k]]
+            for c in range(own - 1, -1, -1):
+                column = values[start + c * size : start + (c + 1) * size]
+                total = np.float32(0.0)
+                tail, rest = local[c + 1 : size], column[c + 1 :]
+                for k in range(len(rest)):
+                    total += rest[k] * tail[k]
+                local[c] = (local[c] - total) / column[c]
+            for k in range(own):
+                x[variables[place + k]] = local[k]
 
 
 @njit(cache=True)

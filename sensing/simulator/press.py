@@ -29,17 +29,20 @@ WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute term
 
 @dataclass(frozen=True)
 class Target:
-    """Where a step ends: a normal force or a depth (exactly one), and the body's tangential travel.
+    """Where a step ends: a normal force or a depth (exactly one), and the body's tangential travel or force.
 
     Attributes:
         normal_n: force along the inward normal at first touch (N), or None.
         depth_mm: approach from first touch, or None.
-        shift_mm: tangential travel along (meridian, lateral), mm.
+        shift_mm: tangential travel along (meridian, lateral), mm; ignored where ``tangential_n`` is given.
+        tangential_n: tangential force on the shell along (meridian, lateral), N, or None. Only
+            :mod:`sensing.simulator.levels` takes such a target.
     """
 
     normal_n: float | None = None
     depth_mm: float | None = None
     shift_mm: tuple[float, float] = (0.0, 0.0)
+    tangential_n: tuple[float, float] | None = None
 
 
 class Press:
@@ -175,6 +178,10 @@ class Press:
         """Refuse a target that the model does not cover."""
         if (target.normal_n is None) == (target.depth_mm is None):
             raise Refusal("path", f"{target} must give exactly one of normal_n and depth_mm")
+        if target.tangential_n is not None:
+            raise Refusal(
+                "path", f"{target}: a press moves by shift_mm; tangential forces are what levels.Simulator takes"
+            )
         numbers = [v for v in (target.normal_n, target.depth_mm, *target.shift_mm) if v is not None]
         if not np.isfinite(numbers).all():
             raise Refusal("range", f"{target} has a number that is not finite")

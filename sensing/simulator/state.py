@@ -102,6 +102,17 @@ class Patch:
         """Area of the patch on the mesh (half of the shell's on a half model)."""
         return float(self.area.sum())
 
+    def mirrored(self) -> Patch:
+        """Patch of both halves, from that of the half y >= 0."""
+        mirror = np.array([1.0, -1.0, 1.0])
+        return Patch(
+            np.concatenate([self.position, self.position * mirror]),
+            np.tile(self.area, 2),
+            np.tile(self.pressure, 2),
+            np.concatenate([self.traction, self.traction * mirror]),
+            np.tile(self.slipping, 2),
+        )
+
     @property
     def slip_share(self) -> float:
         """Share of the normal force carried by slipping points; 0 without contact."""

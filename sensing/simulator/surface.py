@@ -12,6 +12,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
@@ -19,12 +20,13 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.simulator.element import INNER_FACE, Array, shape_quad
 from sensing.simulator.geometry import ShellGeometry
-from sensing.simulator.mesh import Index
+from sensing.simulator.mesh import HexMesh, Index
 from sensing.simulator.shell import ShellModel
 
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
 ON_RAY = 1e-9  # relative miss of the ray
+MIRROR_MM = 1e-6  # distance from y = 0 within which a point is its own mirror image
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,68 @@ class SurfaceSampler:
         values = np.einsum("ka,kai->ki", self.weights, field[self.nodes])
         values[:, 1] *= self.flip
         return values @ self.turn.T
+
+
+@dataclass(frozen=True)
+class InnerSurface:
+    """The whole inner surface of a mesh, on which every level gives its displacement field, in one numbering.
+
+    Attributes:
+        geometry: of the shell.
+        position: points at rest (k, 3). face: biquadratic faces (f, 9) over them.
+        nodes: their numbers in the mesh (k,), in its mirrored half where ``flip`` is -1 (k,).
+    """
+
+    geometry: ShellGeometry
+    position: Array
+    face: Index
+    nodes: Index
+    flip: Array
+
+    def field(self, displacement: Array) -> Array:
+        """Displacement (k, 3) of the surface from that of the mesh's nodes (n, 3)."""
+        values = displacement[self.nodes]
+        values[:, 1] *= self.flip
+        return values
+
+    def renumbered(self, other: InnerSurface) -> InnerSurface:
+        """This surface in the numbering of another on the same mesh (whole against half)."""
+        apart, place = cKDTree(self.position).query(other.position)
+        if not apart.max() < MIRROR_MM:
+            raise ParameterError("surfaces of different meshes cannot share a numbering", name="other", value=other)
+        return InnerSurface(self.geometry, other.position, other.face, self.nodes[place], self.flip[place])
+
+    def sampler(self, directions: Array, azimuth_deg: float = 0.0) -> SurfaceSampler:
+        """Sampler of fields (k, 3) on this surface (see :func:`surface_sampler`)."""
+        return _sampler(self.geometry, self.position, self.face, False, directions, azimuth_deg)
+
+    def interpolation(self, points_mm: Array) -> csr_matrix:
+        """Sparse (t, k) matrix from fields on this surface to points (t, 3) of the inner sphere at rest."""
+        offset = np.asarray(points_mm, dtype=float) - np.array(self.geometry.centre_mm)
+        found = self.sampler(offset / np.linalg.norm(offset, axis=1, keepdims=True))
+        starts = np.arange(len(offset) + 1) * found.nodes.shape[1]
+        shape = (len(offset), len(self.position))
+        return csr_matrix((found.weights.ravel(), found.nodes.ravel(), starts), shape=shape)
+
+
+def inner_surface(model: ShellModel) -> InnerSurface:
+    """Inner surface of a whole model, or of both halves of a half model."""
+    mesh = model.solid.mesh
+    nodes, inverse = np.unique(mesh.cells[mesh.inner][:, INNER_FACE], return_inverse=True)
+    face, position = inverse.reshape(-1, 9).astype(np.int64), mesh.points[nodes]
+    if not model.half:
+        return InnerSurface(model.geometry, position, face, nodes, np.ones(len(nodes)))
+    mirrored = position * [1.0, -1.0, 1.0]
+    apart = position[:, 1] > MIRROR_MM
+    twin = np.where(apart, np.cumsum(apart) - 1 + len(nodes), np.arange(len(nodes)))
+    turned = twin[face].reshape(-1, 3, 3)[:, :, ::-1].reshape(-1, 9)  # the mirror turns a face round: undo it
+    return InnerSurface(
+        model.geometry,
+        np.concatenate([position, mirrored[apart]]),
+        np.concatenate([face, turned]),
+        np.concatenate([nodes, nodes[apart]]),
+        np.concatenate([np.ones(len(nodes)), -np.ones(int(apart.sum()))]),
+    )
 
 
 def dot_directions(geometry: ShellGeometry) -> Array:
@@ -74,28 +138,36 @@ def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0
     Raises:
         ParameterError: a direction that meets the clamp before the inner surface.
     """
+    mesh: HexMesh = model.solid.mesh
+    faces = mesh.cells[mesh.inner][:, INNER_FACE]
+    return _sampler(model.geometry, mesh.points, faces, model.half, directions, azimuth_deg)
+
+
+def _sampler(
+    geometry: ShellGeometry, points: Array, faces: Index, half: bool, directions: Array, azimuth_deg: float
+) -> SurfaceSampler:
     turn = turn_about_axis(azimuth_deg)
     wanted = np.asarray(directions, dtype=float) @ turn  # R(-phi) d
-    flip = np.where(wanted[:, 1] < 0, -1.0, 1.0) if model.half else np.ones(len(wanted))
+    flip = np.where(wanted[:, 1] < 0, -1.0, 1.0) if half else np.ones(len(wanted))
     wanted = wanted * np.stack([np.ones_like(flip), flip, np.ones_like(flip)], axis=1)
-    mesh = model.solid.mesh
-    faces = mesh.cells[mesh.inner][:, INNER_FACE]
-    relative = mesh.points[faces] - np.array(model.geometry.centre_mm)  # (f, 9, 3)
+    relative = points[faces] - np.array(geometry.centre_mm)  # (f, 9, 3)
     tree = cKDTree(relative[:, 4] / np.linalg.norm(relative[:, 4], axis=1, keepdims=True))
     _, near = tree.query(wanted, k=min(CANDIDATES, len(faces)))
     best = np.full(len(wanted), np.inf)
     local = np.zeros((len(wanted), 2))
     chosen = np.zeros(len(wanted), dtype=np.int64)
     for candidate in near.T:
-        found, missed = _invert(relative[candidate], wanted)
+        lost = np.flatnonzero(best > 1)  # not inside a face yet
+        found, missed = _invert(relative[candidate[lost]], wanted[lost])
         excess = np.where(missed, np.inf, np.abs(found).max(axis=1))
-        better = excess < best
-        best[better], local[better], chosen[better] = excess[better], found[better], candidate[better]
+        better = excess < best[lost]
+        place = lost[better]
+        best[place], local[place], chosen[place] = excess[better], found[better], candidate[place]
     if not best.max() <= 1 + EDGE_TOLERANCE:
         worst = int(best.argmax())
         raise ParameterError(
             f"direction={np.round(directions[worst], 4).tolist()} does not meet the inner surface: it must lie within "
-            f"{math.degrees(model.geometry.clamp_polar_rad(model.geometry.inner_radius_mm)):.1f} degrees of the tip",
+            f"{math.degrees(geometry.clamp_polar_rad(geometry.inner_radius_mm)):.1f} degrees of the tip",
             name="direction",
             value=worst,
         )

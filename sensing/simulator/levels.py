@@ -1,0 +1,206 @@
+"""The simulator's one door: a scene and a path in, states out, at the level asked for (mm, N, N mm; endcap frame).
+
+    simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), level=2)
+    scene = Scene(Indenter(tilt_deg=30), friction=0.5)
+    for state in simulator.follow(scene, [Target(normal_n=5), Target(normal_n=20, shift_mm=(1.0, 0.0))]):
+        print(state.level, state.wrench, simulator.markers(state, azimuth_deg=45))
+
+==  ==========================================================  =====================================================
+1   Newton on the full model                                    nothing left out
+2   stored tangents, contact condensed on the patch             nothing; residual below ``tolerance`` instead of 1e-9
+==  ==========================================================  =====================================================
+
+A state that a level cannot certify is answered by the level above it; ``SceneState.level`` says which. Paths in the
+mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. A caller asks for
+azimuth 0 and turns the result: ``markers`` samples the turned field, :func:`sensing.simulator.surface.turn_wrench`
+turns the wrench.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from cad.errors import ParameterError
+from cad.materials import HyperelasticLaw
+from sensing.simulator import tangential
+from sensing.simulator.condensed import StoredTangent
+from sensing.simulator.element import Array
+from sensing.simulator.frozen import FrozenPress
+from sensing.simulator.geometry import ShellGeometry
+from sensing.simulator.indenter import Indenter
+from sensing.simulator.mesh import MeshDensity
+from sensing.simulator.press import Press, Target
+from sensing.simulator.shell import ShellModel, shell_model
+from sensing.simulator.state import Certificate, Patch, State, contact_patch
+from sensing.simulator.surface import InnerSurface, dot_directions, inner_surface
+
+LEVELS = (1, 2)
+TOLERANCE = 1e-3  # of level 2: residual over contact force
+MAX_TOLERANCE = 1e-2
+MAX_SAMPLERS = 64  # azimuths kept ready
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What presses on the shell: the body, where it first touches, and its friction (Coulomb's mu)."""
+
+    indenter: Indenter
+    friction: float = 0.5
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """One answer, whatever level gave it; contact on azimuth 0.
+
+    Attributes:
+        level: that answered (1 is the full model).
+        depth_mm, shift_mm: place of the body from first touch.
+        normal_n: force along the inward normal at first touch.
+        tangential_n: force on the shell along (meridian, lateral).
+        wrench: on the endcap at its origin (6,), N and N mm.
+        surface_mm: displacement of :attr:`Simulator.surface` (k, 3).
+        patch_mm2: area in contact, whole shell. slip_share: share of the normal force on slipping points.
+        error_estimate: expected relative rms error of the markers against level 1 on the same mesh; 0 at level 1.
+        patch: points in contact with pressure, friction and slip (both halves), or None at level 4.
+        certificate: of the equilibrium, or None at level 4.
+    """
+
+    level: int
+    depth_mm: float
+    shift_mm: tuple[float, float]
+    normal_n: float
+    tangential_n: tuple[float, float]
+    wrench: Array
+    surface_mm: Array
+    patch_mm2: float
+    slip_share: float
+    error_estimate: float
+    patch: Patch | None
+    certificate: Certificate | None
+
+
+class Simulator:
+    """A shell ready for scenes at one level; meshes and tangents are built when first needed and kept.
+
+    Args:
+        geometry, law: the shell. density: of the mesh.
+        level: 1 or 2 (see the module's text).
+        tolerance: of level 2.
+
+    Raises:
+        ParameterError: unknown level or density, tolerance out of range.
+    """
+
+    def __init__(
+        self,
+        geometry: ShellGeometry,
+        law: HyperelasticLaw,
+        density: MeshDensity | str = "data",
+        level: int = 2,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        if level not in LEVELS:
+            raise ParameterError(
+                f"level={level} is unknown: choose one of {', '.join(map(str, LEVELS))} (1 is the full model)",
+                name="level",
+                value=level,
+            )
+        if not 0 < tolerance <= MAX_TOLERANCE:
+            raise ParameterError(
+                f"tolerance={tolerance:g} outside 0..{MAX_TOLERANCE:g}: above it labels would be wrong by percents",
+                name="tolerance",
+                value=tolerance,
+            )
+        self.geometry, self.law, self.density = geometry, law, density
+        self.level, self.tolerance = level, tolerance
+        self._models: dict[bool, ShellModel] = {}
+        self._surfaces: dict[bool, InnerSurface] = {}
+        self._tangents: dict[tuple[Indenter, bool], list[StoredTangent]] = {}
+        self.surface = self._surface(half=True)
+        self._samplers = {0.0: self.surface.sampler(dot_directions(geometry))}
+
+    def follow(self, scene: Scene, targets: Sequence[Target]) -> Iterator[SceneState]:
+        """States along a path from the untouched shell, one for each target.
+
+        Raises:
+            Refusal: the state at that target has no trustworthy answer; those before it stand.
+        """
+        half = scene.indenter.keeps_mirror and all(_in_mirror_plane(target) for target in targets)
+        walk = self.walk(scene, half)
+        for target in targets:
+            yield walk(target)
+
+    def walk(self, scene: Scene, half: bool = False) -> Callable[[Target], SceneState]:
+        """The same for a path that is not known beforehand: a function that goes from state to state.
+
+        Args:
+            scene: what presses. half: the path will stay in the mirror plane.
+        """
+        press = Press(self._model(half), scene.indenter, scene.friction)
+        fast = FrozenPress(press, self.tolerance, self._tangents.setdefault((scene.indenter, half), []))
+        solver = press if self.level == 1 else fast
+        here = solver.start()
+
+        def step(target: Target) -> SceneState:
+            nonlocal here
+            before = fast.fallbacks
+            if target.tangential_n is None:
+                here = solver.advance(here, target)
+            else:
+                here = tangential.reach(solver.advance, here, target, press.frame, scene.friction, half)
+            return self._answer(press, here, 1 if self.level == 1 or fast.fallbacks > before else 2)
+
+        return step
+
+    def forget(self) -> None:
+        """Drop the stored tangents: what follows depends on nothing that went before (a shard begins so)."""
+        self._tangents.clear()
+
+    def markers(self, state: SceneState, azimuth_deg: float = 0.0) -> Array:
+        """Displacement (m, 3) of the painted dots, in the order of their pattern, for a contact at an azimuth."""
+        if azimuth_deg not in self._samplers:
+            if len(self._samplers) > MAX_SAMPLERS:
+                self._samplers = {0.0: self._samplers[0.0]}
+            self._samplers[azimuth_deg] = self.surface.sampler(dot_directions(self.geometry), azimuth_deg)
+        return self._samplers[azimuth_deg].sample(state.surface_mm)
+
+    def forget(self) -> None:
+        """Drop the stored tangents: what follows depends on its own scenes alone, not on those solved before."""
+        self._tangents.clear()
+
+    def _answer(self, press: Press, state: State, level: int) -> SceneState:
+        patch = contact_patch(press.model, state)
+        if press.model.half:
+            patch = patch.mirrored()
+        certificate = state.certificate
+        return SceneState(
+            level=level,
+            depth_mm=state.depth_mm,
+            shift_mm=state.shift_mm,
+            normal_n=state.normal_n,
+            tangential_n=tangential.tangential_n(state, press.frame),
+            wrench=state.wrench,
+            surface_mm=self._surface(press.model.half).field(state.displacement),
+            patch_mm2=patch.area_mm2,
+            slip_share=patch.slip_share,
+            error_estimate=0.0 if level == 1 or certificate is None else certificate.residual,
+            patch=patch,
+            certificate=certificate,
+        )
+
+    def _model(self, half: bool) -> ShellModel:
+        if half not in self._models:
+            self._models[half] = shell_model(self.geometry, self.law, self.density, half)
+        return self._models[half]
+
+    def _surface(self, half: bool) -> InnerSurface:
+        """Surface read from the half or the whole model, always in the half model's numbering."""
+        if half not in self._surfaces:
+            found = inner_surface(self._model(half))
+            self._surfaces[half] = found if half else found.renumbered(self._surfaces[True])
+        return self._surfaces[half]
+
+
+def _in_mirror_plane(target: Target) -> bool:
+    return (target.tangential_n or target.shift_mm)[1] == 0

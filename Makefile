@@ -67,7 +67,7 @@ $(VENV)/fab.stamp: pyproject.toml lock.txt scripts/prove_kernel.py | $(VENV)/bin
 
 $(VENV)/all.stamp: $(VENV)/fab.stamp
 	@$(PIP) install -c lock.txt $(TORCH)
-	@$(PIP) install -c lock.txt -e '.[fab,sensing,cluster,dev]'
+	@$(PIP) install -c lock.txt -e '.[fab,sensing,cluster,download,onnx,dev]'
 	@$(PIP) install --force-reinstall --no-deps $(OCP)
 	@$(BIN)/python scripts/prove_kernel.py
 	@touch $@

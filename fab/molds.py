@@ -53,7 +53,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         options = parse_options([*arguments.options, *unknown])
         params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
         layout = MoldLayout(params, parse_length("joint_clearance", options["joint_clearance"]))
-        return make_molds(layout, Path(options["exports"]))
+        require_writable(Path(options["exports"]))
+        progress = Progress()
+        load_libraries(progress)
+        if interrupts:  # a guard round some library's optional import may have swallowed it
+            raise KeyboardInterrupt
+        return make_molds(layout, Path(options["exports"]), progress)
     except EndcapError as error:
         print(f"make molds: {error}", file=sys.stderr)
         return 1 if isinstance(error, ChecksFailedError) else 2
@@ -105,12 +110,20 @@ def parse_length(name: str, text: str) -> float:
         ) from None
 
 
-def make_molds(layout: MoldLayout, exports: Path) -> int:
+def load_libraries(progress: Progress) -> None:
+    """Import CAD kernel and mesh libraries, which takes seconds."""
+    progress("CAD kernel")
+    for module in ("fab.design", "fab.exports", "fab.gates"):
+        importlib.import_module(module)
+
+
+def make_molds(layout: MoldLayout, exports: Path, progress: Progress) -> int:
     """Build, write and check one endcap.
 
     Args:
         layout: the two numbers and the joint clearance.
-        exports: folder that receives ``layout.params.label``.
+        exports: folder that receives ``layout.params.label``; it exists.
+        progress: told each step.
 
     Returns:
         0.
@@ -120,11 +133,6 @@ def make_molds(layout: MoldLayout, exports: Path) -> int:
         FileError: the folder cannot be written.
     """
     final = exports / layout.params.label
-    require_writable(exports)
-    progress = Progress()
-    progress("CAD kernel")
-    for module in ("fab.design", "fab.exports", "fab.gates"):
-        importlib.import_module(module)
     # Forked once the libraries are loaded, so that no worker loads them again, and before any of them starts a thread.
     context = multiprocessing.get_context("fork")
     # Ctrl-C reaches every process: a worker dies of it without a word, and this process tidies up.

@@ -8,12 +8,19 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
 from fab.molds import DEFAULTS as MOLD_DEFAULTS
 from fab.molds import parse_options
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from cad.part import Part
+    from fab.check import Check
 
 DEFAULTS = {"exports": MOLD_DEFAULTS["exports"], "material": DEFAULT_SILICONE}
 IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray": "peel_tpu"}
@@ -89,36 +96,19 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
         CouponChecksError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
-    from build123d import export_step
-
     from cad.coupons import coupon_parts
-    from cad.step_file import canonical_step
-    from fab.coupon_checks import coupon_checks, solid_checks
     from fab.coupon_mesh import coupon_meshes
-    from fab.exports import whole_folder, write_3mf
-    from fab.mesh import read_stl, write_stl
+    from fab.exports import whole_folder
     from fab.render import PictureItem, render_parts
 
     density = silicone(material).density_g_cm3
     parts = {part.name: part for part in coupon_parts()}
     meshes, walls = coupon_meshes(parts)
     with whole_folder(exports / "coupons") as folder:
-        for name, part in parts.items():
-            write_stl(folder / f"{name}.stl", meshes[name])
-            export_step(part.solid, folder / f"{name}.step")
-            (folder / f"{name}.step").write_text(canonical_step((folder / f"{name}.step").read_text()))
-        read = {name: read_stl(folder / f"{name}.stl") for name in parts}
-        checks = [*solid_checks(parts), *coupon_checks(parts, read)]
-        failed = [f"{c.name} = {c.value:.6g}, wanted {c.limit}" for c in checks if not c.ok]
-        if failed:
-            raise CouponChecksError(
-                f"{len(failed)} of {len(checks)} checks failed; nothing was written: {'; '.join(failed)}"
-            )
-        for name in parts:
-            write_3mf(meshes[name], name, folder / f"{name}.3mf")
+        write_parts(parts, meshes, folder)
+        checks, volumes = checked(parts, folder)
         items = [PictureItem(name, meshes[name], part.color, part.material) for name, part in parts.items()]
         render_parts(items, folder / "coupons.png")
-        volumes = {name: float(mesh.volume) for name, mesh in read.items()}
         lines = coupon_bom({name: part.material for name, part in parts.items()}, volumes, material, density)
         content = {
             "clearances_mm": CLEARANCES_MM,
@@ -132,6 +122,41 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
         (folder / "coupons.json").write_text(json.dumps(content, indent=1) + "\n")
     print(f"{exports / 'coupons'}: {len(parts)} parts, all {len(checks)} checks passed")
     return 0
+
+
+def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh], folder: Path) -> None:
+    """Write STL, STEP and 3MF of every part."""
+    from build123d import export_step
+
+    from cad.step_file import canonical_step
+    from fab.exports import write_3mf
+    from fab.mesh import write_stl
+
+    for name, part in parts.items():
+        write_stl(folder / f"{name}.stl", meshes[name])
+        write_3mf(meshes[name], name, folder / f"{name}.3mf")
+        step = folder / f"{name}.step"
+        export_step(part.solid, step)
+        step.write_text(canonical_step(step.read_text()))
+
+
+def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[str, float]]:
+    """Every check of the written folder, and the volumes (mm3) of its meshes.
+
+    Raises:
+        CouponChecksError: a check failed.
+    """
+    from fab.coupon_checks import coupon_checks, solid_checks
+    from fab.mesh import read_stl
+
+    read = {name: read_stl(folder / f"{name}.stl") for name in parts}
+    checks = [*solid_checks(parts), *coupon_checks(parts, read)]
+    failed = [f"{c.name} = {c.value:.6g}, wanted {c.limit}" for c in checks if not c.ok]
+    if failed:
+        raise CouponChecksError(
+            f"{len(failed)} of {len(checks)} checks failed; nothing was written: {'; '.join(failed)}"
+        )
+    return checks, {name: float(mesh.volume) for name, mesh in read.items()}
 
 
 def coupon_bom(

@@ -16,6 +16,7 @@ from cad.errors import ParameterError
 from cad.interface import POCKET_WIDTH_MM
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout
 from cad.params import EndcapParams
+from fab.cavity import LEAK_RATIO, leak_check
 from fab.coupon_checks import closed_share, coupon_checks, solid_checks
 from fab.coupon_mesh import with_gyroid
 from fab.coupons import coupon_bom, main
@@ -118,6 +119,8 @@ def test_the_measured_step_goes_back_into_the_molds():
     layout = MoldLayout(EndcapParams(130, 8), 0.20)
     usual = MoldLayout(EndcapParams(130, 8))
     assert layout.neck_radius_mm == pytest.approx(usual.neck_radius_mm - 0.05)
+    assert (usual.bowl_wall_mm, layout.bowl_wall_mm) == (6.0, pytest.approx(6.998, abs=1e-3))
+    assert leak_check(layout, 2e5).value < LEAK_RATIO < leak_check(replace(layout, joint_clearance_mm=0.25), 2e5).value
     assert min(coupons.CLEARANCES_MM) == JOINT_CLEARANCE_RANGE_MM[0]
     assert max(coupons.CLEARANCES_MM) == JOINT_CLEARANCE_RANGE_MM[1]
     assert JOINT_CLEARANCE_MM in coupons.CLEARANCES_MM
@@ -142,3 +145,19 @@ def test_bad_options(capsys, tmp_path):
     assert "Butter" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
     assert json.dumps(coupons.CLEARANCES_MM) == "[0.05, 0.1, 0.15, 0.2, 0.25, 0.3]"
+
+
+def test_a_failed_check_leaves_nothing(monkeypatch, capsys, tmp_path):
+    import fab.coupon_checks
+    import fab.coupon_mesh
+    from fab.check import Check
+
+    box = trimesh.creation.box(extents=(25, 25, 25))
+    monkeypatch.setattr(fab.coupon_mesh, "coupon_meshes", lambda parts: ({name: box for name in parts}, {}))
+    monkeypatch.setattr(
+        fab.coupon_checks, "solid_checks", lambda _: [Check("fit_plate.socket_3_gap_mm", 0.2, 0.1, 0.15)]
+    )
+    monkeypatch.setattr(fab.coupon_checks, "coupon_checks", lambda *_: [])
+    assert main([f"exports={tmp_path}"]) == 1
+    assert "fit_plate.socket_3_gap_mm = 0.2, wanted 0.1 .. 0.15" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

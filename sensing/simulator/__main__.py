@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 import numpy as np
 
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
-from sensing.simulator.dataset import DataRequest, write_dataset
+from sensing.simulator import data_cli
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import KINDS, Indenter
 from sensing.simulator.mesh import DENSITIES
 from sensing.simulator.press import Press, Target
-from sensing.simulator.protocols import PROTOCOLS
 from sensing.simulator.shell import shell_model
 from sensing.simulator.state import contact_patch
 
@@ -62,25 +60,6 @@ def _press(options: argparse.Namespace) -> int:
     return 0
 
 
-def _data(options: argparse.Namespace) -> int:
-    request = DataRequest(
-        frames=options.frames,
-        diameter_mm=options.diameter,
-        wall_mm=options.wall,
-        silicone=options.silicone,
-        density=options.density,
-        protocol=options.protocol,
-        seed=options.seed,
-        azimuths=options.azimuths,
-        tolerance=options.tolerance,
-    )
-    written = write_dataset(request, options.out, options.workers)
-    shards = request.shards()
-    frames = sum(path.frames for shard in shards for path in shard)
-    print(f"{options.out}: {len(shards)} shards, {frames} frames ({written} shards written now)")
-    return 0
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sensing.simulator", description=__doc__)
     commands = parser.add_subparsers(required=True)
@@ -97,17 +76,13 @@ def _parser() -> argparse.ArgumentParser:
     press.add_argument("--radius", type=float, default=20, help="radius of sphere or edge, mm")
     press.set_defaults(run=_press)
     data = commands.add_parser(
-        "data", help="write labelled marker displacements", description="Write labelled frames; resumes."
+        "data",
+        help="write labelled, rendered frames",
+        description=data_cli.DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    _shell_options(data)
-    data.add_argument("--frames", type=int, default=2000, help="least number of frames (default 2000)")
-    data.add_argument("--out", type=Path, required=True, help="folder; an unfinished one is completed")
-    data.add_argument("--seed", type=int, default=0, help="seed of all paths (default 0)")
-    data.add_argument("--protocol", default="static", help=f"one of {', '.join(PROTOCOLS)} (default static)")
-    data.add_argument("--azimuths", type=int, default=4, help="labelled azimuths of each solved state (default 4)")
-    data.add_argument("--tolerance", type=float, default=1e-4, help="level 2 residual over load (default 1e-4)")
-    data.add_argument("--workers", type=int, default=1, help="processes (default 1)")
-    data.set_defaults(run=_data)
+    data_cli.add_options(data)
+    data.set_defaults(run=data_cli.run)
     return parser
 
 

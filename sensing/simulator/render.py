@@ -2,7 +2,7 @@
 
     renderer = DomeRenderer(EndcapParams(130, 8), nominal_mount(params), RenderSettings(seed=1))
     frame = renderer.render(displacement_mm)      # (n, 3) at renderer.surface_mm, or at your own surface nodes
-    frame.image_bgr, frame.dots_px, frame.dots_visible
+    frame.image_bgr, frame.jpeg, frame.dots_px, frame.dots_visible
 
     python -m sensing.simulator.render --out frame.png --digit 4
     python -m sensing.simulator.render --camera camera.json --beside photo.jpg --out beside.png
@@ -14,11 +14,14 @@ wall, and shadows of the surface on itself. Folds are hidden correctly.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
@@ -32,6 +35,7 @@ from sensing.simulator.render_sensor import (
     BRONZE,
     Floats,
     Image,
+    compress,
     defocus,
     develop,
     lens_transmission,
@@ -41,8 +45,11 @@ from sensing.simulator.render_sensor import (
 )
 from sensing.simulator.render_settings import RenderSettings
 from sensing.simulator.render_skin import paint_skin
+from sensing.simulator.surface import turn_about_axis
 
+Interpolation = Callable[[Array], csr_matrix]
 NOISE_TABLE = 1 << 23  # standard normals kept for frames without fresh noise
+KEPT_AZIMUTHS = 16  # dot interpolations kept
 HIDDEN_MM = 1.0  # a dot this far behind the surface seen at its pixel is hidden
 
 
@@ -51,14 +58,23 @@ class Frame:
     """A rendered frame and where the dots truly are in it.
 
     Attributes:
-        image_bgr: (h, w, 3) 8-bit.
+        pixels_bgr: (h, w, 3) 8-bit, before compression.
+        jpeg: what the camera sends; empty where ``jpeg_quality`` is 0.
         dots_px: (d, 2) image of each dot's ink centre, in the order of ``cad.dots.dot_pattern``; ``nan`` out of view.
         dots_visible: (d,) painted, inside the frame and not hidden by a fold.
     """
 
-    image_bgr: Image
+    pixels_bgr: Image
+    jpeg: bytes
     dots_px: Array
     dots_visible: NDArray[np.bool_]
+
+    @property
+    def image_bgr(self) -> Image:
+        """(h, w, 3) 8-bit as received: decoded from :attr:`jpeg` where there is one."""
+        if not self.jpeg:
+            return self.pixels_bgr
+        return np.asarray(cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)
 
 
 class DomeRenderer:
@@ -70,6 +86,9 @@ class DomeRenderer:
         settings: look and quality.
         surface_mm: (n, 3) undeformed nodes of the inner surface at which displacements will be given (any order, no
             connectivity needed). Without it they are those of the renderer's own mesh, :attr:`surface_mm`.
+        interpolation: points (t, 3) at rest to a sparse (t, n) matrix from those nodes, such as
+            :meth:`sensing.simulator.surface.InnerSurface.interpolation`. Without it moving least squares, which needs
+            nodes of even spacing.
     """
 
     def __init__(
@@ -78,6 +97,7 @@ class DomeRenderer:
         mounted: MountedCamera | None = None,
         settings: RenderSettings | None = None,
         surface_mm: ArrayLike | None = None,
+        interpolation: Interpolation | None = None,
     ) -> None:
         self.params = params
         self.settings = settings or RenderSettings()
@@ -87,10 +107,9 @@ class DomeRenderer:
         self._inner = np.linalg.norm(self._mesh.disc, axis=1) < rim  # the outermost cells are slivers
         self._skin = paint_skin(params, self.settings.paint, self.settings.texels, self.settings.seed)
         self.surface_mm = self._mesh.vertices_mm if surface_mm is None else np.asarray(surface_mm, dtype=float)
-        self._to_mesh = (
-            None if surface_mm is None else interpolation_matrix(params, self.surface_mm, self._mesh.vertices_mm)
-        )
-        self._to_dots = interpolation_matrix(params, self.surface_mm, self._skin.ink_mm)
+        self._interpolation = interpolation or partial(interpolation_matrix, params, self.surface_mm)
+        self._to_mesh = None if surface_mm is None else self._interpolation(self._mesh.vertices_mm)
+        self._dot_matrices: dict[float, csr_matrix] = {}
         camera, factor = self.mounted.camera, self.settings.supersample
         fine = camera.resized(camera.width_px * factor, camera.height_px * factor)
         self._fine = MountedCamera(fine, self.mounted.T_camera_endcap)
@@ -104,6 +123,7 @@ class DomeRenderer:
         displacement_mm: ArrayLike | None = None,
         *,
         start_mm: ArrayLike | None = None,
+        azimuth_deg: float = 0.0,
         frame: int = 0,
         settings: RenderSettings | None = None,
     ) -> Frame:
@@ -111,6 +131,7 @@ class DomeRenderer:
 
         Args:
             displacement_mm: (n, 3) at :attr:`surface_mm` when the exposure ends; ``None`` for the undeformed dome.
+            azimuth_deg: the displacement is turned about the axis by this first (paint and lamp stay).
             start_mm: (n, 3) when the exposure begins, for motion blur; ``None`` for no motion.
             frame: number that selects the noise; the same number gives the same bytes.
             settings: other lamp, optics or sensor for this frame; paint, mesh and texture stay those of the renderer.
@@ -120,7 +141,7 @@ class DomeRenderer:
         """
         settings = settings or self.settings
         end = self._displacement(displacement_mm)
-        radiance = self.radiance(displacement_mm, start_mm=start_mm, settings=settings)
+        radiance = self.radiance(displacement_mm, start_mm=start_mm, azimuth_deg=azimuth_deg, settings=settings)
         sensor = settings.sensor
         signal = signal_of(
             radiance,
@@ -131,38 +152,41 @@ class DomeRenderer:
             sensor.read_noise_e,
         )
         middle = end if start_mm is None else (end + self._displacement(start_mm)) / 2
-        dots, visible = self._dots(middle)
-        return Frame(develop(signal, sensor), dots, visible)
+        dots, visible = self._dots(middle, azimuth_deg)
+        pixels = develop(signal, sensor)
+        return Frame(pixels, compress(pixels, sensor), dots, visible)
 
     def radiance(
         self,
         displacement_mm: ArrayLike | None = None,
         *,
         start_mm: ArrayLike | None = None,
+        azimuth_deg: float = 0.0,
         settings: RenderSettings | None = None,
     ) -> Floats:
         """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear."""
         settings = settings or self.settings
         end = self._displacement(displacement_mm)
         if start_mm is None:
-            light = self._sharp(end, settings)
+            light = self._sharp(end, azimuth_deg, settings)
         else:
             start, count = self._displacement(start_mm), self.settings.blur_frames
             shares = (np.arange(count) + 0.5) / count
-            light = np.mean([self._sharp(start + t * (end - start), settings) for t in shares], axis=0)
+            light = np.mean([self._sharp(start + t * (end - start), azimuth_deg, settings) for t in shares], axis=0)
         size = (self.mounted.camera.width_px, self.mounted.camera.height_px)
         if self.settings.supersample > 1:
             light = np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_AREA))
         return defocus(light, settings.optics, self._edge_weight)
 
-    def _sharp(self, displacement: Array, settings: RenderSettings) -> Floats:
+    def _sharp(self, displacement: Array, azimuth_deg: float, settings: RenderSettings) -> Floats:
         """Light at the rasteriser's resolution, before the lens's blur."""
-        lamp, vertices = settings.lamp, self._vertices(displacement)
+        lamp, vertices = settings.lamp, self._vertices(displacement, azimuth_deg)
         leds, brightness = led_positions_mm(lamp)
         tip = tip_irradiance(lamp, self.params.centre_height_mm + self.params.inner_radius_mm)
         normals = vertex_normals(vertices, self._mesh.triangles)
         lit = shade(vertices, normals, self.mounted.pupil_endcap_mm, leds, brightness / tip)
-        values = np.concatenate([self._mesh.disc.astype(np.float32), lit], 1)
+        disc = self._mesh.disc @ turn_about_axis(azimuth_deg)[:2, :2].T
+        values = np.concatenate([disc.astype(np.float32), lit], 1)
         owner, corners, _ = self._trace(self._fine, vertices)
         seen = interpolate(owner, corners, values, self._mesh.triangles)
         ambient = float(brightness.sum()) * lamp.ambient * AMBIENT_TINT
@@ -172,9 +196,10 @@ class DomeRenderer:
         passed = np.where(owner >= 0, passed, np.float32(0))
         return radiance_image(seen, self._skin.texture, self._skin.extent, passed, weights)
 
-    def _vertices(self, displacement: Array) -> Array:
+    def _vertices(self, displacement: Array, azimuth_deg: float) -> Array:
+        """Deformed vertices: the whole mesh is turned with the displacement, for one interpolation at any azimuth."""
         moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
-        return np.ascontiguousarray(self._mesh.vertices_mm + moved)
+        return np.ascontiguousarray((self._mesh.vertices_mm + moved) @ turn_about_axis(azimuth_deg).T)
 
     def _trace(self, mounted: MountedCamera, vertices: Array) -> tuple[NDArray[np.int32], Floats, Floats]:
         """The triangle that each pixel sees, where in it, and how far from the pupil."""
@@ -182,13 +207,14 @@ class DomeRenderer:
         size = mounted.camera.height_px, mounted.camera.width_px
         return rasterise(mounted.project(vertices), depth, self._mesh.triangles, *size)
 
-    def _dots(self, displacement: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _dots(self, displacement: Array, azimuth_deg: float) -> tuple[Array, NDArray[np.bool_]]:
         """Where the ink's centres are seen, and which of them can be."""
-        points = self._skin.ink_mm + self._to_dots @ displacement
+        turn = turn_about_axis(azimuth_deg)
+        points = self._skin.ink_mm + self._to_dots(azimuth_deg) @ displacement @ turn.T
         pixels, camera = self.mounted.project(points), self.mounted.camera
         inside = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(1)
         visible = inside & self._skin.painted
-        vertices, pupil = self._vertices(displacement), self.mounted.pupil_endcap_mm
+        vertices, pupil = self._vertices(displacement, azimuth_deg), self.mounted.pupil_endcap_mm
         facing = (vertex_normals(vertices, self._mesh.triangles) * (pupil - vertices)).sum(1) > 0
         if not facing[self._inner].all():  # otherwise nothing can hide anything
             nearest = self._trace(self.mounted, vertices)[2]
@@ -196,6 +222,15 @@ class DomeRenderer:
             distance = np.linalg.norm(points[visible] - pupil, axis=1)
             visible[visible] = distance < nearest[rows, columns] + HIDDEN_MM
         return pixels, visible
+
+    def _to_dots(self, azimuth_deg: float) -> csr_matrix:
+        """Displacements at the nodes to those of the ink's centres, before both are turned; kept for a few azimuths."""
+        if azimuth_deg not in self._dot_matrices:
+            if len(self._dot_matrices) >= KEPT_AZIMUTHS:
+                del self._dot_matrices[next(iter(self._dot_matrices))]
+            turned_back = self._skin.ink_mm @ turn_about_axis(azimuth_deg)
+            self._dot_matrices[azimuth_deg] = self._interpolation(turned_back)
+        return self._dot_matrices[azimuth_deg]
 
     def _displacement(self, displacement_mm: ArrayLike | None) -> Array:
         if displacement_mm is None:

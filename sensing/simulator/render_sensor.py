@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import cv2
 import numba
 import numpy as np
@@ -80,6 +82,7 @@ def _gaussian(image: Floats, sigma: float) -> Floats:
     return np.asarray(cv2.GaussianBlur(image, (size, size), sigma))
 
 
+@functools.lru_cache(maxsize=8)
 def tone_table(sensor: Sensor) -> Image:
     """Pixel value at TONE_STEPS + 1 equal steps of signal from 0 to 1."""
     signal = np.linspace(0, 1, TONE_STEPS + 1)
@@ -116,13 +119,17 @@ def pixel_values(signal: Floats, table: Image) -> Image:
 
 
 def develop(signal: Floats, sensor: Sensor) -> Image:
-    """Tone curve, the camera's sharpening, and a JPEG round trip."""
+    """Tone curve and the camera's sharpening."""
     image = pixel_values(signal, tone_table(sensor))
     if sensor.sharpen > 0:
         sigma = 1.2 * image.shape[0] / 480
         soft = cv2.GaussianBlur(image, (0, 0), sigma)
         image = np.asarray(cv2.addWeighted(image, 1 + sensor.sharpen, soft, -sensor.sharpen, 0))
-    if sensor.jpeg_quality > 0:
-        data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])[1]
-        image = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))
     return image
+
+
+def compress(image: Image, sensor: Sensor) -> bytes:
+    """JPEG bytes; none where the quality is 0."""
+    if sensor.jpeg_quality == 0:
+        return b""
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])[1].tobytes()

@@ -12,6 +12,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
@@ -82,6 +83,14 @@ class InnerSurface:
         """Sampler of fields (k, 3) on this surface (see :func:`surface_sampler`)."""
         return _sampler(self.geometry, self.position, self.face, False, directions, azimuth_deg)
 
+    def interpolation(self, points_mm: Array) -> csr_matrix:
+        """Sparse (t, k) matrix from fields on this surface to points (t, 3) of the inner sphere at rest."""
+        offset = np.asarray(points_mm, dtype=float) - np.array(self.geometry.centre_mm)
+        found = self.sampler(offset / np.linalg.norm(offset, axis=1, keepdims=True))
+        starts = np.arange(len(offset) + 1) * found.nodes.shape[1]
+        shape = (len(offset), len(self.position))
+        return csr_matrix((found.weights.ravel(), found.nodes.ravel(), starts), shape=shape)
+
 
 def inner_surface(model: ShellModel) -> InnerSurface:
     """Inner surface of a whole model, or of both halves of a half model."""
@@ -148,10 +157,12 @@ def _sampler(
     local = np.zeros((len(wanted), 2))
     chosen = np.zeros(len(wanted), dtype=np.int64)
     for candidate in near.T:
-        found, missed = _invert(relative[candidate], wanted)
+        lost = np.flatnonzero(best > 1)  # not inside a face yet
+        found, missed = _invert(relative[candidate[lost]], wanted[lost])
         excess = np.where(missed, np.inf, np.abs(found).max(axis=1))
-        better = excess < best
-        best[better], local[better], chosen[better] = excess[better], found[better], candidate[better]
+        better = excess < best[lost]
+        place = lost[better]
+        best[place], local[place], chosen[place] = excess[better], found[better], candidate[place]
     if not best.max() <= 1 + EDGE_TOLERANCE:
         worst = int(best.argmax())
         raise ParameterError(

@@ -1,0 +1,200 @@
+"""Labelled frames on disk: what the simulator writes and training reads, without importing the simulator.
+
+    data = LabelledSet("exports/data")
+    train, test = data.split(0.15, seed=1)                  # by path: neighbours in time never part
+    for item in data.frames(train):
+        item.frame, item.reference, item.wrench, item.contact, item.dots_px
+
+A folder holds ``manifest.json`` (what was asked for), ``camera.json`` (:mod:`sensing.camera_model`), ``dots.npz``
+(positions at rest, mm, endcap frame) and ``shards/NNNNN.npz``. A shard's columns (:data:`COLUMNS`) have one row a
+frame; ``jpeg`` and ``reference_jpeg`` hold all its pictures end to end, picture i ending at ``jpeg_end[i]``. Units are
+in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at the origin of the endcap frame.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError, ParameterError
+from sensing.records import Frame, Wrench
+
+FORMAT = 2
+COLUMNS: dict[str, str] = {
+    "path": "loading path (int); frames of one path follow one another and must stay on one side of a split",
+    "step": "state within the path (int)",
+    "phase": "number in the manifest's phases",
+    "level": "simulator level that answered (1 is the full model)",
+    "scene": "robot scene, -1 without",
+    "cap": "endcap of the robot 0..5, -1 without",
+    "time_s": "middle of the exposure, from the path's start",
+    "exposure_s": "length of the exposure, 0 for a state at rest",
+    "latency_s": "from the middle of the exposure to when the frame was published",
+    "tilt_deg": "polar angle of first contact from the tip",
+    "azimuth_deg": "of the contact",
+    "friction": "Coulomb coefficient",
+    "depth_mm": "approach of the plane from first touch; negative while apart",
+    "shift_mm": "(2) tangential travel of the plane along (meridian, lateral)",
+    "normal_n": "force along the plane's normal",
+    "T_world_endcap": "(4, 4) endcap to world, mm; the world is the plane: z its normal, toward the endcap",
+    "force_n": "(3) on the endcap",
+    "torque_nm": "(3) on the endcap about its origin",
+    "contact": "whether anything touches",
+    "patch_mm2": "area in contact",
+    "slip_share": "share of the normal force on slipping points",
+    "residual": "force imbalance over the load (0 where a level gives none)",
+    "dots_mm": "(d, 3) displacement of the dots",
+    "dots_px": "(d, 2) where their ink is in the picture, NaN out of view",
+    "dots_visible": "(d) painted, in the picture, not hidden",
+    "lamp_brightness": "factor on the lamp",
+    "lamp_gradient": "relative brightness of the brightest side of the ring over its middle",
+    "lamp_azimuth_deg": "where that side is",
+    "camera_exposure": "factor on the light collected",
+    "reference": "which of the shard's reference pictures has this path's lamp",
+}
+PICTURES = ("jpeg", "jpeg_end", "reference_jpeg", "reference_jpeg_end")
+
+
+@dataclass(frozen=True)
+class LabelledFrame:
+    """One frame with all that is known of it.
+
+    Attributes:
+        frame: the picture; ``sequence`` counts within the path, ``time_s`` is the middle of the exposure.
+        reference: the untouched endcap in the same light.
+        wrench: on the endcap, endcap frame, at ``frame.time_s``.
+        contact: whether anything touches.
+        dots_mm: (d, 3) displacement of the dots in the order of ``cad.dots.dot_pattern``.
+        dots_px: (d, 2) where their ink is seen. dots_visible: (d,).
+        path: loading path. phase: its name.
+        labels: the row of every column (:data:`COLUMNS`).
+    """
+
+    frame: Frame
+    reference: Frame
+    wrench: Wrench
+    contact: bool
+    dots_mm: NDArray[np.float32]
+    dots_px: NDArray[np.float32]
+    dots_visible: NDArray[np.bool_]
+    path: int
+    phase: str
+    labels: dict[str, Any]
+
+
+class LabelledSet:
+    """A folder of labelled frames; shards that are not there yet are no error.
+
+    Raises:
+        FileError: no manifest, or one of another format.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self.manifest = read_manifest(self.folder)
+        self.phases: tuple[str, ...] = tuple(self.manifest["phases"])
+        self.shards = sorted((self.folder / "shards").glob("[0-9]*.npz"))
+
+    def column(self, name: str) -> NDArray:
+        """One column over all shards, in the order of :meth:`frames`.
+
+        Raises:
+            ParameterError: unknown column. FileError: a corrupt shard.
+        """
+        if name not in COLUMNS:
+            raise ParameterError(f"column={name!r} is none of {', '.join(COLUMNS)}", name="column", value=name)
+        parts = [read_shard(path, (name,))[name] for path in self.shards]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def split(self, share: float, seed: int) -> tuple[frozenset[int], frozenset[int]]:
+        """Path numbers for (training, test): whole paths, drawn at random, about ``share`` of them for the test.
+
+        Frames of one robot scene (``path // 6``) stay together.
+
+        Raises:
+            ParameterError: a share outside 0..1.
+        """
+        if not 0 <= share <= 1:
+            raise ParameterError(f"share={share:g} outside 0..1: give the test's part", name="share", value=share)
+        scene, path = self.column("scene"), self.column("path")
+        group = np.where(scene >= 0, scene, path)
+        groups = np.random.default_rng(seed).permutation(np.unique(group))
+        test = np.isin(group, groups[: round(share * len(groups))])
+        return frozenset(map(int, path[~test])), frozenset(map(int, path[test]))
+
+    def frames(self, paths: Collection[int] | None = None) -> Iterator[LabelledFrame]:
+        """Frames in the order they were written, of all paths or of those named.
+
+        Raises:
+            FileError: a corrupt shard (those before it have been given), or a set without pictures.
+        """
+        for file in self.shards:
+            arrays = read_shard(file)
+            if "jpeg" not in arrays:
+                raise FileError(f"{file}: holds no pictures (written with --render off): use column() for its labels")
+            pictures = _pictures(arrays["jpeg"], arrays["jpeg_end"])
+            references = _pictures(arrays["reference_jpeg"], arrays["reference_jpeg_end"])
+            for row in range(len(arrays["path"])):
+                if paths is None or int(arrays["path"][row]) in paths:
+                    labels = {name: arrays[name][row] for name in COLUMNS}
+                    yield self._frame(file, labels, pictures[row], references[int(labels["reference"])])
+
+    def _frame(self, file: Path, labels: dict[str, Any], picture: bytes, reference: bytes) -> LabelledFrame:
+        time_s, source = float(labels["time_s"]), f"{file} path {labels['path']}"
+        return LabelledFrame(
+            frame=Frame(time_s, int(labels["step"]), source, jpeg=picture, exposure=float(labels["camera_exposure"])),
+            reference=Frame(0.0, 0, f"{source} reference", jpeg=reference),
+            wrench=Wrench(time_s, labels["force_n"], labels["torque_nm"]),
+            contact=bool(labels["contact"]),
+            dots_mm=labels["dots_mm"],
+            dots_px=labels["dots_px"],
+            dots_visible=labels["dots_visible"],
+            path=int(labels["path"]),
+            phase=self.phases[int(labels["phase"])],
+            labels=labels,
+        )
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What a folder's manifest says.
+
+    Raises:
+        FileError: missing, unreadable or of another format.
+    """
+    path = folder / "manifest.json"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["format"] != FORMAT:
+            raise ValueError(f"format {found['format']}, need {FORMAT}")
+        return dict(found)
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error.strerror}): give a folder of labelled frames") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
+
+
+def read_shard(path: Path, names: Collection[str] | None = None) -> dict[str, NDArray]:
+    """Arrays of a shard, all or those named.
+
+    Raises:
+        FileError: missing or corrupt.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in (archive.files if names is None else names)}
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, zipfile.error, EOFError) as error:
+        raise FileError(
+            f"{path}: not a whole shard ({error}): delete it and run the command that wrote the set again"
+        ) from error
+
+
+def _pictures(data: NDArray[np.uint8], ends: NDArray[np.int64]) -> list[bytes]:
+    starts = [0, *ends[:-1].tolist()]
+    return [data[start:end].tobytes() for start, end in zip(starts, ends.tolist(), strict=True)]

@@ -9,8 +9,8 @@ total degree. The mirror plane splits modes: those symmetric in y take even powe
 forces are the inputs themselves; depth, travel, patch area and moments are fitted like the weights.
 
 What is left out: the path (at equal forces it changes markers by a percent or two) and the friction coefficient, but
-that the force stays in its cone. ``error_estimate`` is the fit's own residual joined with the change from the next
-lower degree; a state outside the fitted range, or whose estimate is over a limit, belongs to level 2.
+that the force stays in its cone. ``error_estimate`` is the fit's leave-one-out residual joined with the change from the
+next lower degree; a state outside the fitted range, or whose estimate is over a limit, belongs to level 2.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Library:
         even, odd: coefficients (t, pe, re), (t, po, ro), of weights and then scalars.
         even_below, odd_below: the same of the fit of one degree less.
         modes: surface fields (r, k, 3), orthonormal; even ones first.
-        residual: relative rms residual of the fit on its own states (1,).
+        residual: relative rms error of the fit on its own states, each left out in turn (1,).
         shell: what it was fitted for: diameter, wall, C10, C20, C30, bulk (6,).
     """
 

@@ -16,6 +16,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cad.errors import EndcapError, ParameterError
@@ -24,7 +25,7 @@ from sensing.simulator.element import Array
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
 from sensing.simulator.levels import Scene, SceneState, Simulator
-from sensing.simulator.library import SCALARS_EVEN, SCALARS_ODD, Library, local_variables, polynomial_terms, shell_key
+from sensing.simulator.library import SCALARS_EVEN, Library, local_variables, polynomial_terms, shell_key
 from sensing.simulator.mesh import Index
 from sensing.simulator.press import Target
 from sensing.simulator.state import Refusal
@@ -38,6 +39,8 @@ DEGREE = 5
 STATES = 80  # at every tilt
 MAX_MODES = 60  # of each symmetry
 MODE_SHARE = 2e-6  # of the squared norm that the cut modes may hold
+RANK = 1e-10  # singular values below this share of the largest are none
+MIN_FREE = 0.05  # of a state's own weight in the leave-one-out error, against division by nothing
 STIFFNESS_N_MM = 4.5  # tangential, to steer the path (E): low forces are missed less than high ones
 
 
@@ -93,46 +96,71 @@ def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Li
     """
     tilts = np.unique([sample.tilt_deg for sample in samples])
     powers, even_count = _powers(degree)
-    fields = np.array([s.state.surface_mm / s.state.normal_n for s in samples])
-    even_field, odd_field = _split(simulator.surface, fields)
-    even_modes, even_weights = _modes(even_field)
-    odd_modes, odd_weights = _modes(odd_field)
-    scalars = np.array([_scalars(s.state) for s in samples])
-    targets = (
-        np.column_stack([even_weights, scalars[:, : len(SCALARS_EVEN)]]),
-        np.column_stack([odd_weights, scalars[:, len(SCALARS_EVEN) :]]),
-    )
     normal, tangential = _forces(samples)
     cone = float(min(CONE, (np.linalg.norm(tangential, axis=1) / normal).max()))
     limits = np.array([normal.min(), normal.max()])
     terms = polynomial_terms(powers, local_variables(normal, tangential, limits, cone))
-    lower = powers.sum(axis=1) < degree
+    below = powers.sum(axis=1) < degree
+    fields = np.array([s.state.surface_mm / s.state.normal_n for s in samples])
+    scalars = np.array([_scalars(s.state) for s in samples])
+    parities = []
+    for columns, field, of in (
+        (slice(0, even_count), _mirrored(simulator.surface, fields, 1.0), slice(0, len(SCALARS_EVEN))),
+        (slice(even_count, None), _mirrored(simulator.surface, fields, -1.0), slice(len(SCALARS_EVEN), None)),
+    ):
+        modes, weights = _modes(field)
+        parities.append(_Parity(terms[:, columns], below[columns], modes, weights, scalars[:, of]))
     tables: list[list[Array]] = [[], [], [], []]
     errors = np.zeros((len(samples), 2))
     for tilt in tilts:
         rows = np.array([s.tilt_deg == tilt for s in samples])
-        if rows.sum() < 1.5 * even_count:
-            raise ParameterError(
-                f"states={int(rows.sum())} at tilt {tilt:g} under {1.5 * even_count:g} (1.5 for each of the "
-                f"{even_count} terms): solve more, or lower the degree",
-                name="states",
-                value=int(rows.sum()),
-            )
-        for k, columns in enumerate((slice(0, even_count), slice(even_count, None))):
-            for below in (False, True):
-                use = np.where(lower[columns], 1.0, 0.0 if below else 1.0)
-                table, *_ = np.linalg.lstsq(terms[rows][:, columns] * use, targets[k][rows], rcond=1e-10)
-                tables[2 * below + k].append(table * use[:, None])
-            count = targets[k].shape[1] - len((SCALARS_EVEN, SCALARS_ODD)[k])
-            wrong = terms[rows][:, columns] @ tables[k][-1] - targets[k][rows]
-            errors[rows, k] = np.linalg.norm(wrong[:, :count], axis=1)
-    size = np.linalg.norm(np.concatenate([even_weights, odd_weights], axis=1), axis=1)
+        _check_count(int(rows.sum()), even_count, float(tilt))
+        for k, parity in enumerate(parities):
+            upper, lower, errors[rows, k] = parity.fitted(rows)
+            tables[k].append(upper)
+            tables[2 + k].append(lower)
+    size = np.linalg.norm(np.concatenate([parity.weights for parity in parities], axis=1), axis=1)
     residual = float(np.sqrt(np.mean((np.linalg.norm(errors, axis=1) / size) ** 2)))
     return Library(
         tilts, limits, np.array([cone]), powers,
         np.array(tables[0]), np.array(tables[1]), np.array(tables[2]), np.array(tables[3]),
-        np.concatenate([even_modes, odd_modes]), np.array([residual]), shell_key(simulator.geometry, simulator.law),
+        np.concatenate([parity.modes for parity in parities]), np.array([residual]),
+        shell_key(simulator.geometry, simulator.law),
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Parity:
+    """What is symmetric, or antisymmetric, in the mirror plane: terms (s, p), which of them the lower degree keeps
+    (p,), modes (r, k, 3), their weights (s, r) and scalars (s, q).
+    """
+
+    terms: Array
+    below: NDArray[np.bool_]
+    modes: Array
+    weights: Array
+    scalars: Array
+
+    def fitted(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Coefficients of both degrees (p, r + q), and what each state's weights miss if it is left out (rows,)."""
+        terms, targets = self.terms[rows], np.column_stack([self.weights[rows], self.scalars[rows]])
+        upper = np.linalg.lstsq(terms, targets, rcond=RANK)[0]
+        lower = np.zeros_like(upper)
+        lower[self.below] = np.linalg.lstsq(terms[:, self.below], targets, rcond=RANK)[0]
+        left, size, _ = np.linalg.svd(terms, full_matrices=False)
+        leverage = (left[:, size > RANK * size[0]] ** 2).sum(axis=1)
+        missed = (terms @ upper - targets)[:, : self.weights.shape[1]]
+        return np.asarray(upper), lower, np.linalg.norm(missed, axis=1) / np.maximum(1 - leverage, MIN_FREE)
+
+
+def _check_count(count: int, terms: int, tilt: float) -> None:
+    if count < 1.5 * terms:
+        raise ParameterError(
+            f"states={count} at tilt {tilt:g} under {1.5 * terms:g} (1.5 for each of the {terms} terms): solve more, "
+            "or lower the degree",
+            name="states",
+            value=count,
+        )
 
 
 def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Library:
@@ -153,12 +181,11 @@ def _powers(degree: int) -> tuple[Index, int]:
     return np.array(even + [p for p in known if p[2] % 2]), len(even)
 
 
-def _split(surface: InnerSurface, fields: Array) -> tuple[Array, Array]:
-    """Parts of fields (s, k, 3) that are symmetric and antisymmetric in the mirror plane."""
+def _mirrored(surface: InnerSurface, fields: Array, sign: float) -> Array:
+    """Part of fields (s, k, 3) that is symmetric (sign 1) or antisymmetric (-1) in the mirror plane."""
     mirror = np.array([1.0, -1.0, 1.0])
     _, twin = cKDTree(surface.position).query(surface.position * mirror)
-    mirrored = fields[:, twin] * mirror
-    return (fields + mirrored) / 2, (fields - mirrored) / 2
+    return (fields + sign * fields[:, twin] * mirror) / 2
 
 
 def _modes(fields: Array) -> tuple[Array, Array]:

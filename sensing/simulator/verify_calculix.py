@@ -29,7 +29,6 @@ from sensing.simulator.state import State
 # local hex27 node i + 3 j + 9 k of every C3D20 node: corners, then edges below, above and upright
 C3D20 = np.array([0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15])
 BLOCK_MM = 150.0  # side of the plane's block
-INCREMENT = 0.1  # of each step
 TIME_LIMIT_S = 900
 
 
@@ -49,19 +48,21 @@ class Comparison:
     marker_gap: Array
 
 
-def compare(density: MeshDensity, depth_mm: float, shift_mm: float, tilt_deg: float, friction: float) -> Comparison:
-    """Press to a depth, then pull along the meridian, in both codes.
+def compare(
+    density: MeshDensity, depth_mm: float, shift_mm: float, tilt_deg: float, friction: float, increments: int = 10
+) -> Comparison:
+    """Press to a depth, then pull along the meridian, in both codes, each in ``increments``.
 
     Raises:
         EndcapError: ccx is missing, or did not finish.
     """
     model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), density, half=True)
     press = Press(model, Indenter(tilt_deg), friction)
-    states = _ours(press, depth_mm, shift_mm)
+    states = _ours(press, depth_mm, shift_mm, increments)
     inner = _inner_nodes(model)
     with tempfile.TemporaryDirectory() as folder:
         deck = Path(folder) / "press.inp"
-        deck.write_text(_deck(press, inner, depth_mm, shift_mm), encoding="ascii")
+        deck.write_text(_deck(press, inner, depth_mm, shift_mm, increments), encoding="ascii")
         _run(deck)
         moved, forces = _read(deck.with_suffix(".dat"), inner)
     ours = np.array([state.wrench[:3] for state in states])
@@ -75,8 +76,8 @@ def compare(density: MeshDensity, depth_mm: float, shift_mm: float, tilt_deg: fl
     )
 
 
-def _ours(press: Press, depth_mm: float, shift_mm: float) -> list[State]:
-    state, steps = press.start(), round(1 / INCREMENT)
+def _ours(press: Press, depth_mm: float, shift_mm: float, steps: int) -> list[State]:
+    state = press.start()
     for k in range(1, steps + 1):
         state = press.advance(state, Target(depth_mm=depth_mm * k / steps))
     states = [state]
@@ -90,7 +91,7 @@ def _inner_nodes(model: ShellModel) -> Index:
     return np.unique(mesh.cells[mesh.inner][:, np.intersect1d(INNER_FACE, C3D20)])
 
 
-def _deck(press: Press, inner: Index, depth_mm: float, shift_mm: float) -> str:
+def _deck(press: Press, inner: Index, depth_mm: float, shift_mm: float, increments: int) -> str:
     model = press.model
     mesh, law, surface = model.solid.mesh, model.solid.law, model.surface
     used = np.unique(mesh.cells[:, C3D20])
@@ -122,7 +123,12 @@ def _deck(press: Press, inner: Index, depth_mm: float, shift_mm: float) -> str:
     lines += ["*BOUNDARY", "CLAMP, 1, 3", "MIRROR, 2, 2"]
     for shift in (0.0, shift_mm):
         move = press.frame @ np.array([-depth_mm, shift, 0.0])
-        lines += ["*STEP, NLGEOM, INC=200", "*STATIC", f"{INCREMENT}, 1., 1e-4, {INCREMENT}", "*BOUNDARY"]
+        lines += [
+            "*STEP, NLGEOM, INC=200",
+            "*STATIC",
+            f"{1 / increments:.6g}, 1., 1e-4, {1 / increments:.6g}",
+            "*BOUNDARY",
+        ]
         lines += [f"PLANE, {i + 1}, {i + 1}, {move[i]:.12g}" for i in range(3)]
         lines += ["*NODE PRINT, NSET=INNER, FREQUENCY=1000", "U"]
         lines += ["*NODE PRINT, NSET=CLAMP, TOTALS=ONLY, FREQUENCY=1000", "RF", "*END STEP"]

@@ -101,8 +101,9 @@ def level_3_section(half: bool, tilts_deg: tuple[float, ...]) -> str:
         )  # fmt: skip
     return (
         f"## Level 3 against level 2, {'half' if half else 'whole'} shell\n\n`data` mesh, trained at friction 1, "
-        f"judged on another path at friction {UNSEEN_FRICTION:g}; errors of markers where N >= {ABOVE_N:g} N and level 3 answered. Rates in states a "
-        "second of processor time, fall-backs included, on a machine shared with others: trust the ratio.\n\n"
+        f"judged on another path at friction {UNSEEN_FRICTION:g}; errors of markers where N >= {ABOVE_N:g} N and level "
+        "3 answered. Rates in states a second of processor time, fall-backs included, on a machine shared with others: "
+        "trust the ratio.\n\n"
     ) + table(
         ("tilt", "elements", "training", "mean error", "95 %", "mean estimate", "fall-backs", "level 3, states/s",
          "level 2", "ratio"), rows,

@@ -15,7 +15,8 @@ from sensing.calibrate import MountPrior, calibrate_from_dots
 from sensing.calibrate_board import BoardView, _grouped_jacobian, calibrate_from_board
 from sensing.calibrate_cli import main
 from sensing.calibrate_dots import CalibrationError, find_dots, pattern_points, read_dots
-from sensing.camera_model import FisheyeCamera, MountedCamera, mount, rotation_matrix
+from sensing.camera_model import FisheyeCamera
+from sensing.camera_mount import MountedCamera, mount, rotation_matrix
 from sensing.camera_nominal import nominal_lens, nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_cli import main as render

@@ -16,7 +16,7 @@ import pytest
 
 from cad.dots import dot_pattern
 from cad.errors import FileError, ParameterError
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator import data_request, dataset, protocols
 from sensing.simulator.__main__ import main

@@ -165,10 +165,6 @@ class Simulator:
             self._samplers[azimuth_deg] = self.surface.sampler(dot_directions(self.geometry), azimuth_deg)
         return self._samplers[azimuth_deg].sample(state.surface_mm)
 
-    def forget(self) -> None:
-        """Drop the stored tangents: what follows depends on its own scenes alone, not on those solved before."""
-        self._tangents.clear()
-
     def _answer(self, press: Press, state: State, level: int) -> SceneState:
         patch = contact_patch(press.model, state)
         if press.model.half:

@@ -130,6 +130,8 @@ class RenderSettings:
         mesh: grid cells across the surface.
         texels: width of the painted texture.
         supersample: rendered pixels per image pixel and axis.
+        cell: pixels between the points at which the surface is traced (1: at every pixel); folds are always traced at
+            every pixel.
         blur_frames: images averaged over the exposure when there is motion.
         fresh_noise: draw every frame's noise anew; otherwise read it at a random place of a table (faster).
         paint: see :class:`Paint`.
@@ -145,6 +147,7 @@ class RenderSettings:
     mesh: int = 96
     texels: int = 1280
     supersample: int = 1
+    cell: int = 8
     blur_frames: int = 4
     fresh_noise: bool = False
     paint: Paint = field(default_factory=Paint)
@@ -169,10 +172,10 @@ class RenderSettings:
 
 
 LEVELS: dict[str, dict[str, int | bool]] = {
-    "draft": {"mesh": 48, "texels": 640, "supersample": 1, "blur_frames": 2, "fresh_noise": False},
-    "data": {"mesh": 96, "texels": 1280, "supersample": 1, "blur_frames": 4, "fresh_noise": False},
-    "fine": {"mesh": 128, "texels": 2048, "supersample": 2, "blur_frames": 6, "fresh_noise": True},
-    "reference": {"mesh": 256, "texels": 4096, "supersample": 4, "blur_frames": 16, "fresh_noise": True},
+    "draft": {"mesh": 48, "texels": 640, "supersample": 1, "cell": 8, "blur_frames": 2, "fresh_noise": False},
+    "data": {"mesh": 96, "texels": 1280, "supersample": 1, "cell": 8, "blur_frames": 4, "fresh_noise": False},
+    "fine": {"mesh": 128, "texels": 2048, "supersample": 2, "cell": 4, "blur_frames": 6, "fresh_noise": True},
+    "reference": {"mesh": 256, "texels": 4096, "supersample": 4, "cell": 1, "blur_frames": 16, "fresh_noise": True},
 }
 
 _RANGES: dict[str, tuple[float, float]] = {
@@ -180,6 +183,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "mesh": (8, 1024),
     "texels": (64, 8192),
     "supersample": (1, 8),
+    "cell": (1, 32),
     "blur_frames": (1, 256),
     "unpainted": (0, 1),
     "missing": (0, 1),

@@ -36,6 +36,8 @@ def camera_part(params: EndcapParams) -> Part:
     """Build the camera's envelope (the same at every size)."""
     from build123d import Box, Cylinder, Pos
 
+    from cad.solids import one_solid
+
     seat = base.CAMERA_SEAT_Z_MM
     front = seat + BOARD_THICKNESS_MM
     rim = params.camera_height_mm - PUPIL_TO_HEAD_MM
@@ -51,7 +53,7 @@ def camera_part(params: EndcapParams) -> Part:
         Pos(0, 0, rim - HEAD_HEIGHT_MM / 2) * Cylinder(HEAD_RADIUS_MM, HEAD_HEIGHT_MM),
         _glass(rim),
     ]
-    return Part("camera", "bought", "camera module", base.one_solid("camera", board + bodies), (0.10, 0.32, 0.60))
+    return Part("camera", "bought", "camera module", one_solid(board + bodies, "camera"), (0.10, 0.32, 0.60))
 
 
 def _glass(rim_z: float) -> Shape:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from build123d import Solid
 
+from cad.fasteners import ScrewJoint
 from cad.jigsaw import Tab, sector_prisms
 from cad.mold_layout import MoldLayout, rotated
 from cad.outlines import common, disc, polygon, rectangle, upright
@@ -21,7 +22,36 @@ PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
 PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
 PIN_DEPTH_MM = 4.5
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
+FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 COLOR = (0.36, 0.56, 0.80)
+
+
+def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
+    """The bolts that close the mold, by the pair of segments that each one ties."""
+    joints = []
+    for azimuth in layout.bolt_azimuths_deg:
+        bowl, collar = (
+            next(k + 1 for k, seam in enumerate(seams) if (azimuth - seam) % 360.0 < 120.0)
+            for seams in (layout.bowl_seams_deg, layout.collar_seams_deg)
+        )
+        pair = (f"cup_collar_{collar}", f"cup_bowl_{bowl}")
+        joints.append(
+            ScrewJoint(
+                f"{pair[0]}_to_{pair[1][4:]}",
+                "cup",
+                "screw_m4",
+                "ISO 4762 cap screw, steel",
+                "casting",
+                (rotated((layout.bolt_circle_radius_mm, 0), azimuth),),
+                True,
+                pair[0],
+                pair,
+                pair[1],
+                "loose nut",
+                1,
+            )
+        )
+    return tuple(joints)
 
 
 def bowl_body(layout: MoldLayout) -> Solid:
@@ -80,17 +110,22 @@ def collar_body(layout: MoldLayout) -> Solid:
 def cup_parts(layout: MoldLayout, bowl: Solid, collar: Solid) -> list[Part]:
     """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``."""
     outer = layout.params.outer_radius_mm
-    flange_tab = Tab(along_mm=outer + 13.0, radius_mm=3.5, beyond_mm=2.2)
+    on_flange = flange_tab(layout)
     foot_tab = Tab(along_mm=0.45 * outer, radius_mm=5.0, beyond_mm=3.2)
     halves = [
-        ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, flange_tab)),
-        ("cup_collar", collar, layout.collar_seams_deg, (flange_tab,)),
+        ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, on_flange)),
+        ("cup_collar", collar, layout.collar_seams_deg, (on_flange,)),
     ]
     return [
         Part(f"{stem}_{k + 1}", "printed", "PLA", one_solid(body.intersect(prism), f"{stem}_{k + 1}"), COLOR)
         for stem, body, seams, tabs in halves
         for k, prism in enumerate(sector_prisms(layout, seams, tabs))
     ]
+
+
+def flange_tab(layout: MoldLayout) -> Tab:
+    """The tab in the bolt flanges of bowl and collar."""
+    return Tab(along_mm=layout.params.outer_radius_mm + FLANGE_TAB_OFFSET_MM, radius_mm=3.5, beyond_mm=2.2)
 
 
 def _gusset(top: float, flange: float, piston: float) -> list[tuple[float, float]]:

@@ -31,6 +31,8 @@ def ring_spacer_part(params: EndcapParams) -> Part:
     """Build the ring spacer (the same at every size)."""
     from build123d import Axis, Box, Face, Pos, Rot, Wire, revolve
 
+    from cad.solids import one_solid
+
     profile = [
         (INNER_RADIUS_MM, 0, -base.RECESS_DEPTH_MM),
         (base.RECESS_FLOOR_RADIUS_MM - CLEARANCE_MM, 0, -base.RECESS_DEPTH_MM),
@@ -46,4 +48,4 @@ def ring_spacer_part(params: EndcapParams) -> Part:
         Pos((low_x + NOTCH_OUTER_RADIUS_MM) / 2, 0, (NOTCH_FLOOR_Z_MM + top_z) / 2)
         * Box(NOTCH_OUTER_RADIUS_MM - low_x, NOTCH_WIDTH_MM, top_z - NOTCH_FLOOR_Z_MM)
     )
-    return Part("ring_spacer", "printed", "PLA", base.one_solid("ring_spacer", ring - notch), (0.96, 0.84, 0.36))
+    return Part("ring_spacer", "printed", "PLA", one_solid(ring - notch, "ring_spacer"), (0.96, 0.84, 0.36))

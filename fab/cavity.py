@@ -24,6 +24,7 @@ BALANCE_RATIO = 5e-4
 WALL_ERROR_MM = 0.02
 OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfaces,
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
+FACETS = 256  # on a circle: 0.01 mm of chord, well under the two lengths above
 WALL_SAMPLES = 3000
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
@@ -58,7 +59,7 @@ def cavity_body(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> ma
     """The space between the pieces of cup and core above the flange, with what of the joints lies next to it."""
     params = layout.params
     centre = [0.0, 0.0, params.centre_height_mm]
-    ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, 512).translate(centre)
+    ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, FACETS).translate(centre)
     space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
     bodies = [to_manifold(mesh) for mesh in pieces.values()]
     return manifold3d.Manifold.batch_boolean([space, *bodies, _core_filler(layout)], manifold3d.OpType.Subtract)
@@ -131,13 +132,14 @@ def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
     params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
     radius, centre = params.inner_radius_mm - INSIDE_MM, params.centre_height_mm
     start = max(layout.neck_radius_mm - INSIDE_MM, 0.0)
-    heights = np.linspace(params.flange_thickness_mm - 1.0, centre + radius, 720)
+    floor = params.flange_thickness_mm - 1.0
+    heights = centre + radius * np.sin(np.linspace(np.arcsin((floor - centre) / radius), np.pi / 2, FACETS))
     cone = start + np.maximum(0.0, heights - params.flange_thickness_mm) / slope
     sphere = np.sqrt(np.maximum(0.0, radius**2 - (heights - centre) ** 2))
     outline = np.column_stack([np.minimum(cone, sphere), heights])
     closed = [(0.0, heights[0]), *map(tuple, outline), (0.0, heights[-1])]
     section = manifold3d.CrossSection([np.array(closed)], manifold3d.FillRule.Positive)
-    return manifold3d.Manifold.revolve(section, 512)
+    return manifold3d.Manifold.revolve(section, FACETS)
 
 
 def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:

@@ -56,12 +56,11 @@ def whole_folder(final: Path) -> Iterator[Path]:
         shutil.rmtree(retired, ignore_errors=True)
 
 
-def write_meshes(design: Design, folder: Path) -> list[str]:
-    """Write ``<part>.stl`` for every printed or cast part; returns the parts' names."""
-    names = [name for name, part in design.parts.items() if part.role != "bought"]
-    for name in names:
-        write_stl(folder / f"{name}.stl", design.meshes[name])
-    return names
+def write_meshes(design: Design, folder: Path) -> None:
+    """Write ``<part>.stl`` for every printed or cast part."""
+    for name, part in design.parts.items():
+        if part.role != "bought":
+            write_stl(folder / f"{name}.stl", design.meshes[name])
 
 
 def write_solids(design: Design, folder: Path) -> None:
@@ -93,7 +92,7 @@ def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
             data = re.sub(rb'UUID="[0-9a-f-]{36}"', fixed, source.read(member))
             info = ZipInfo(member)
             info.compress_type = ZIP_DEFLATED
-            archive.writestr(info, data)
+            archive.writestr(info, data, compresslevel=1)  # a third of the time of 6
 
 
 def write_assemblies(design: Design, folder: Path) -> None:
@@ -111,13 +110,18 @@ def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
     return exploded_offsets(spans, EXPLODED_GAP_MM)
 
 
-def write_pictures(design: Design, folder: Path) -> None:
-    """Write ``exploded.png``, ``section.png`` and ``parts.png``."""
+def picture_items(design: Design) -> tuple[list[PictureItem], list[PictureItem]]:
+    """What the pictures show: the endcap's parts from the tip down, with their displacements; and all parts."""
     offsets = _offsets(design)
     product = [_item(design, name, offsets[name]) for name in sorted(PRODUCT, key=lambda n: -offsets[n][2])]
+    return product, [_item(design, name) for name in design.parts]
+
+
+def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem], folder: Path) -> None:
+    """Write ``exploded.png``, ``section.png`` and ``parts.png``."""
     render_exploded(product, folder / "exploded.png")
     render_section(product, folder / "section.png")
-    render_parts([_item(design, name) for name in design.parts], folder / "parts.png")
+    render_parts(parts, folder / "parts.png")
 
 
 def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str, object]:
@@ -144,6 +148,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
     shared = sorted(path for path in folder.iterdir() if path.stem not in design.parts)
     return {
         "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
+        "joint_clearance_mm": design.layout.joint_clearance_mm,
         "digest": design.params.digest,
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from scipy.ndimage import label
 
-from cad.interface import zone_radii_mm, zone_volume_mm3
+from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.check import Check
 from fab.gyroid import DENSITY, WALL_MM, volume_above
@@ -94,6 +94,7 @@ def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3
     inner, outer = zone_radii_mm(params)
     margin = 2 * WALL_MM
     clear = (radius > inner + margin) & (radius < outer - margin)
+    clear &= np.hypot(centres[:, 0], centres[:, 1]) > zone_clip_radius_mm(params) + margin
     clear &= (centres[:, 2] > params.flange_thickness_mm + margin) & (centres[:, 2] < params.interlock_top_mm - margin)
     normals = mesh.face_normals
     body = to_manifold(mesh)
@@ -125,13 +126,14 @@ def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VO
 def closed_face_share(params: EndcapParams, cast: CastSpace) -> float:
     """Largest share of TPU on a tenth of the zone's inner, outer or top face, within a wall's depth under it."""
     inner, outer = zone_radii_mm(params)
-    zone = (cast.radius > inner) & (cast.radius < outer) & (cast.height < params.interlock_top_mm)
+    x, y = cast.box.axis(0), cast.box.axis(1)
+    off_axis, clip = np.hypot(x[:, None], y[None, :])[..., None], zone_clip_radius_mm(params)
+    zone = (cast.radius > inner) & (cast.radius < outer) & (cast.height < params.interlock_top_mm) & (off_axis > clip)
     faces = (
-        zone & (cast.radius < inner + WALL_MM),
+        zone & ((cast.radius < inner + WALL_MM) | (off_axis < clip + WALL_MM)),
         zone & (cast.radius > outer - WALL_MM),
         zone & (cast.height > params.interlock_top_mm - WALL_MM),
     )
-    x, y = cast.box.axis(0), cast.box.axis(1)
     azimuth = np.arctan2(y[None, :], x[:, None]) / (2 * np.pi) % 1.0
     sector = np.minimum((azimuth * _SECTORS).astype(np.int64), _SECTORS - 1).ravel()  # of each column
     worst = 0.0

@@ -11,7 +11,9 @@ Notes:
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import manifold3d
@@ -59,29 +61,21 @@ def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh
     from OCP.BRep import BRep_Tool
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
-    from OCP.TopAbs import TopAbs_REVERSED
+    from OCP.StlAPI import StlAPI_Writer
     from OCP.TopLoc import TopLoc_Location
 
     BRepTools.Clean_s(solid.wrapped)
     BRepMesh_IncrementalMesh(solid.wrapped, tolerance_mm, False, angle_rad, True)
-    points: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
-    count = 0
-    for face in solid.faces():
-        location = TopLoc_Location()
-        patch = BRep_Tool.Triangulation_s(face.wrapped, location)
-        if patch is None:
-            raise GeometryError("a face of the solid could not be triangulated: check the solid with BRepCheck")
-        transform = location.Transformation()
-        nodes = np.array([patch.Node(i).Transformed(transform).Coord() for i in range(1, patch.NbNodes() + 1)])
-        corners = np.array([patch.Triangle(i).Get() for i in range(1, patch.NbTriangles() + 1)], dtype=np.int64) - 1
-        if face.wrapped.Orientation() == TopAbs_REVERSED:
-            corners = corners[:, ::-1]
-        points.append(nodes)
-        triangles.append(corners + count)
-        count += len(nodes)
+    if any(BRep_Tool.Triangulation_s(face.wrapped, TopLoc_Location()) is None for face in solid.faces()):
+        raise GeometryError("a face of the solid could not be triangulated: check the solid with BRepCheck")
+    with TemporaryDirectory() as folder:  # a file is the one quick way out of the kernel: ten times that of its nodes
+        path = Path(folder) / "solid.stl"
+        writer = StlAPI_Writer()
+        writer.ASCIIMode = False
+        writer.Write(solid.wrapped, str(path))
+        corners = _stl_corners(path).astype(np.float64)
     # Two faces may give a shared node as 1e-14 and 2e-14: equal at a nanometre, not in float32.
-    return weld(np.round(np.concatenate(points), 6), np.concatenate(triangles))
+    return weld(np.round(corners, 6), np.arange(len(corners)).reshape(-1, 3))
 
 
 def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
@@ -138,12 +132,25 @@ def read_stl(path: Path) -> trimesh.Trimesh:
     Raises:
         FileError: the file is no binary STL, or is cut short.
     """
+    corners = _stl_corners(path)
+    return weld(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+def _stl_corners(path: Path) -> np.ndarray:
+    """Corners (3 n, 3), float32, of the n triangles of a binary STL."""
     data = path.read_bytes()
     count = struct.unpack("<I", data[80:84])[0] if len(data) >= 84 else 0
     if count == 0 or len(data) != 84 + count * _STL_RECORD.itemsize:
         raise FileError(f"{path}: not a whole binary STL ({len(data)} bytes): export it again")
-    corners = np.frombuffer(data, dtype=_STL_RECORD, offset=84)["corners"].reshape(-1, 3)
-    return weld(corners, np.arange(len(corners)).reshape(-1, 3))
+    return np.frombuffer(data, dtype=_STL_RECORD, offset=84)["corners"].reshape(-1, 3)
+
+
+def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Several meshes as one, faces in order; nothing is welded."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    corners = [np.asarray(mesh.faces) + start for mesh, start in zip(meshes, starts, strict=True)]
+    points = np.concatenate([np.asarray(mesh.vertices) for mesh in meshes])
+    return trimesh.Trimesh(points, np.concatenate(corners), process=False, validate=False)
 
 
 def to_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:

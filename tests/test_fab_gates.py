@@ -11,6 +11,10 @@ import trimesh
 from build123d import Solid
 
 from cad.hanger import SCREW_HOLE_RADIUS_MM, hanger_part
+from cad.jigsaw import sector_prisms
+from cad.mold_cup import bowl_body, flange_tab
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
 from cad.part import Part
 from cad.solids import cut_holes, drill, one_solid
 from fab.cavity import balance_check, cavity_body, leak_check, trapped_air_check, wall_check
@@ -138,6 +142,19 @@ def test_the_thinnest_wall_is_found(wall_mm):
     assert check.ok == (wall_mm >= 0.8)
 
 
+def test_no_sliver_stands_where_a_jigsaw_tab_meets_the_highest_dam(monkeypatch):
+    layout = MoldLayout(EndcapParams(130, 13))
+    bowl = bowl_body(layout)
+
+    def wall_mm() -> float:
+        prism = sector_prisms(layout, layout.bowl_seams_deg, (flange_tab(layout),))[0]
+        return min_wall_check("bowl", tessellate(one_solid(bowl.intersect(prism), "bowl"), 0.03)).value
+
+    assert wall_mm() > 2
+    monkeypatch.setattr("cad.mold_cup.FLANGE_TAB_OFFSET_MM", 13.0)
+    assert wall_mm() < 0.6
+
+
 def test_the_bed_is_the_smallest_square_in_any_turn():
     assert bed_check("box", box(100, 100, 50)).value == pytest.approx(100.0)
     turned = box(300, 10, 10)
@@ -204,16 +221,16 @@ def test_the_cavity_balances_and_a_core_that_is_not_pressed_home_does_not(releas
     assert not balance_check(layout, lifted, outside, closed).ok
 
 
-def test_a_leak_grows_with_the_cube_of_the_gap_and_fails_at_half_a_millimetre(released_mold):
+def test_a_leak_grows_with_the_cube_of_the_gap_and_fails_at_0_3_mm(released_mold):
     layout = released_mold[0]
     volume = 2e5
-    tight, wide = leak_check(layout, volume), leak_check(dataclasses.replace(layout, joint_clearance_mm=0.5), volume)
+    tight, wide = leak_check(layout, volume), leak_check(dataclasses.replace(layout, joint_clearance_mm=0.3), volume)
     assert tight.ok and not wide.ok
-    assert wide.value / tight.value == pytest.approx((0.5 / 0.15) ** 3)
-    # closed form at 0.5 mm, SI: g^3 rho g h / (12 mu l) * joint length * time, over the pour
+    assert wide.value / tight.value == pytest.approx((0.3 / 0.15) ** 3 * 6 / 7)  # a wide joint has a thicker wall
+    # closed form at 0.3 mm, SI: g^3 rho g h / (12 mu l) * joint length * time, over the pour
     params = layout.params
     head = 1240 * 9.81 * (params.tip_height_mm - 6.0) * 1e-3
-    flow = 0.5e-3**3 * head / (12 * 35 * 6e-3) * 3 * math.pi / 2 * 65e-3
+    flow = 0.3e-3**3 * head / (12 * 35 * 7e-3) * 3 * math.pi / 2 * 65e-3
     assert wide.value == pytest.approx(flow * 2700 / (volume * 1e-9), rel=1e-9)
 
 

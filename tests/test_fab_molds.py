@@ -87,7 +87,8 @@ def test_manifest_names_every_part_with_its_figures(written):
             assert part["files"] == {}
             continue
         assert part["watertight"] is True and part["self_intersections"] == 0
-        assert set(part["files"]) == {f"{name}.stl", f"{name}.step", f"{name}.3mf"}
+        project = {f"{name}.3mf"} if part["role"] == "printed" else set()
+        assert set(part["files"]) == {f"{name}.stl", f"{name}.step"} | project
         assert (folder / f"{name}.stl").stat().st_size == 84 + 50 * part["triangles"]
 
 
@@ -201,13 +202,13 @@ class Inline(Executor):
 @pytest.fixture
 def stub(monkeypatch):
     """Everything after the design replaced by writers of one small file, and one gate that holds."""
-    design = SimpleNamespace(meshes={"shell": None}, parts={})
+    design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
     monkeypatch.setattr("fab.design.build_design", lambda *_: design)
-    monkeypatch.setattr(
-        "fab.exports.write_meshes", lambda _, folder: (folder / "shell.stl").write_text("s") and ["shell"]
-    )
+    monkeypatch.setattr("fab.exports.write_meshes", lambda _, folder: (folder / "hanger.stl").write_text("s"))
     monkeypatch.setattr("fab.exports.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
-    for name in ("write_solids", "write_assemblies", "write_pictures"):
+    monkeypatch.setattr("fab.exports.picture_items", lambda _: ([], []))
+    monkeypatch.setattr("fab.exports.write_pictures", lambda _, __, folder: (folder / "parts.png").write_text("png"))
+    for name in ("write_solids", "write_assemblies"):
         monkeypatch.setattr(f"fab.exports.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
     monkeypatch.setattr("fab.exports.manifest", lambda *_: {})
     monkeypatch.setattr("fab.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])

@@ -1,0 +1,136 @@
+"""Contact: the stated rate holds on noise of several kinds; places and friction against closed forms."""
+
+import numpy as np
+import pytest
+
+from cad.errors import ParameterError
+from cad.params import EndcapParams
+from sensing.camera_nominal import nominal_mount
+from sensing.contact import ContactDetector, ContactThreshold, autocorrelation_time, threshold_from_rest
+from sensing.contact_place import friction_use, patch_centre_px, place_on_dome, pressure_centre
+from sensing.records import ShearField, Wrench
+
+PARAMS = EndcapParams(130, 8)
+
+
+def noise(kind, count, rng):
+    if kind == "correlated":
+        white = rng.normal(size=(count + 200, 3))
+        out = np.zeros_like(white)
+        for k in range(1, len(white)):
+            out[k] = 0.9 * out[k - 1] + np.sqrt(1 - 0.81) * white[k]
+        return 0.03 * out[200:]
+    if kind == "offset":
+        return rng.normal(size=(count, 3)) * [0.01, 0.02, 0.05] + [0.1, 0, 0]
+    return rng.laplace(size=(count, 3)) * 0.02
+
+
+@pytest.mark.parametrize("kind", ["offset", "correlated", "laplace"])
+@pytest.mark.parametrize(("count", "rate"), [(600, 1e-3), (4000, 1e-2)])
+def test_stated_rate_holds_with_the_stated_confidence(kind, count, rate):
+    """Many intervals: at most a few in twenty may give a threshold whose true rate is above the stated one."""
+    rng = np.random.default_rng(7)
+    fresh = np.linalg.norm(noise(kind, 200_000 if kind != "correlated" else 60_000, rng), axis=1)
+    if count == 600 and kind == "correlated":
+        count = 4000
+    rates = [np.mean(fresh >= threshold_from_rest(noise(kind, count, rng), rate).on_n) for _ in range(20)]
+    assert np.sum(np.array(rates) > rate) <= 4  # 5 % expected of each: P(more than 4 of 20) is 0.3 %
+    assert np.mean(rates) > rate / 200  # and the threshold is not absurdly high
+
+
+def test_order_statistic_is_used_when_there_are_samples_enough():
+    rng = np.random.default_rng(0)
+    many = threshold_from_rest(rng.normal(size=(20000, 3)), 1e-2)
+    few = threshold_from_rest(rng.normal(size=(200, 3)), 1e-2)
+    assert not many.extrapolated and few.extrapolated
+    from scipy import stats
+
+    exact = np.sqrt(stats.chi2.isf(1e-2, 3))
+    assert exact < many.on_n < 1.03 * exact
+    assert few.on_n > exact
+
+
+def test_autocorrelation_time_of_a_first_order_process():
+    rng = np.random.default_rng(1)
+    x = np.zeros(60000)
+    for k, e in enumerate(rng.normal(size=len(x) - 1), 1):
+        x[k] = 0.8 * x[k - 1] + e
+    assert autocorrelation_time(x) == pytest.approx(9.0, rel=0.15)  # (1 + a) / (1 - a)
+    assert autocorrelation_time(rng.normal(size=60000)) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("forces", "rate", "said"),
+    [
+        (np.zeros((100, 2)), 1e-3, "shape"),
+        (np.full((100, 3), np.nan), 1e-3, "finite"),
+        (np.zeros((5, 3)), 1e-3, "longer"),
+        (np.zeros((0, 3)), 1e-3, "longer"),
+        (np.ones((100, 3)), 0.5, "outside"),
+    ],
+)
+def test_bad_intervals_are_named(forces, rate, said):
+    with pytest.raises(ParameterError, match=said):
+        threshold_from_rest(forces, rate)
+
+
+def wrench(force, time_s=0.0, torque=(0, 0, 0)):
+    return Wrench(time_s, np.array(force, float), np.array(torque, float))
+
+
+def test_hysteresis_and_unusable_frames():
+    detector = ContactDetector(ContactThreshold(1.0, 0.5, 1e-3, 100, False))
+    forces = [0.9, 1.0, 0.6, np.nan, 0.5, 0.49, 0.9]
+    states = [detector.update(wrench([f, 0, 0], k)) for k, f in enumerate(forces)]
+    assert [s.touching for s in states] == [False, True, True, True, True, False, False]
+    assert [s.known for s in states] == [True, True, True, False, True, True, True]
+    assert [s.since_s for s in states] == [0, 1, 1, 1, 1, 5, 5]
+    with pytest.raises(ParameterError, match="off_n=2"):
+        ContactThreshold(1.0, 2.0, 1e-3, 1, False)
+
+
+def test_pressure_centre_of_a_force_at_a_point():
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        outward = rng.normal(size=3)
+        outward /= np.linalg.norm(outward)
+        touch = PARAMS.outer_radius_mm * outward + [0, 0, PARAMS.centre_height_mm]
+        side = np.cross(outward, rng.normal(size=3))
+        force = -5 * outward + 3 * side / np.linalg.norm(side)
+        spin = 0.02 * force / np.linalg.norm(force)
+        centre = pressure_centre(wrench(force, torque=np.cross(touch / 1000, force) + spin), PARAMS)
+        assert np.allclose(centre.position_mm, touch, atol=1e-9)
+        assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(0.02)
+        use = friction_use(wrench(force), centre, PARAMS, coefficient=0.6)
+        assert use.normal_n == pytest.approx(5) and use.tangential_n == pytest.approx(3) and use.state == "slip"
+        assert friction_use(wrench(force), centre, PARAMS, coefficient=1.0).state == "stick"
+        assert friction_use(wrench(force), centre, PARAMS).state == "unknown"
+
+
+def test_a_line_that_misses_the_sphere_and_no_force():
+    lever = np.array([80.0, 0, PARAMS.centre_height_mm])
+    centre = pressure_centre(wrench([0, 0, -1], torque=np.cross(lever / 1000, [0, 0, -1.0])), PARAMS)
+    assert centre.miss_mm == pytest.approx(15) and centre.position_mm[0] == pytest.approx(65)
+    assert np.isnan(pressure_centre(wrench([0, 0, 0]), PARAMS).position_mm).all()
+    assert np.isnan(pressure_centre(wrench([np.nan, 0, 0]), PARAMS).position_mm).all()
+
+
+@pytest.mark.parametrize("shape", [(30, 30), (48, 36)])
+def test_patch_centre_of_a_spreading_bump(shape):
+    at = np.array([120.0, 70.0])
+    y, x = ((np.mgrid[0 : shape[0], 0 : shape[1]] + 0.5).transpose(1, 2, 0) * 200 / np.array(shape) - 0.5).transpose(
+        2, 0, 1
+    )
+    bump = 0.05 * np.exp(-((x - at[0]) ** 2 + (y - at[1]) ** 2) / (2 * 25**2))
+    field = ShearField(0.0, np.stack([bump * (x - at[0]), bump * (y - at[1])]).astype(np.float32))
+    assert np.abs(patch_centre_px(field) - at).max() < 1.0
+    assert np.isnan(patch_centre_px(ShearField(0.0, np.zeros((2, 8, 8), np.float32)))).all()
+
+
+def test_place_on_the_dome_is_seen_where_it_was_asked():
+    mounted = nominal_mount(PARAMS)
+    for point in ([100.0, 100.0], [130.0, 80.0], [60.0, 99.0]):
+        place = place_on_dome(np.array(point), mounted, PARAMS)
+        assert np.linalg.norm(place - [0, 0, PARAMS.centre_height_mm]) == pytest.approx(65)
+        full = mounted.project(place)
+        assert np.allclose((full - [80, 0] + 0.5) * 200 / 480 - 0.5, point, atol=1e-6)

@@ -1,0 +1,156 @@
+"""The filter against an independent batch solution, closed-form signals, its own statistics, and abuse."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cad.errors import ParameterError
+from sensing.records import Wrench
+from sensing.wrench_filter import FilterConfig, WrenchFilter
+
+SIGMA = np.array([0.15] * 3 + [0.02] * 3)
+
+
+def wrench(value, time_s, covariance=None, frame="endcap"):
+    value = np.asarray(value, float)
+    covariance = np.full((6, 6), np.nan) if covariance is None else covariance
+    return Wrench(time_s, value[:3], value[3:], frame, covariance)
+
+
+def capture_times(rate_hz, count, rng, dropped=0.1):
+    times = np.cumsum(rng.normal(1 / rate_hz, 0.05 / rate_hz, count))
+    return times[(rng.uniform(size=count) > dropped) | (np.arange(count) == 0)]
+
+
+def test_filter_is_the_batch_gaussian_posterior():
+    """One axis, all times at once: prior covariance of the whole path from the model, conditioned on the data."""
+    rng = np.random.default_rng(0)
+    times = capture_times(30, 25, rng)
+    config = FilterConfig()
+    q, r, v0 = 300.0, 0.15**2, 50.0**2
+    data = np.cumsum(rng.normal(size=(len(times), 6)), axis=0) * SIGMA
+    tracker = WrenchFilter(config)
+    for t, row in zip(times, data, strict=True):
+        tracker.update(wrench(row, t))
+    now = times[-1] + 0.03
+    s = np.append(times, now) - times[0]
+    low = np.minimum.outer(s, s)
+    # integrated Brownian motion from rest, plus an unknown first rate, plus a flat (very wide) first value
+    prior = q * (low**2 * (np.add.outer(s, s) - low) / 2 - low**3 / 6) + v0 * np.outer(s, s) + 1e5
+    gram = prior[:-1, :-1] + r * np.eye(len(times))
+    weight = np.linalg.solve(gram, prior[:-1, -1])
+    told = tracker.at(now)
+    assert told.force_n[0] == pytest.approx(weight @ data[:, 0], abs=1e-4)
+    assert told.covariance[0, 0] == pytest.approx(prior[-1, -1] - weight @ prior[:-1, -1], rel=1e-3)
+
+
+@pytest.mark.parametrize("rate_hz", [30, 60, 120])
+def test_innovations_are_consistent_when_the_model_holds(rate_hz):
+    rng = np.random.default_rng(rate_hz)
+    found = []
+    for _ in range(20):
+        times = capture_times(rate_hz, 60, rng)
+        config = FilterConfig()
+        value, slope = np.zeros(6), config.start_rate * rng.normal(size=6)
+        tracker = WrenchFilter(config)
+        for k, t in enumerate(times):
+            if k:
+                dt = t - times[k - 1]
+                joint = np.linalg.cholesky(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
+                kick = (joint @ rng.normal(size=(2, 6))) * np.sqrt(config.acceleration)
+                value, slope = value + dt * slope + kick[0], slope + kick[1]
+            tracker.update(wrench(value + SIGMA * rng.normal(size=6), t))
+            if k:
+                found.append(tracker.nis)
+    total, freedom = np.sum(found), 6 * len(found)
+    low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], freedom)
+    assert low < total < high
+
+
+@pytest.mark.parametrize("rate_hz", [30, 120])
+def test_a_ramp_is_told_without_lag(rate_hz):
+    rng = np.random.default_rng(1)
+    slope = np.array([10, -5, 20, 0.3, 0.2, -0.1])
+    tracker = WrenchFilter()
+    times = capture_times(rate_hz, 3 * rate_hz, rng, dropped=0.2)
+    for t in times:
+        tracker.update(wrench(slope * t, t))
+    now = times[-1] + 0.08
+    told = tracker.at(now)
+    assert np.allclose(np.concatenate([told.force_n, told.torque_nm]), slope * now, atol=1e-3)
+
+
+@pytest.mark.parametrize("rate_hz", [30, 60, 120])
+@pytest.mark.parametrize("latency_s", [0.03, 0.06])
+def test_prediction_to_now_beats_holding_the_last_estimate(rate_hz, latency_s):
+    rng = np.random.default_rng(2)
+    times = capture_times(rate_hz, 4 * rate_hz, rng)
+    swing = np.array([8, 6, 10, 0.6, 0.5, 0.2])
+
+    def signal(t):
+        return swing * np.sin(2 * np.pi * 1.0 * t + np.arange(6))
+
+    tracker = WrenchFilter()
+    held, told = [], []
+    for t in times:
+        measured = signal(t) + SIGMA * rng.normal(size=6)
+        tracker.update(wrench(measured, t))
+        if t > 0.5:
+            answer = tracker.at(t + latency_s)
+            truth = signal(t + latency_s)
+            told.append(np.concatenate([answer.force_n, answer.torque_nm]) - truth)
+            held.append(measured - truth)
+    ratio = np.sqrt(np.mean(np.square(told), axis=0) / np.mean(np.square(held), axis=0))
+    assert (ratio[:3] < 0.6).all()
+
+
+def test_an_impact_is_followed_within_two_frames():
+    tracker = WrenchFilter()
+    for k in range(30):
+        tracker.update(wrench(np.zeros(6), k / 30))
+    jump = np.array([0, 0, -25.0, 0, 0, 0])
+    tracker.update(wrench(jump, 1.0))
+    after = tracker.update(wrench(jump, 1.0 + 1 / 30))
+    assert abs(after.force_n[2] + 25) < 1.0
+
+
+def test_late_missing_stale_and_gaps_are_said():
+    tracker = WrenchFilter()
+    assert "missing" in tracker.update(wrench(np.full(6, np.nan), 0.0)).flags
+    tracker.update(wrench(np.ones(6), 1.0))
+    assert "late" in tracker.update(wrench(np.full(6, 99.0), 0.9)).flags and tracker.late == 1
+    missing = tracker.update(wrench([np.inf, 0, 0, 0, 0, 0], 1.03))
+    assert "missing" in missing.flags and np.allclose(missing.force_n, 1)
+    assert "stale" not in tracker.at(1.1).flags and "stale" in tracker.at(1.3).flags
+    far = tracker.update(wrench(np.full(6, 5.0), 3.0))
+    assert np.allclose(far.force_n, 5.0) and np.isnan(tracker.nis)  # started anew
+    with pytest.raises(ParameterError, match="causal"):
+        tracker.at(2.0)
+    with pytest.raises(ParameterError, match="frame='ft'"):
+        tracker.update(wrench(np.zeros(6), 3.1, frame="ft"))
+    with pytest.raises(ParameterError, match="no estimate yet"):
+        WrenchFilter().at(0.0)
+    with pytest.raises(ParameterError, match="noise="):
+        FilterConfig(noise=np.zeros(6))
+
+
+def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():
+    rng = np.random.default_rng(5)
+    for _ in range(1000):
+        tracker = WrenchFilter()
+        t = float(rng.uniform(0, 1e6))
+        for _ in range(6):
+            t += float(10 ** rng.uniform(-7, 0.5))
+            size = 10 ** rng.uniform(-8, 8)
+            covariance = np.diag(10 ** rng.uniform(-20, 6, 6)) if rng.uniform() < 0.5 else np.full((6, 6), np.nan)
+            value = rng.normal(size=6) * size
+            if rng.uniform() < 0.2:
+                value[rng.integers(6)] = rng.choice([np.nan, np.inf])
+            tracker.update(wrench(value, t, covariance))
+            if not np.isnan(tracker._state).any() and tracker._last is not None:
+                told = tracker.at(t + float(rng.uniform(0, 0.3)))
+                assert np.isfinite(told.force_n).all() and np.isfinite(told.covariance).all()
+                assert (np.linalg.eigvalsh(told.covariance) > 0).all()
+        assert (np.isfinite(tracker._state).all() and (np.linalg.eigvalsh(tracker._covariance) > 0).all()) or (
+            tracker._last is None
+        )

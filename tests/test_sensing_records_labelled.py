@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import csv
+import errno
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -14,10 +16,15 @@ import numpy as np
 import pytest
 
 from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.authors_dataset import read_authors_dataset
 from sensing.export_dataset import export_dataset, main
 from sensing.records_labelled import COLUMNS, FORMAT, LabelledSet
 
 ROOT = Path(__file__).resolve().parent.parent
+MANIFEST = {
+    "format": FORMAT, "phases": ["approach", "load"], "request": {"diameter_mm": 130.0, "wall_mm": 8.0}
+}  # fmt: skip
 SHIFT_PX = 4  # of the loaded pictures, at 480 rows: 200 / 480 of it in the field's unit
 
 
@@ -32,7 +39,7 @@ def picture(shift_px: int) -> bytes:
 def folder(tmp_path: Path) -> Path:
     """Ten paths of two frames, in two shards."""
     (tmp_path / "shards").mkdir()
-    (tmp_path / "manifest.json").write_text(json.dumps({"format": FORMAT, "phases": ["approach", "load"]}))
+    (tmp_path / "manifest.json").write_text(json.dumps(MANIFEST))
     for shard in range(2):
         path = np.repeat(np.arange(5) + 5 * shard, 2)
         columns = {name: np.zeros(10) for name in COLUMNS}
@@ -95,17 +102,57 @@ def test_reading_does_not_load_the_simulator() -> None:
     assert run.stdout.strip() == "[]"
 
 
-def test_the_authors_format(folder: Path, tmp_path_factory: pytest.TempPathFactory, capsys) -> None:
-    out = tmp_path_factory.mktemp("authors") / "set"
+def test_the_authors_format_comes_back_through_its_reader(folder: Path, tmp_path: Path) -> None:
+    """Sign and origin by hand: what the endcap does to the plane, about the sphere's centre (38.37 mm up)."""
+    out = tmp_path / "authors" / "set"
     assert export_dataset(LabelledSet(folder), out) == 20
-    with (out / "index.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    assert ast.literal_eval(rows[3]["wrench"]) == [-9, -10, -11, -0.1, -0.2, -0.3]
-    still, moved = (np.load(out / rows[k]["array_path"]) for k in (0, 1))
-    assert still.shape == moved.shape == (2, 30, 30) and moved.dtype == np.float32
+    back = read_authors_dataset(out)
+    assert back.fields.shape == (20, 2, 30, 30) and back.fields.dtype == np.float32
+    fx, fy, fz, arm_m = 9.0, 10.0, 11.0, 1e-3 * EndcapParams(130, 8).centre_height_mm
+    about_centre = [0.1 + arm_m * fy, 0.2 - arm_m * fx, 0.3]
+    assert back.wrenches[3] == pytest.approx([-fx, -fy, -fz, *(-t for t in about_centre)], rel=1e-6)
+    still, moved = back.fields[:2]
     assert np.abs(still).max() < 0.05
     assert np.median(moved[0]) == pytest.approx(SHIFT_PX * 200 / 480, rel=0.05) and abs(np.median(moved[1])) < 0.05
-    assert main(["--data", str(folder), "--out", str(out)]) == 2
-    assert "holds an index.csv already" in capsys.readouterr().err
-    assert main(["--data", str(out), "--out", str(out)]) == 2
-    assert "manifest.json: cannot read" in capsys.readouterr().err
+    with (out / "index.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["path"] for row in rows[::2]] == list("0123456789") and rows[1]["phase"] == "load"
+    assert export_dataset(LabelledSet(folder), tmp_path / "few", {7}) == 2
+
+
+def test_an_export_that_fails_is_one_line_and_leaves_nothing(folder: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "out"
+
+    def refused(data: Path, words: str) -> None:
+        assert main(["--data", str(data), "--out", str(out)]) == 2
+        error = capsys.readouterr().err
+        assert words in error and error.count("\n") == 1
+
+    refused(tmp_path / "none", "manifest.json: cannot read")
+    (folder / "manifest.json").write_text(json.dumps({**MANIFEST, "request": {}}))
+    refused(folder, "no design in it")
+    (folder / "manifest.json").write_text(json.dumps(MANIFEST))
+    with full_disk():
+        refused(folder, "cannot be written (No space left on device)")
+    file = folder / "shards" / "00001.npz"
+    file.write_bytes(file.read_bytes()[:-100])
+    refused(folder, "00001.npz: not a whole shard")
+    assert not list(tmp_path.glob("out*"))
+    out.write_text("")
+    refused(folder, "not an empty folder")
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """The fourth array finds no space."""
+    plain, calls = np.save, []
+
+    def save(path: Path, array: np.ndarray) -> None:
+        calls.append(path)
+        if len(calls) == 4:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        plain(path, array)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(np, "save", save)
+        yield

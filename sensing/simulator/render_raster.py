@@ -112,51 +112,72 @@ def draw(
         used).
     """
     height, width = transmission.shape
-    texels = texture.shape[0]
-    flat, stride = texture.ravel(), 4 * texels
+    flat, texels = texture.ravel(), texture.shape[0]
     scale, offset = np.float32(texels / (2 * extent)), np.float32(texels / 2 - 0.5)
-    most, share = np.float32(texels - 1.01), np.float32(1.0 / cell)
     out = np.zeros((height, width, 3), np.float32)
-    one, nil = np.float32(1), np.float32(0)
-    a0, a1, a2 = weights[0, 0], weights[0, 1], weights[0, 2]
-    s0, s1, s2 = weights[1, 0], weights[1, 1], weights[1, 2]
-    g0, g1, g2 = weights[2, 0], weights[2, 1], weights[2, 2]
     for y in range(height):
         gy = y // cell
-        low = np.float32(y - gy * cell) * share
+        low = np.float32(y - gy * cell) / np.float32(cell)
         for gx in range((width + cell - 1) // cell):
             begin, end = gx * cell, min(gx * cell + cell, width)
             if owner[gy, gx] < 0 or owner[gy, gx + 1] < 0 or owner[gy + 1, gx] < 0 or owner[gy + 1, gx + 1] < 0:
                 for x in range(begin, end):
-                    if transmission[y, x] > nil:
+                    if transmission[y, x] > np.float32(0):
                         return out, True
                 continue
-            column, du = _along(seen, 0, gy, gx, low, share)
-            row, dv = _along(seen, 1, gy, gx, low, share)
-            lit, dl = _along(seen, 2, gy, gx, low, share)
-            silicone, ds = _along(seen, 3, gy, gx, low, share)
-            bronze, dg = _along(seen, 4, gy, gx, low, share)
-            column, row, du, dv = column * scale + offset, row * scale + offset, du * scale, dv * scale
-            for x in range(begin, end):
-                passed = transmission[y, x]
-                m, n = min(max(row, nil), most), min(max(column, nil), most)
-                my, nx = np.int32(m), np.int32(n)
-                fy, fx = m - np.float32(my), n - np.float32(nx)
-                w11 = fy * fx
-                w10, w01 = fy - w11, fx - w11
-                w00 = one - fy - w01
-                p = np.uint64(my * stride + nx * 4)
-                q = p + np.uint64(stride)
-                ink = w00 * flat[p + U3] + w01 * flat[p + U7] + w10 * flat[q + U3] + w11 * flat[q + U7]
-                gloss, glint = silicone * (one - ink), bronze * ink
-                paint = w00 * flat[p] + w01 * flat[p + U4] + w10 * flat[q] + w11 * flat[q + U4]
-                out[y, x, 0] = passed * (paint * (lit + a0) + s0 * gloss + g0 * glint)
-                paint = w00 * flat[p + U1] + w01 * flat[p + U5] + w10 * flat[q + U1] + w11 * flat[q + U5]
-                out[y, x, 1] = passed * (paint * (lit + a1) + s1 * gloss + g1 * glint)
-                paint = w00 * flat[p + U2] + w01 * flat[p + U6] + w10 * flat[q + U2] + w11 * flat[q + U6]
-                out[y, x, 2] = passed * (paint * (lit + a2) + s2 * gloss + g2 * glint)
-                column, row, lit, silicone, bronze = column + du, row + dv, lit + dl, silicone + ds, bronze + dg
+            _draw_run(out, y, begin, end, seen, gy, gx, low, cell, flat, texels, scale, offset, transmission, weights)
     return out, False
+
+
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _draw_run(
+    out: Floats,
+    y: int,
+    begin: int,
+    end: int,
+    seen: Floats,
+    gy: int,
+    gx: int,
+    low: np.float32,
+    cell: int,
+    flat: Floats,
+    texels: int,
+    scale: np.float32,
+    offset: np.float32,
+    transmission: Floats,
+    weights: Floats,
+) -> None:
+    """The pixels of one row inside one cell, ``low`` of the way down it; ``out`` is changed."""
+    share, one, nil = np.float32(1.0 / cell), np.float32(1), np.float32(0)
+    stride, most = 4 * texels, np.float32(texels - 1.01)
+    a0, a1, a2 = weights[0, 0], weights[0, 1], weights[0, 2]  # read once: stores to ``out`` could change them
+    s0, s1, s2 = weights[1, 0], weights[1, 1], weights[1, 2]
+    g0, g1, g2 = weights[2, 0], weights[2, 1], weights[2, 2]
+    column, du = _along(seen, 0, gy, gx, low, share)
+    row, dv = _along(seen, 1, gy, gx, low, share)
+    lit, dl = _along(seen, 2, gy, gx, low, share)
+    silicone, ds = _along(seen, 3, gy, gx, low, share)
+    bronze, dg = _along(seen, 4, gy, gx, low, share)
+    column, row, du, dv = column * scale + offset, row * scale + offset, du * scale, dv * scale
+    for x in range(begin, end):
+        passed = transmission[y, x]
+        m, n = min(max(row, nil), most), min(max(column, nil), most)
+        my, nx = np.int32(m), np.int32(n)
+        fy, fx = m - np.float32(my), n - np.float32(nx)
+        w11 = fy * fx
+        w10, w01 = fy - w11, fx - w11
+        w00 = one - fy - w01
+        p = np.uint64(my * stride + nx * 4)
+        q = p + np.uint64(stride)
+        ink = w00 * flat[p + U3] + w01 * flat[p + U7] + w10 * flat[q + U3] + w11 * flat[q + U7]
+        gloss, glint = silicone * (one - ink), bronze * ink
+        paint = w00 * flat[p] + w01 * flat[p + U4] + w10 * flat[q] + w11 * flat[q + U4]
+        out[y, x, 0] = passed * (paint * (lit + a0) + s0 * gloss + g0 * glint)
+        paint = w00 * flat[p + U1] + w01 * flat[p + U5] + w10 * flat[q + U1] + w11 * flat[q + U5]
+        out[y, x, 1] = passed * (paint * (lit + a1) + s1 * gloss + g1 * glint)
+        paint = w00 * flat[p + U2] + w01 * flat[p + U6] + w10 * flat[q + U2] + w11 * flat[q + U6]
+        out[y, x, 2] = passed * (paint * (lit + a2) + s2 * gloss + g2 * glint)
+        column, row, lit, silicone, bronze = column + du, row + dv, lit + dl, silicone + ds, bronze + dg
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")

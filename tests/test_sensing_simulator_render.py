@@ -22,7 +22,8 @@ from sensing.simulator.render_sensor import pixel_values, signal_of, tone_table
 from sensing.simulator.render_settings import Lamp, Optics, Paint, RenderSettings, Sensor
 
 PARAMS = EndcapParams(130, 8)
-CLEAN = Paint(smeared=0, specks=0, jitter_mm=0, roughness=0, seams=False, unevenness=0, clouds=0)
+ROUND = {"smeared": 0, "roughness": 0, "unevenness": 0, "overflow": 0, "radius_scale": 1, "size_spread": 0}
+CLEAN = Paint(specks=0, jitter_mm=0, seams=False, clouds=0, **ROUND)
 PLAIN = RenderSettings(seed=3, mesh=64, texels=1024, paint=CLEAN)
 
 

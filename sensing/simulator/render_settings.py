@@ -29,7 +29,9 @@ class Paint:
         seams: draw the seams of the segmented core.
         jitter_mm: hand-painting scatter of the ink's centre about the dent (M: 0.3, 1 px on the photos).
         roughness: waviness of the ink's edge, fraction of the dot radius.
-        radius_scale: ink radius over dent radius.
+        overflow: fraction of dots whose ink ran over the dent's edge, more of them toward the rim (M: photos).
+        radius_scale: ink radius over dent radius (M: median area of the dots on the photos).
+        size_spread: standard deviation of that radius from dot to dot, relative (M: likewise).
         unevenness: how much the ink's tone varies inside a dot and between dots, 1 as on the photos.
         clouds: faint large-scale variation of the silicone's reflectance (E).
     """
@@ -43,7 +45,9 @@ class Paint:
     seams: bool = True
     jitter_mm: float = 0.2
     roughness: float = 0.06
-    radius_scale: float = 1.0
+    overflow: float = 0.5
+    radius_scale: float = 1.12
+    size_spread: float = 0.07
     unevenness: float = 1.0
     clouds: float = 0.012
 
@@ -104,7 +108,7 @@ class Sensor:
         exposure: factor on the light collected.
         gain: factor on the signal after the noise of the light.
         full_well_e: electrons at signal 1.
-        read_noise_e: electrons, Gaussian.
+        read_noise_e: electrons, Gaussian (M: the black corners of the photos are that quiet).
         gamma: signal to the power 1/gamma is the pixel value.
         black: pixel value of no light.
         sharpen: amount of the camera's unsharp mask, which leaves the pale halo round the dots (M: photos).
@@ -114,7 +118,7 @@ class Sensor:
     exposure: float = 1.0
     gain: float = 1.0
     full_well_e: float = 20000.0
-    read_noise_e: float = 12.0
+    read_noise_e: float = 3.0
     gamma: float = 2.2
     black: float = 7.0
     sharpen: float = 0.9
@@ -192,7 +196,9 @@ _RANGES: dict[str, tuple[float, float]] = {
     "specks": (0, 10000),
     "jitter_mm": (0, 5),
     "roughness": (0, 0.5),
+    "overflow": (0, 1),
     "radius_scale": (0.2, 2),
+    "size_spread": (0, 0.3),
     "unevenness": (0, 2),
     "clouds": (0, 0.2),
     "count": (1, 360),

@@ -53,7 +53,7 @@ def _fill(canvas: Canvas, at: Array, radius: float, paint: Paint, rng: np.random
     x, y = a - off * np.cos(heading), b - off * np.sin(heading)
     bottom = radius * (BOTTOM_SHARE + paint.unevenness * 0.08 * inner_wave) - np.hypot(x, y)
     flank = np.clip(0.5 - bottom / FLANK_SOFT_MM, 0, 1)
-    tone = 1 + paint.unevenness * rng.uniform(-0.3, 1.5)
+    tone = 1 + paint.unevenness * rng.uniform(-0.5, 1.1)
     uneven = paint.unevenness * (0.2 * x / radius + 0.2 * inner_wave * np.hypot(x, y) / radius)
     middle = np.array(INK) * (tone * np.clip(1 + uneven, 0.3, 2) * (1 - flank))[..., None]
     mix(window, middle + np.array(FLANK) * flank[..., None], np.clip(inside / texel + 0.5, 0, 1), 1 - flank)

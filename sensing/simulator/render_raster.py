@@ -125,30 +125,25 @@ def draw(
                     if transmission[y, x] > np.float32(0):
                         return out, True
                 continue
-            _draw_run(out, y, begin, end, seen, gy, gx, low, cell, flat, texels, scale, offset, transmission, weights)
+            run, corner = (y, begin, end), (gy, gx, low, np.float32(1.0 / cell))
+            _draw_run(out, run, seen, corner, flat, (texels, scale, offset), transmission, weights)
     return out, False
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _draw_run(
     out: Floats,
-    y: int,
-    begin: int,
-    end: int,
+    run: tuple[int, int, int],
     seen: Floats,
-    gy: int,
-    gx: int,
-    low: np.float32,
-    cell: int,
+    corner: tuple[int, int, np.float32, np.float32],
     flat: Floats,
-    texels: int,
-    scale: np.float32,
-    offset: np.float32,
+    lookup: tuple[int, np.float32, np.float32],
     transmission: Floats,
     weights: Floats,
 ) -> None:
-    """The pixels of one row inside one cell, ``low`` of the way down it; ``out`` is changed."""
-    share, one, nil = np.float32(1.0 / cell), np.float32(1), np.float32(0)
+    """Pixels begin..end of row y inside one cell, ``low`` of the way down it; ``out`` is changed."""
+    (y, begin, end), (gy, gx, low, share), (texels, scale, offset) = run, corner, lookup
+    one, nil = np.float32(1), np.float32(0)
     stride, most = 4 * texels, np.float32(texels - 1.01)
     a0, a1, a2 = weights[0, 0], weights[0, 1], weights[0, 2]  # read once: stores to ``out`` could change them
     s0, s1, s2 = weights[1, 0], weights[1, 1], weights[1, 2]

@@ -14,14 +14,14 @@ from cad.dots import dot_pattern
 from cad.errors import FileError
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from fab import build_sheet as command
-from fab.build_sheet_blocks import Document, Heading, Paragraph, Picture, Step, Table
-from fab.build_sheet_content import lowers
-from fab.build_sheet_dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
-from fab.build_sheet_html import write_html
-from fab.build_sheet_pdf import write_pdf
-from fab.build_sheet_pictures import fill_depth_mm, poured_mesh
-from fab.slice_projects import Export
+from fab.build_sheet import __main__ as command
+from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.casting import lowers
+from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.html import write_html
+from fab.build_sheet.pdf import write_pdf
+from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
+from fab.slice.projects import Export
 
 PARAMS = EndcapParams(130.0, 8.0)
 

@@ -20,7 +20,7 @@ from cad import ring_spacer
 from cad.led_placement import Placement
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
 from fab.check import Check
-from fab.led_copper import Pad
+from fab.led_ring.copper import Pad
 
 CLEARANCE_MM = 0.2
 WIDTH_MM = 0.2

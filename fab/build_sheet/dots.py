@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from cad.dots import DOT_RADIUS_MM, Dot, dot_pattern, dot_position_mm
 from cad.params import EndcapParams
-from fab.build_sheet_blocks import Drawing
+from fab.build_sheet.blocks import Drawing
 
 MARGIN_MM = 4.0
 DISC_PX = 331.0  # M: radius of the shell in a 640 x 480 frame

@@ -10,7 +10,7 @@ from shapely.affinity import rotate, scale, translate
 from shapely.geometry.base import BaseGeometry
 
 from cad.led_placement import azimuth_deg, unrolled
-from fab.led_copper import Copper
+from fab.led_ring.copper import Copper
 
 TEXT_MM = 0.9  # height of a capital
 LINE_MM = 0.15

@@ -22,8 +22,8 @@ from shapely.geometry.base import BaseGeometry
 
 from cad.errors import FileError
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
-from fab.led_copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
-from fab.led_silk import silk_shape
+from fab.led_ring.copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
+from fab.led_ring.silk import silk_shape
 
 OUTLINE_MM = 0.1  # width of the line that draws the board's edge
 MASK_GROWTH_MM = 0.05  # a side, opening of the solder mask round a pad

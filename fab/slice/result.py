@@ -13,11 +13,11 @@ from typing import Any
 
 from cad.params import EndcapParams
 from fab.check import Check
-from fab.slice_3mf import Project, write_orca, write_prusa
-from fab.slice_gcode import read_gcode
-from fab.slice_measure import PrintFigures, ZoneFigures, print_figures, zone_figures
-from fab.slice_run import ModelInfo, model_info, slice_to_gcode
-from fab.slice_settings import PrintSettings, Region
+from fab.slice.gcode import read_gcode
+from fab.slice.measure import PrintFigures, ZoneFigures, print_figures, zone_figures
+from fab.slice.project_3mf import Project, write_orca, write_prusa
+from fab.slice.run import ModelInfo, model_info, slice_to_gcode
+from fab.slice.settings import PrintSettings, Region
 
 FRACTION_TOLERANCE = 0.005  # of the zone's volume: 10 +- 0.5 %
 FRACTION = 0.10

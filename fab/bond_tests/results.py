@@ -20,7 +20,7 @@ import numpy as np
 from scipy import stats
 
 from cad.errors import FileError
-from fab.bond_files import Record
+from fab.bond_tests.files import Record
 
 KINDS = ("tensile", "peel")
 BOND_MM = 127.0  # S: ASTM D1876, 5 inches of bond line after the initial peak

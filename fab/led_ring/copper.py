@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cad.led_placement import LED_COUNT, MIDDLE_RADIUS_MM, Placement, placements, unrolled
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
-from fab.led_circuit import netlist
+from fab.led_ring.circuit import netlist
 
 VIA_PAD_MM = 0.7
 VIA_DRILL_MM = 0.3

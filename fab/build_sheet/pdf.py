@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from cad.errors import FileError
-from fab.build_sheet_blocks import Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.blocks import Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
 
 _HEAD = """\
 #set document(title: {title}, date: none)

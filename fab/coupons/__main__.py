@@ -97,7 +97,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
         FileError: the folder cannot be written.
     """
     from cad.coupons import coupon_parts
-    from fab.coupon_mesh import coupon_meshes
+    from fab.coupons.mesh import coupon_meshes
     from fab.exports import whole_folder
     from fab.render import PictureItem, render_parts
 
@@ -146,7 +146,7 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
     Raises:
         CouponChecksError: a check failed.
     """
-    from fab.coupon_checks import coupon_checks, solid_checks
+    from fab.coupons.checks import coupon_checks, solid_checks
     from fab.mesh import read_stl
 
     read = {name: read_stl(folder / f"{name}.stl") for name in parts}

@@ -16,9 +16,9 @@ from cad.params import EndcapParams
 from fab.molds import ROOT, ChecksFailedError, Progress, parse_length, parse_options
 
 if TYPE_CHECKING:
-    from fab.build_sheet_content import SheetData
-    from fab.build_sheet_pictures import Workshop
-    from fab.slice_projects import Export
+    from fab.build_sheet.data import SheetData
+    from fab.build_sheet.pictures import Workshop
+    from fab.slice.projects import Export
 
 DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports"), "material": DEFAULT_SILICONE}
 FOLDER = "sheet"
@@ -75,11 +75,11 @@ def make_sheet(params: EndcapParams, exports: Path, material: str = DEFAULT_SILI
     """
     from cad.materials import silicone
     from fab.bom import bom_csv
-    from fab.build_sheet_content import build_document
-    from fab.build_sheet_html import write_html
-    from fab.build_sheet_pdf import write_pdf
+    from fab.build_sheet.content import build_document
+    from fab.build_sheet.html import write_html
+    from fab.build_sheet.pdf import write_pdf
     from fab.exports import whole_folder
-    from fab.slice_projects import read_export
+    from fab.slice.projects import read_export
 
     silicone(material)
     export = read_export(params, exports)
@@ -127,8 +127,8 @@ def _collect(
 ) -> tuple[SheetData, dict[str, Any]]:
     """Measure, gate and draw; returns the sheet's data and its own record."""
     from fab.bom import all_joints, bom_checks, bom_lines
-    from fab.build_sheet_content import SheetData
-    from fab.build_sheet_pictures import fill_depth_mm, step_pictures, thumbnails
+    from fab.build_sheet.data import SheetData
+    from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
     from fab.check import Check
     from fab.recipe import recipe, shell_volume_mm3
 
@@ -166,9 +166,9 @@ def open_workshop(export: Export) -> Workshop:
     from cad.led_ring import led_ring_part
     from cad.mold_layout import MoldLayout
     from fab.bom import fit_joints
-    from fab.build_sheet_pictures import Workshop
+    from fab.build_sheet.pictures import Workshop
     from fab.mesh import tessellate
-    from fab.slice_projects import read_part
+    from fab.slice.projects import read_part
 
     meshes, colors = {}, part_colors(export)
     for part in export.manifest["parts"]:

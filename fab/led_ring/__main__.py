@@ -12,13 +12,13 @@ from cad.errors import EndcapError
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
 from cad.params import EndcapParams
 from fab.check import Check
-from fab.led_bom import bom_csv, placement_csv, ring_bom
-from fab.led_budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
-from fab.led_circuit import circuit_checks, netlist
-from fab.led_driver import Driver, fitted_driver, losses_w
+from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
+from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
+from fab.led_ring.circuit import circuit_checks, netlist
+from fab.led_ring.driver import Driver, fitted_driver, losses_w
 from fab.molds import parse_length, parse_options
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent.parent
 DEFAULTS = {"D": "130", "T": "8", "leds": str(LED_COUNT), "exports": str(ROOT / "exports")}
 HELP = f"""\
 options, as NAME=VALUE:
@@ -73,11 +73,11 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
         FileError: the folder cannot be written.
     """
     from fab.exports import whole_folder
-    from fab.led_copper import build_copper
-    from fab.led_gerber import board_files, read_archive, write_archive
-    from fab.led_light import dome_light, light_checks
-    from fab.led_picture import draw_board, draw_light
-    from fab.led_rules import rule_checks
+    from fab.led_ring.copper import build_copper
+    from fab.led_ring.gerber import board_files, read_archive, write_archive
+    from fab.led_ring.light import dome_light, light_checks
+    from fab.led_ring.picture import draw_board, draw_light
+    from fab.led_ring.rules import rule_checks
 
     places, count = placements(led_count), int(led_count)
     driver = fitted_driver(count)

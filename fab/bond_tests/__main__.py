@@ -12,8 +12,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
-from fab.bond_files import read_record
-from fab.bond_results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
+from fab.bond_tests.files import read_record
+from fab.bond_tests.results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
 
 HELP = """\
 DIR holds one folder for each test and bonding method, with one CSV file for each specimen:

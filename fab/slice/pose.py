@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from cad.errors import GeometryError
-from fab.slice_settings import BED_MM
+from fab.slice.settings import BED_MM
 
 MARGIN_MM = 4.0  # round the part: brim and the width of a line
 

@@ -1,4 +1,4 @@
-"""What a build sheet is made of: plain records that :mod:`fab.build_sheet_html` and :mod:`fab.build_sheet_pdf` print.
+"""What a build sheet is made of: plain records that :mod:`fab.build_sheet.html` and :mod:`fab.build_sheet.pdf` print.
 
 Texts are plain words; each printer escapes them for itself. Lengths of drawings in mm of paper.
 """

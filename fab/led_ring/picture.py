@@ -11,8 +11,8 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cad.led_placement import Placement
-from fab.led_light import DomeLight
-from fab.led_rules import Holes, Layers, envelope
+from fab.led_ring.light import DomeLight
+from fab.led_ring.rules import Holes, Layers, envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,7 +24,7 @@ import trimesh
 
 from cad.errors import FileError
 from fab.mesh import joined
-from fab.slice_settings import BED_MM, PrintSettings, Region
+from fab.slice.settings import BED_MM, PrintSettings, Region
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _PRUSA = "http://schemas.slic3r.org/3mf/2017/06"

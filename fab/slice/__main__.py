@@ -19,8 +19,8 @@ from fab.molds import ROOT, ChecksFailedError, Progress, parse_length, parse_opt
 
 if TYPE_CHECKING:
     from fab.check import Check
-    from fab.slice_projects import Export
-    from fab.slice_result import SliceResult
+    from fab.slice.projects import Export
+    from fab.slice.result import SliceResult
 
 DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports"), "parts": "all", "gcode": "no"}
 WORKERS = 2
@@ -93,8 +93,8 @@ def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_g
         FileError: no export, or a file cannot be read or written.
     """
     from fab.exports import whole_folder
-    from fab.slice_projects import project_names, read_export
-    from fab.slice_run import find_slicer, slicer_version
+    from fab.slice.projects import project_names, read_export
+    from fab.slice.run import find_slicer, slicer_version
 
     slicer = find_slicer()
     export = read_export(params, exports)
@@ -130,7 +130,7 @@ def _sliced_and_gated(
     slicer: str, export: Export, names: Sequence[str], folder: Path, keep_gcode: bool
 ) -> tuple[list[SliceResult], list[Check]]:
     """Slice side by side, print the summary, and insist on the gates."""
-    from fab.slice_result import summary
+    from fab.slice.result import summary
 
     progress = Progress()
     context = multiprocessing.get_context("fork")
@@ -160,8 +160,8 @@ def _sliced_and_gated(
 
 def _slice_one(slicer: str, export: Export, name: str, folder: Path, keep_gcode: bool) -> SliceResult:
     """Work of one process."""
-    from fab.slice_projects import build_project
-    from fab.slice_result import slice_project
+    from fab.slice.projects import build_project
+    from fab.slice.result import slice_project
 
     return slice_project(slicer, build_project(export, name), folder, export.params, keep_gcode)
 

@@ -1,7 +1,7 @@
 """Print settings by part: one record, translated into the words of PrusaSlicer and of OrcaSlicer or Bambu Studio.
 
 Lengths in mm, speeds in mm/s, densities in per cent, temperatures in degrees Celsius. Everything here is our choice (E)
-unless marked; filaments are rows of ``slice_filaments.csv``.
+unless marked; filaments are rows of ``filaments.csv``.
 
 Notes:
     The zone's settings open its sides: without perimeters and without top and bottom layers the slicer's default infill
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from cad.errors import FileError, ParameterError
 
-FILAMENT_TABLE = Path(__file__).with_name("slice_filaments.csv")
+FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
 BED_MM = 256.0  # side and height of the printing space that every part must fit
 NOZZLE_MM = 0.4
 FILAMENT_DIAMETER_MM = 1.75

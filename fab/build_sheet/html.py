@@ -6,7 +6,7 @@ import base64
 from html import escape
 from pathlib import Path
 
-from fab.build_sheet_blocks import Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.blocks import Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
 
 _STYLE = """
 @page { size: A4; margin: 16mm 15mm; }

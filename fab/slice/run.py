@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
-from fab.slice_settings import BED_MM
+from fab.slice.settings import BED_MM
 
 NAMES = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 INSTALL = "apt-get install -y --no-install-recommends prusa-slicer"

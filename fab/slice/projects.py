@@ -16,9 +16,9 @@ from typing import Any
 from cad.errors import FileError
 from cad.params import EndcapParams
 from fab.mesh import read_stl, tessellate
-from fab.slice_3mf import Project, Volume
-from fab.slice_pose import laid_down
-from fab.slice_settings import ROUNDING_MM, part_settings, zone_region
+from fab.slice.pose import laid_down
+from fab.slice.project_3mf import Project, Volume
+from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
 
 INTERFACE = "interface"
 INFILL, GYROID = "interface_infill", "interface_gyroid"

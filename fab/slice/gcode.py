@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import FileError
-from fab.slice_settings import FILAMENT_DIAMETER_MM, LAYER_MM, LINE_MM
+from fab.slice.settings import FILAMENT_DIAMETER_MM, LAYER_MM, LINE_MM
 
 NOT_PART = ("Skirt/Brim", "Support material", "Support material interface", "Custom", "Wipe tower")
 _AREA_MM2 = math.pi / 4 * FILAMENT_DIAMETER_MM**2

@@ -1,7 +1,7 @@
 """What the moves of a print say: grams, cost, empty layers, lines that start on air, filling and openness of the zone.
 
 Millimetres; plate coordinates, the part's axis on the middle of the bed, z from the bed. Every number here is taken
-from :class:`fab.slice_gcode.Moves`, none from the slicer's own summary.
+from :class:`fab.slice.gcode.Moves`, none from the slicer's own summary.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 
 from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
-from fab.slice_gcode import Moves
-from fab.slice_settings import BED_MM, LINE_MM, Filament
+from fab.slice.gcode import Moves
+from fab.slice.settings import BED_MM, LINE_MM, Filament
 
 PIXEL_MM = 0.2
 REACH_MM = LINE_MM  # a line that starts this near to plastic sticks to it

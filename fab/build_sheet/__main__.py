@@ -128,6 +128,7 @@ def _collect(
     """Measure, gate and draw; returns the sheet's data and its own record."""
     from fab.bom import all_joints, bom_checks, bom_lines
     from fab.build_sheet.data import SheetData
+    from fab.build_sheet.lighting import draw_ring_light, ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
     from fab.check import Check
     from fab.recipe import recipe, shell_volume_mm3
@@ -143,6 +144,7 @@ def _collect(
         *bom_checks(export.manifest, all_joints(shop.layout), shop.fits, lines),
         Check("recipe.pot_life_to_spare_min", spare, low=0.0),
         Check("recipe.poured_below_seam_mm", depth, low=0.0),
+        *ring_checks(export.params),
     ]
     failed = [check for check in checks if not check.ok]
     for check in failed:
@@ -154,6 +156,7 @@ def _collect(
     pictures = step_pictures(shop, depth, folder, progress)
     pictures |= {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
     pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
+    pictures["ring_light"] = draw_ring_light(export.params, folder)
     records = [{"name": c.name, "value": float(f"{c.value:.{FIGURES}g}"), "limit": c.limit, "ok": c.ok} for c in checks]
     every = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
     data = SheetData(shop.layout, export.manifest, sliced, mix, shop.fits, lines, every, depth, pictures)

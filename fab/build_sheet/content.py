@@ -9,6 +9,7 @@ from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture,
 from fab.build_sheet.casting import casting, demolding, silicone
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling, light_check, painting
+from fab.build_sheet.lighting import led_ring
 from fab.slice.result import hours, is_mold
 
 PAPER_MOLD_USD = 8.50  # P
@@ -25,6 +26,7 @@ def build_document(data: SheetData) -> Document:
         *casting(data),
         *demolding(data),
         *painting(data),
+        *led_ring(data.layout.params, data.pictures["ring_light"]),
         *assembling(data),
         *light_check(data),
         *_gates(data),

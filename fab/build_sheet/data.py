@@ -26,7 +26,7 @@ class SheetData:
         lines: bill of materials.
         checks: gates of manifest, slices and sheet, as records ``name, value, limit, ok``.
         fill_depth_mm: how far below the bowl's seam the poured silicone stands.
-        pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover`` and ``section``.
+        pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover``, ``section``, ``ring_light``.
     """
 
     layout: MoldLayout

@@ -17,6 +17,7 @@ import trimesh
 from cad.errors import FileError, GeometryError, ParameterError
 from cad.params import EndcapParams
 from fab.slice import __main__ as command
+from fab.slice.filaments import filament
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import empty_layers, floating_starts, print_figures, zone_figures
 from fab.slice.pose import laid_down
@@ -24,7 +25,7 @@ from fab.slice.project_3mf import Project, Volume, write_orca, write_prusa
 from fab.slice.projects import Export, read_export, read_part
 from fab.slice.result import slice_project
 from fab.slice.run import NAMES, SlicerMissingError, find_slicer, model_info, slice_to_gcode
-from fab.slice.settings import LAYER_MM, Region, filament, native_density_percent, part_settings, zone_region
+from fab.slice.settings import LAYER_MM, Region, native_density_percent, part_settings, zone_region
 
 SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
 needs_slicer = pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")

@@ -9,6 +9,46 @@ from fab.build_sheet.data import SheetData
 from fab.build_sheet.steps import screws, steps
 from fab.recipe import RELEASE_AGENT
 
+Told = list[tuple[str, tuple[str, ...], str | None]]  # title, lines, picture
+DEMOLDING: Told = [
+    (
+        "Bolts out, bowl off",
+        (
+            "Take the six bolts out.",
+            "Draw the bowl's segments off one by one, straight away from the collar.",
+        ),
+        "bowl_off",
+    ),
+    (
+        "Hanger off",
+        ("All screws out; lift the hanger.", "Plugs of silicone in the vents tear: that is right."),
+        "hanger_off",
+    ),
+    (
+        "Collar off",
+        ("Lift its segments straight up, past the rim of the interface.",),
+        "collar_off",
+    ),
+    (
+        "Centre of the core out",
+        (
+            "Two of the M3 x 16 in its holes are your handle.",
+            "Straight out: it is tapered by one degree and free after the first millimetre.",
+        ),
+        "centre_out",
+    ),
+    (
+        "Keys out",
+        ("One after the other: inward, toward the axis, until clear of the silicone; then out.",),
+        "keys_out",
+    ),
+    (
+        "Wides out",
+        ("The same way.", "Trim the flash at seam and vents. Weigh the endcap."),
+        "wides_out",
+    ),
+]
+
 
 def silicone(data: SheetData) -> list[Block]:
     """Recipe, clock and the check by weight."""
@@ -47,9 +87,6 @@ def silicone(data: SheetData) -> list[Block]:
             f"after, ______ g silicone."
         ),
     ]
-
-
-Told = list[tuple[str, tuple[str, ...], str | None]]  # title, lines, picture
 
 
 def casting(data: SheetData) -> list[Block]:
@@ -182,48 +219,4 @@ def lowers(layout: MoldLayout) -> bool:
 
 def demolding(data: SheetData) -> list[Block]:
     """Steps from the closed mold to the endcap."""
-    return [
-        Heading("Demold", 1),
-        *steps(
-            data,
-            "D",
-            [
-                (
-                    "Bolts out, bowl off",
-                    (
-                        "Take the six bolts out.",
-                        "Draw the bowl's segments off one by one, straight away from the collar.",
-                    ),
-                    "bowl_off",
-                ),
-                (
-                    "Hanger off",
-                    ("All screws out; lift the hanger.", "Plugs of silicone in the vents tear: that is right."),
-                    "hanger_off",
-                ),
-                (
-                    "Collar off",
-                    ("Lift its segments straight up, past the rim of the interface.",),
-                    "collar_off",
-                ),
-                (
-                    "Centre of the core out",
-                    (
-                        "Two of the M3 x 16 in its holes are your handle.",
-                        "Straight out: it is tapered by one degree and free after the first millimetre.",
-                    ),
-                    "centre_out",
-                ),
-                (
-                    "Keys out",
-                    ("One after the other: inward, toward the axis, until clear of the silicone; then out.",),
-                    "keys_out",
-                ),
-                (
-                    "Wides out",
-                    ("The same way.", "Trim the flash at seam and vents. Weigh the endcap."),
-                    "wides_out",
-                ),
-            ],
-        ),
-    ]
+    return [Heading("Demold", 1), *steps(data, "D", DEMOLDING)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
@@ -77,55 +79,53 @@ def _bill(data: SheetData) -> list[Block]:
 
 
 def _prints(data: SheetData) -> list[Block]:
-    blocks: list[Block] = [Heading("Print", 1)]
+    title = Heading("Print", 1)
     if data.sliced is None:
-        return [*blocks, Paragraph("Not sliced yet: run make slice with the same numbers, then make sheet again.")]
-    rows = []
-    for project in data.sliced["projects"]:
-        s = project["settings"]
-        fill = f"{s['walls']} walls, {s['density_percent']:g} % {s['pattern']}"
-        for volume, own in project["own_settings"].items():
-            fill += f"; {volume}: {own['density_percent']:g} % {own['pattern']}, no walls, no top, no bottom, anchors 0"
-        extra = ", ".join(
-            word
-            for word in (
-                f"brim {s['brim_mm']:g}" if s["brim_mm"] else "",
-                "support from the bed" if s["support"] else "",
-                f"outlines +{s['grow_mm']:.3f}" if s["grow_mm"] else "",
-            )
-            if word
-        )
-        rows.append(
-            (project["name"], project["material"], fill, extra, hours(project["time_s"]), f"{project['grams']:.1f}")
-        )
-    zones = [p for p in data.sliced["projects"] if p["zone"]]
+        return [title, Paragraph("Not sliced yet: run make slice with the same numbers, then make sheet again.")]
+    projects = data.sliced["projects"]
     return [
-        *blocks,
+        title,
         Paragraph(
-            f"Open <part>.prusa.3mf in PrusaSlicer or <part>.orca.3mf in OrcaSlicer or Bambu Studio: pose and "
-            f"settings are "
-            f"inside. Layers {data.sliced['projects'][0]['settings']['layer_mm']:g}, nozzle 0.4. Times and grams were "
-            f"measured on the G-code of {data.sliced['slicer']}."
+            f"Open <part>.prusa.3mf in PrusaSlicer or <part>.orca.3mf in OrcaSlicer or Bambu Studio: pose and settings "
+            f"are inside. Layers {projects[0]['settings']['layer_mm']:g}, nozzle 0.4. Times and grams were measured on "
+            f"the G-code of {data.sliced['slicer']}."
         ),
         Paragraph(
             "Print ONE interface: interface_infill (the slicer makes the gyroid; quick, small) unless you want "
-            "the very "
-            "gyroid of the CAD files: interface_gyroid."
+            "the very gyroid of the CAD files: interface_gyroid."
         ),
-        Table(("project", "material", "filling", "also", "time", "g"), tuple(rows), (2, 1.1, 2.4, 2.2, 1, 0.7)),
+        Table(
+            ("project", "material", "filling", "also", "time", "g"),
+            tuple(_print_row(project) for project in projects),
+            (2, 1.1, 2.4, 2.2, 1, 0.7),
+        ),
         *(
             Paragraph(
-                f"{zone['name']}: {100 * zone['zone']['fraction']:.2f} % of the zone is printed (wanted 10), "
-                f"{100 * zone['zone']['open_share']:.1f} % of its boundary is open for the silicone."
+                f"{project['name']}: {100 * project['zone']['fraction']:.2f} % of the zone is printed (wanted 10), "
+                f"{100 * project['zone']['open_share']:.1f} % of its boundary is open for the silicone."
             )
-            for zone in zones
+            for project in projects
+            if project["zone"]
         ),
         Paragraph(
-            "Before you go on: rub the cup's inside and the core's outside with a fingernail; a blob there "
-            "becomes a pit in "
-            "the dome. The interface's infill must be open at its sides: hold it against a lamp."
+            "Before you go on: rub the cup's inside and the core's outside with a fingernail; a blob there becomes a "
+            "pit in the dome. The interface's infill must be open at its sides: hold it against a lamp."
         ),
     ]
+
+
+def _print_row(project: Mapping[str, Any]) -> tuple[str, ...]:
+    own_settings, s = project["own_settings"], project["settings"]
+    fill = f"{s['walls']} walls, {s['density_percent']:g} % {s['pattern']}"
+    for volume, own in own_settings.items():
+        fill += f"; {volume}: {own['density_percent']:g} % {own['pattern']}, no walls, no top, no bottom, anchors 0"
+    extra = (
+        f"brim {s['brim_mm']:g}" if s["brim_mm"] else "",
+        "support from the bed" if s["support"] else "",
+        f"outlines +{s['grow_mm']:.3f}" if s["grow_mm"] else "",
+    )
+    also = ", ".join(word for word in extra if word)
+    return project["name"], project["material"], fill, also, hours(project["time_s"]), f"{project['grams']:.1f}"
 
 
 def _gates(data: SheetData) -> list[Block]:

@@ -14,8 +14,9 @@ from scipy.spatial import cKDTree
 
 from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
+from fab.slice.filaments import Filament
 from fab.slice.gcode import Moves
-from fab.slice.settings import BED_MM, LINE_MM, Filament
+from fab.slice.settings import BED_MM, LINE_MM
 
 PIXEL_MM = 0.2
 REACH_MM = LINE_MM  # a line that starts this near to plastic sticks to it

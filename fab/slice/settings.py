@@ -1,7 +1,7 @@
 """Print settings by part: one record, translated into the words of PrusaSlicer and of OrcaSlicer or Bambu Studio.
 
 Lengths in mm, speeds in mm/s, densities in per cent, temperatures in degrees Celsius. Everything here is our choice (E)
-unless marked; filaments are rows of ``filaments.csv``.
+unless marked.
 
 Notes:
     The zone's settings open its sides: without perimeters and without top and bottom layers the slicer's default infill
@@ -11,15 +11,11 @@ Notes:
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
-from cad.errors import FileError, ParameterError
+from fab.slice.filaments import Filament, filament
 
-FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
 BED_MM = 256.0  # side and height of the printing space that every part must fit
 NOZZLE_MM = 0.4
 FILAMENT_DIAMETER_MM = 1.75
@@ -30,20 +26,6 @@ ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line tak
 GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (facts.md)
 GCODE_START = "G28\\nG90\\nM83\\nG92 E0"
 GCODE_END = "M104 S0\\nM140 S0\\nM84"
-
-
-@dataclass(frozen=True)
-class Filament:
-    """One row of the filament table; prices in US dollars."""
-
-    name: str
-    type: str
-    density_g_cm3: float
-    price_usd_kg: float
-    nozzle_c: int
-    bed_c: int
-    max_flow_mm3_s: float
-    provenance: str
 
 
 @dataclass(frozen=True)
@@ -249,36 +231,6 @@ def zone_region(wall_mm: float) -> Region:
     return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
 
 
-@cache
-def filaments() -> dict[str, Filament]:
-    """The filament table, name -> filament.
-
-    Raises:
-        FileError: a missing or unreadable table.
-    """
-    try:
-        with FILAMENT_TABLE.open(newline="", encoding="utf-8") as stream:
-            return {row["name"]: _filament(row) for row in csv.DictReader(stream)}
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise FileError(f"{FILAMENT_TABLE.name}: cannot be read as the table of filaments ({error})") from error
-
-
-def filament(name: str) -> Filament:
-    """One filament by the material's name that a part carries.
-
-    Raises:
-        ParameterError: unknown name; the message lists those in the table.
-    """
-    table = filaments()
-    if name not in table:
-        raise ParameterError(
-            f"material={name!r} is not in fab/{FILAMENT_TABLE.name}: choose one of {', '.join(table)}, or add a row",
-            name="material",
-            value=name,
-        )
-    return table[name]
-
-
 def part_settings(name: str, material: str) -> PrintSettings:
     """Settings of a part by its stable name and its material.
 
@@ -299,16 +251,3 @@ def part_settings(name: str, material: str) -> PrintSettings:
             spool, CUP, 100.0, brim_mm=3.0 if "bowl" in name else 0.0, reason="three walls hold liquid"
         )
     return PrintSettings(spool, HARDWARE, 80.0, reason="stiff under its screws")
-
-
-def _filament(row: dict[str, str]) -> Filament:
-    return Filament(
-        row["name"],
-        row["type"],
-        float(row["density_g_cm3"]),
-        float(row["price_usd_kg"]),
-        int(row["nozzle_c"]),
-        int(row["bed_c"]),
-        float(row["max_flow_mm3_s"]),
-        row["provenance"],
-    )

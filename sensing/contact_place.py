@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.frames import MM_PER_M, T_sphere_endcap, wrench_in
 from sensing.gelslim import CROP_PX, divergence
 from sensing.records import ShearField, Wrench

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-.PHONY: help setup molds data test check bench clean
+.PHONY: help setup molds slice sheet ring data test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -17,13 +17,27 @@ setup: $(VENV)/all.stamp ## virtual environment with everything
 molds: $(VENV)/fab.stamp ## print and cast files of one endcap: make molds D=130 T=8
 	@$(BIN)/python -m fab.molds $(MAKEOVERRIDES)
 
+slice: $(VENV)/fab.stamp ## slicer projects, sliced and measured: make slice D=130 T=8
+	@sh scripts/slicer.sh
+	@$(BIN)/python -m fab.slice $(MAKEOVERRIDES)
+
+sheet: $(VENV)/fab.stamp ## build sheet as HTML and PDF, BOM and recipe: make sheet D=130 T=8
+	@$(BIN)/python -m fab.build_sheet $(MAKEOVERRIDES)
+
 molds-help: $(VENV)/fab.stamp
 	@$(BIN)/python -m fab.molds --help
+
+ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light on the dome
+	@$(BIN)/python -m fab.led_ring $(MAKEOVERRIDES)
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
 	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
 
+coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
+	@$(BIN)/python -m fab.coupons $(MAKEOVERRIDES)
+
 test: $(VENV)/all.stamp ## all tests
+	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: $(VENV)/all.stamp ## lint and types

@@ -1,6 +1,6 @@
 """What photos of the undeformed sensor say about lens, pupil height and dot pattern.
 
-    python bench/bench_calibrate.py PHOTO [PHOTO ...]     # 130 x 8 mm endcaps
+    python bench/bench_calibrate.py [PHOTO ...]     # 130 x 8 mm endcaps; default: ../shared/reference/photos, if there
     writes bench/calibrate_height.csv, bench/calibrate_rings.csv and bench/calibrate_height.png (numbers only)
 
 Height: the pupil is held at heights from 0 to 35 mm and the rest fitted, once with the lens's k1, k2 free and once
@@ -27,6 +27,7 @@ from sensing.calibrate_dots import find_dots, pattern_points
 from sensing.calibrate_picture import read_image
 
 HERE = Path(__file__).parent
+PHOTOS = HERE.parent.parent / "shared" / "reference" / "photos"
 PARAMS = EndcapParams(130, 8)
 HEIGHTS_MM = (0, 5, 10, 14, 17, 20, 25, 30, 35)
 LENSES = {"k1, k2 free": ((1.0, 1.0), (-0.033, -0.007)), "equisolid": ((1e-6, 1e-6), (-1 / 24, 1 / 1920))}
@@ -87,12 +88,14 @@ def write(name: str, columns: tuple[str, ...], rows: list[tuple]) -> None:
 
 
 def main() -> None:
-    """Run on the photos of the command line."""
-    if not sys.argv[1:]:
-        sys.exit("usage: bench_calibrate.py PHOTO [PHOTO ...]")
+    """Run on the photos of the command line, else on those beside the repository."""
+    photos = sys.argv[1:] or sorted(map(str, PHOTOS.glob("*.jp*g")))
+    if not photos:
+        print("no photos of an undeformed sensor: nothing measured; name some on the command line")
+        return
     heights: list[tuple] = []
     rings: list[tuple] = []
-    for path in sys.argv[1:]:
+    for path in photos:
         image = read_image(path)
         case = Path(path).stem, find_dots(image), (image.shape[1], image.shape[0])
         heights += height_rows(*case)

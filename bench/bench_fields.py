@@ -1,166 +1,93 @@
 """Speed against error of all field methods, with known truth: writes bench/fields.csv and bench/fields.png.
 
-    python bench/bench_fields.py            # 126 sequences a picture set, some minutes
+    python bench/bench_fields.py            # 360 sequences of six frames with the photos; 10 minutes on a quiet core
     python bench/bench_fields.py --patterns 2 --methods dots,gelslim
+    python bench/bench_fields.py --parts build/fields     # keeps each picture's result there and resumes
 
-Pictures: the photos of ``<folder above the repository>/shared/reference/photos`` when present (``--photos DIR`` for
-others), and drawn dots always. Each is pressed by smooth bumps near the rim, shifts, turns and mixtures of 2 to 25 px
-peak (at 480 px short side), ramped up in six frames or reached in one jump, then degraded: clean, mild, hard.
-
-Truth: the exact mean displacement of each of the 30 x 30 cells. Time: JPEG bytes to field, CPU time of one thread
-(so that other work on the machine hardly counts), all methods on the same frames in turn: the ratio to the released
-pipeline travels between machines, the milliseconds do not.
+Scenes: see field_scenes.py. Photos: ``<folder above the repository>/shared/reference/photos`` when present (``--photos
+DIR`` for others). Time: JPEG bytes to field, CPU time of one thread (so that other work on the machine counts little),
+all methods on the same frames in turn: the ratio to the released pipeline travels between machines, the milliseconds do
+not; on a shared machine the 20th percentile is nearest to what a quiet one takes.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import itertools
 import sys
-import time
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, reference_of, sequence, summary
 
-from sensing.decode import decode_bgr
-from sensing.methods import METHODS, DotField, field_method
-from sensing.records import Frame, Image
-from sensing.sources.degrade import LEVELS, degrade, random_degradation
-from sensing.sources.drawn import Drawing, draw_dots
-from sensing.sources.files import PICTURES, read_picture
-from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
+from sensing.methods import METHODS, field_method
+from sensing.records import Image
 
 HERE = Path(__file__).resolve().parent
-RAMP = (1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6, 1.0)
-JUMP = (0.0, 1.0, 1.0, 0.0, -1.0, 0.0)  # a one-frame jump to the peak, back, and to the other side
-SWAP_PX = 20.0  # at 480: a live dot further from its truth than this is another dot
+Bags = dict[tuple[str, str], dict[str, np.ndarray]]  # (level, method) -> arrays
+MARKERS = {"clean": "o", "mild": "s", "hard": "^", "all": "*"}
 
 
-@dataclass(frozen=True)
-class Scene:
-    """One frame with its truth."""
-
-    frame: Frame
-    displacement: Displacement
-    first: bool
-
-
-def random_pattern(kind: int, rng: np.random.Generator, size: tuple[int, int]) -> Displacement:
-    """Bump near the rim (kinds 0 and 1), shift (2), turn (3) or a mixture (4); peak 2 to 25 px at 480."""
-    scale = min(size) / 480.0
-    peak, centre = rng.uniform(2, 25) * scale, (size[0] / 2 - 0.5, size[1] / 2 - 0.5)
-    turn = rng.uniform(0, 2 * np.pi)
-    along = (float(np.cos(turn)), float(np.sin(turn)))
-
-    def bump(push: float) -> Bump:
-        azimuth, radius, aim = rng.uniform(0, 2 * np.pi), rng.uniform(120, 260) * scale, rng.uniform(0, 2 * np.pi)
-        place = (centre[0] + radius * np.cos(azimuth), centre[1] + radius * np.sin(azimuth))
-        return Bump(place, (push * np.cos(aim), push * np.sin(aim)), rng.uniform(22, 42) * scale)
-
-    spin = peak / (240 * scale) * rng.choice([-1, 1])
-    if kind <= 1:
-        return Displacement(pivot_px=centre, bumps=(bump(peak),))
-    if kind == 2:
-        return Displacement((peak * along[0], peak * along[1]), pivot_px=centre)
-    if kind == 3:
-        return Displacement(turn_rad=spin, pivot_px=centre)
-    bumps = (bump(0.4 * peak), bump(0.4 * peak))
-    return Displacement((0.3 * peak * along[0], 0.3 * peak * along[1]), 0.3 * spin, centre, bumps)
-
-
-def sequence(picture: Image, kind: int, level: str, seed: int) -> Iterator[Scene]:
-    """Six frames of one picture, pattern and level."""
-    rng = np.random.default_rng(seed)
-    size = (picture.shape[1], picture.shape[0])
-    peak, damage = random_pattern(kind, rng, size), random_degradation(level, rng, size)
-    steps = JUMP if seed % 3 == 0 else RAMP
-    for index, share in enumerate(steps):
-        now = peak.scaled(share)
-        jpeg = degrade(warp_image(picture, now), damage, rng)
-        yield Scene(Frame(index / 30, index, "bench", jpeg=jpeg, size=size), now, index == 0)
-
-
-def pictures(photos: Path | None) -> dict[str, dict[str, Image]]:
-    """{"photo": {name: picture}, "drawn": {...}}; no photo entry when there is no folder."""
-    found: dict[str, dict[str, Image]] = {}
-    if photos is not None and photos.is_dir():
-        files = sorted(p for p in photos.iterdir() if p.suffix.lower() in PICTURES)
-        found["photo"] = {p.stem: decode_bgr(read_picture(p)) for p in files}
-    drawings = (Drawing(seed=1), Drawing(seed=2, turn_rad=1.1, centre_px=(315.0, 244.0), painted=0.9, digit="2"))
-    found["drawn"] = {f"drawn_{d.seed}": draw_dots(d)[0] for d in drawings}
-    return found
-
-
-def run(methods: list[str], sets: dict[str, dict[str, Image]], patterns: int) -> list[dict[str, object]]:
-    """One row per picture set, level and method."""
-    collected: dict[tuple[str, str, str], dict[str, list]] = defaultdict(lambda: defaultdict(list))
-    total = sum(len(s) for s in sets.values()) * len(LEVELS) * patterns
-    done = 0
-    for kind, images in sets.items():
-        for name, image in images.items():
-            reference = Frame(0, 0, name, jpeg=cv2.imencode(".jpg", image, [1, 95])[1].tobytes(),
-                              size=(image.shape[1], image.shape[0]))  # fmt: skip
-            for level in LEVELS:
-                for pattern in range(patterns):
-                    workers = {m: field_method(m, reference) for m in methods}
-                    for scene in sequence(image, pattern % 5, level, seed=1000 * len(name) + pattern):
-                        for method, worker in workers.items():
-                            _measure(collected[kind, level, method], worker, scene)
-                    done += 1
-                    if sys.stderr.isatty():
-                        print(f"\r{done}/{total} sequences", end="", file=sys.stderr)
+def run_picture(image: Image, name: str, level: str, methods: list[str], patterns: int) -> Bags:
+    """All patterns and methods on one picture at one level."""
+    reference = reference_of(image, name)
+    bags: dict[tuple[str, str], dict[str, list]] = defaultdict(lambda: defaultdict(list))
+    for pattern in range(patterns):
+        workers = {m: field_method(m, reference) for m in methods}
+        for scene in sequence(image, pattern, level, seed=1000 * len(name)):
+            for method, worker in workers.items():
+                measure(bags[level, method], worker, scene)
+        if sys.stderr.isatty():
+            print(f"\r{name} {level} {pattern + 1}/{patterns}   ", end="", file=sys.stderr)
     if sys.stderr.isatty():
         print(file=sys.stderr)
-    return _rows(collected)
+    return {key: concatenated(bag) for key, bag in bags.items()}
 
 
-def _measure(bag: dict[str, list], worker: object, scene: Scene) -> None:
-    start = time.thread_time()
-    field = worker.update(scene.frame)  # type: ignore[attr-defined]
-    bag["ms"].append((time.thread_time() - start) * 1e3)
-    size = scene.frame.size or (640, 480)
-    error = np.linalg.norm(field.channels - cell_truth(scene.displacement, size), axis=0)
-    bag["cells"].append(error.ravel())
-    bag["valid"].append(field.valid.ravel())
-    if isinstance(worker, DotField) and worker.tracks is not None:
-        tracks, scale = worker.tracks, min(size) / 480.0
-        truth = np.stack(scene.displacement.at(tracks.reference_px[:, 0], tracks.reference_px[:, 1]), axis=1)
-        off = np.linalg.norm(tracks.displacement_px - truth, axis=1)[~tracks.lost] / scale
-        bag["dots"].append(off)
-        bag["lost"].append(tracks.lost.mean())
-        bag["swaps"].append(int((off > SWAP_PX).sum()))
+def run(sets: dict[str, dict[str, Image]], methods: list[str], patterns: int, parts: Path | None) -> dict[str, Bags]:
+    """Results by picture set, all pictures of a set together."""
+    collected: dict[str, dict[tuple[str, str], list[dict[str, np.ndarray]]]] = {}
+    for kind, images in sets.items():
+        collected[kind] = defaultdict(list)
+        for (name, image), level in itertools.product(images.items(), LEVELS):
+            file = parts / f"{name}_{level}_{patterns}_{'-'.join(methods)}.npz" if parts else None
+            if file is not None and file.is_file():
+                bags = _load(file)
+            else:
+                bags = run_picture(image, name, level, methods, patterns)
+                if file is not None:
+                    file.parent.mkdir(parents=True, exist_ok=True)
+                    flat = {"/".join((*key, field)): v for key, bag in bags.items() for field, v in bag.items()}
+                    np.savez_compressed(file, **flat)
+            for key, bag in bags.items():
+                collected[kind][key].append(bag)
+    return {kind: {key: _together(bags) for key, bags in by_key.items()} for kind, by_key in collected.items()}
 
 
-def _rows(collected: dict[tuple[str, str, str], dict[str, list]]) -> list[dict[str, object]]:
-    groups = dict(collected)
-    for kind in sorted({k for k, _, _ in collected}):  # all levels together
-        for method in {m for _, _, m in collected}:
-            merged: dict[str, list] = defaultdict(list)
-            for level in LEVELS:
-                for key, value in collected[kind, level, method].items():
-                    merged[key] += value
-            groups[kind, "all", method] = merged
-    rows: list[dict[str, object]] = []
-    for (kind, level, method), bag in sorted(groups.items()):
-        cells, valid = np.concatenate(bag["cells"]), np.concatenate(bag["valid"])
-        row: dict[str, object] = {
-            "pictures": kind, "level": level, "method": method, "frames": len(bag["ms"]),
-            "ms_median": round(float(np.median(bag["ms"])), 3), "ms_p95": round(float(np.percentile(bag["ms"], 95)), 3),
-            "mean_px": round(float(cells.mean()), 4), "p95_px": round(float(np.percentile(cells, 95)), 4),
-            "max_px": round(float(cells.max()), 2), "failed_percent": round(float((cells > 1).mean() * 100), 3),
-            "failed_of_valid_percent": round(float((cells[valid] > 1).mean() * 100) if valid.any() else 0.0, 3),
-            "valid_percent": round(float(valid.mean() * 100), 2),
-        }  # fmt: skip
-        if bag["dots"]:
-            dots = np.concatenate(bag["dots"])
-            row |= {"dot_mean_px": round(float(dots.mean()), 4), "dot_p95_px": round(float(np.percentile(dots, 95)), 4),
-                    "dot_median_px": round(float(np.median(dots)), 4), "swaps": sum(bag["swaps"]),
-                    "lost_percent": round(float(np.mean(bag["lost"]) * 100), 3)}  # fmt: skip
-        rows.append(row)
+def _load(file: Path) -> Bags:
+    bags: dict[tuple[str, str], dict[str, np.ndarray]] = defaultdict(dict)
+    with np.load(file, allow_pickle=False) as data:
+        for key in data.files:
+            level, method, field = key.split("/")
+            bags[level, method][field] = data[key]
+    return dict(bags)
+
+
+def _together(bags: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    return {field: np.concatenate([bag[field] for bag in bags]) for field in bags[0]}
+
+
+def rows_of(results: dict[str, Bags]) -> list[dict[str, object]]:
+    """One row per picture set, level ("all" too) and method, with the time over that of the released pipeline."""
+    rows = []
+    for kind, bags in results.items():
+        methods = sorted({method for _, method in bags})
+        every = {("all", m): _together([bags[level, m] for level in LEVELS]) for m in methods}
+        for (level, method), bag in sorted((bags | every).items()):
+            rows.append({"pictures": kind, "level": level, "method": method} | summary(bag))
     speed = {(r["pictures"], r["level"]): r["ms_median"] for r in rows if r["method"] == "gelslim"}
     for row in rows:
         base = speed.get((row["pictures"], row["level"]))
@@ -169,49 +96,54 @@ def _rows(collected: dict[tuple[str, str, str], dict[str, list]]) -> list[dict[s
 
 
 def plot(rows: list[dict[str, object]], path: Path) -> None:
-    """Error against time, one panel a picture set; marker area grows with failed cells."""
+    """Error against time, one panel a picture set; the star is all levels together."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    kinds = sorted({str(r["pictures"]) for r in rows}, reverse=True)
-    figure, axes = plt.subplots(1, len(kinds), figsize=(5.4 * len(kinds), 4.4), squeeze=False, sharey=True)
+    kinds = list(dict.fromkeys(str(r["pictures"]) for r in rows))
+    figure, axes = plt.subplots(1, len(kinds), figsize=(5.6 * len(kinds), 4.6), squeeze=False, sharey=True)
     colours = dict(zip(METHODS, plt.rcParams["axes.prop_cycle"].by_key()["color"], strict=False))
     for axis, kind in zip(axes[0], kinds, strict=True):
-        for row in rows:
-            if row["pictures"] != kind:
-                continue
-            marker = {"clean": "o", "mild": "s", "hard": "^", "all": "*"}[str(row["level"])]
-            axis.scatter(row["ms_median"], row["mean_px"], marker=marker, color=colours[str(row["method"])],
-                         s=140 if marker == "*" else 35)  # fmt: skip
-            if marker == "*":
-                text = f"{row['method']} ({row['failed_percent']} % fail)"
-                axis.annotate(text, (row["ms_median"], row["mean_px"]), xytext=(6, 6), textcoords="offset points",
-                              fontsize=8)  # fmt: skip
-        axis.set(xscale="log", yscale="log", xlabel="ms, JPEG to field, one core", title=f"{kind} pictures")
-        axis.grid(True, which="both", alpha=0.25)
-        axis.margins(0.25)
+        for row in (r for r in rows if r["pictures"] == kind):
+            level, colour = str(row["level"]), colours[str(row["method"])]
+            axis.scatter(row["ms_median"], row["mean_px"], marker=MARKERS[level], color=colour,
+                         s=190 if level == "all" else 26, alpha=1.0 if level == "all" else 0.5)  # fmt: skip
+            if level == "all":
+                text = f"{row['method']}\n{row['ms_median']:.2f} ms, {row['mean_px']:.3f} px\n"
+                text += f"{row['failed_percent']} % fail"
+                axis.annotate(text, (row["ms_median"], row["mean_px"]), xytext=(9, 4), textcoords="offset points",
+                              fontsize=7.5, color=colour)  # fmt: skip
+        axis.set(xscale="log", yscale="log", xlabel="ms, JPEG to field, one core (median)", title=f"{kind} pictures")
+        axis.grid(True, which="both", alpha=0.2)
+        axis.margins(0.22)
     axes[0][0].set_ylabel("mean error of a cell, px of the 200 x 200 crop")
-    figure.suptitle("circle clean, square mild, triangle hard, star all; lower left is better", fontsize=9)
+    figure.suptitle("star: all; circle clean, square mild, triangle hard; lower left is better", fontsize=9)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=100)
 
 
 def main() -> int:
     """Run, print, write CSV and plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    default = HERE.parent.parent / "shared" / "reference" / "photos"
-    parser.add_argument("--photos", type=Path, default=default, help="folder of undeformed photos")
+    parser.add_argument("--photos", type=Path, default=PHOTOS, help="folder of undeformed photos")
     parser.add_argument("--patterns", type=int, default=20, help="sequences per picture and level (default 20)")
     parser.add_argument("--methods", default=",".join(METHODS), help="comma-separated")
+    parser.add_argument("--only", default="", help="comma-separated names of pictures; nothing else is run")
+    parser.add_argument("--parts", type=Path, help="folder for the results of each picture; those found are not run")
     parser.add_argument("--out", type=Path, default=HERE / "fields.csv")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    rows = run(options.methods.split(","), pictures(options.photos), options.patterns)
-    columns = list(max(rows, key=len))
+    sets = pictures(options.photos)
+    if options.only:
+        names = options.only.split(",")
+        sets = {kind: {n: i for n, i in images.items() if n in names} for kind, images in sets.items()}
+        sets = {kind: images for kind, images in sets.items() if images}
+    rows = rows_of(run(sets, options.methods.split(","), options.patterns, options.parts))
+    columns = list(dict.fromkeys(key for row in rows for key in row))
     with options.out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns, restval="")
+        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
     plot(rows, options.out.with_suffix(".png"))

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from cad.fasteners import ScrewJoint
 from cad.part import Part
 
 if TYPE_CHECKING:
@@ -66,6 +67,44 @@ def base_part(params: EndcapParams) -> Part:
 
     solid = one_solid(_body(params) - _cuts(params), "base")
     return Part("base", "printed", "PLA", solid, (0.30, 0.33, 0.38))
+
+
+def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
+    """Screws that the base asks for: ten into the interface's nuts, four that hold the camera."""
+    azimuths = [math.radians(azimuth) for azimuth in params.screw_azimuths_deg]
+    circle = tuple(
+        (params.screw_circle_radius_mm * math.cos(a), params.screw_circle_radius_mm * math.sin(a)) for a in azimuths
+    )
+    offset = CAMERA_HOLE_OFFSET_MM
+    corners = tuple((sx * offset, sy * offset) for sx in (-1, 1) for sy in (-1, 1))
+    return (
+        ScrewJoint(
+            "base_to_interface",
+            "base",
+            "screw_m3",
+            "ISO 4762 cap screw, steel",
+            "assembly",
+            circle,
+            True,
+            "base",
+            ("base",),
+            "interface",
+            "captured nut",
+        ),
+        ScrewJoint(
+            "camera_to_base",
+            "base",
+            "screw_m2",
+            "pan-head screw for plastic",
+            "assembly",
+            corners,
+            False,
+            "camera",
+            ("camera",),
+            "base",
+            "plastic",
+        ),
+    )
 
 
 def flank_profile(params: EndcapParams) -> tuple[float, float, float]:

@@ -6,6 +6,7 @@ ring of ten wet wells that the mold is full. Millimetres, endcap frame, casting 
 
 from __future__ import annotations
 
+from cad.fasteners import ScrewJoint
 from cad.mold_cup import PIN_DEPTH_MM, PIN_SOCKET_RADIUS_MM
 from cad.mold_layout import MoldLayout, rotated
 from cad.part import Part
@@ -16,7 +17,54 @@ VENT_RADIUS_MM = 1.75
 WELL_RADIUS_MM = 3.5
 WELL_DEPTH_MM = 4.0
 PIN_PLAY_MM = 0.5  # the pin ends short of the socket's floor
+CAP_SCREW = "ISO 4762 cap screw, steel"
 COLOR = (0.55, 0.75, 0.45)
+
+
+def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
+    """Screws through the hanger: ten into the interface's nuts, six into the collar, eight into the core."""
+    params = layout.params
+    circle = tuple(rotated((params.screw_circle_radius_mm, 0), a) for a in params.screw_azimuths_deg)
+    collar = {
+        f"cup_collar_{k + 1}": tuple(
+            rotated((layout.collar_screw_circle_radius_mm, 0), a)
+            for a in layout.bolt_azimuths_deg
+            if (a - seam) % 360.0 < 120.0
+        )
+        for k, seam in enumerate(layout.collar_seams_deg)
+    }
+    joints = [
+        ScrewJoint(
+            "hanger_to_interface",
+            "hanger",
+            "screw_m3",
+            CAP_SCREW,
+            "casting",
+            circle,
+            True,
+            "hanger",
+            ("hanger",),
+            "interface",
+            "captured nut",
+        )
+    ]
+    for piece, places in (collar | layout.core_screws_mm).items():
+        joints.append(
+            ScrewJoint(
+                f"hanger_to_{piece}",
+                "hanger",
+                "screw_m3",
+                CAP_SCREW,
+                "casting",
+                places,
+                True,
+                "hanger",
+                ("hanger",),
+                piece,
+                "plastic",
+            )
+        )
+    return tuple(joints)
 
 
 def hanger_part(layout: MoldLayout) -> Part:

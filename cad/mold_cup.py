@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from build123d import Solid
 
+from cad.fasteners import ScrewJoint
 from cad.jigsaw import Tab, sector_prisms
 from cad.mold_layout import MoldLayout, rotated
 from cad.outlines import common, disc, polygon, rectangle, upright
@@ -23,6 +24,34 @@ PIN_DEPTH_MM = 4.5
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
 FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 COLOR = (0.36, 0.56, 0.80)
+
+
+def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
+    """The bolts that close the mold, by the pair of segments that each one ties."""
+    joints = []
+    for azimuth in layout.bolt_azimuths_deg:
+        bowl, collar = (
+            next(k + 1 for k, seam in enumerate(seams) if (azimuth - seam) % 360.0 < 120.0)
+            for seams in (layout.bowl_seams_deg, layout.collar_seams_deg)
+        )
+        pair = (f"cup_collar_{collar}", f"cup_bowl_{bowl}")
+        joints.append(
+            ScrewJoint(
+                f"{pair[0]}_to_{pair[1][4:]}",
+                "cup",
+                "screw_m4",
+                "ISO 4762 cap screw, steel",
+                "casting",
+                (rotated((layout.bolt_circle_radius_mm, 0), azimuth),),
+                True,
+                pair[0],
+                pair,
+                pair[1],
+                "loose nut",
+                1,
+            )
+        )
+    return tuple(joints)
 
 
 def bowl_body(layout: MoldLayout) -> Solid:

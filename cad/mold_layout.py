@@ -19,17 +19,34 @@ import math
 from dataclasses import dataclass
 
 from cad import feasible
+from cad.errors import ParameterError
 from cad.params import EndcapParams
 
+JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon tells your printer's
+JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coupons)
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 
 @dataclass(frozen=True)
 class MoldLayout:
-    """Derived sizes of the mold for one endcap (mm, endcap frame)."""
+    """Derived sizes of the mold for one endcap (mm, endcap frame).
+
+    Raises:
+        ParameterError: a joint clearance outside what the fit coupon tells.
+    """
 
     params: EndcapParams
-    joint_clearance_mm: float = 0.15  # E: gap on each side of a printed joint; the fit coupon refines it
+    joint_clearance_mm: float = JOINT_CLEARANCE_MM
+
+    def __post_init__(self) -> None:
+        low, high = JOINT_CLEARANCE_RANGE_MM
+        if not low <= self.joint_clearance_mm <= high:
+            raise ParameterError(
+                f"joint_clearance={self.joint_clearance_mm:g} outside {low}..{high} mm a side: tighter joints fuse in "
+                "print, looser ones leak silicone; measure it with the fit coupon (make coupons)",
+                name="joint_clearance",
+                value=self.joint_clearance_mm,
+            )
 
     # --- cup --------------------------------------------------------------------------------------------------
     @property
@@ -80,8 +97,11 @@ class MoldLayout:
 
     @property
     def bowl_wall_mm(self) -> float:
-        """PLA outside the silicone below the equator."""
-        return 6.0
+        """PLA outside the silicone below the equator: the way that silicone must creep through a joint.
+
+        The leak goes as the cube of the gap over this way: a joint wider than 0.19 gets a thicker wall, at most 7.
+        """
+        return 6.0 * min(max(1.0, (self.joint_clearance_mm / 0.19) ** 3), 7.0 / 6.0)
 
     @property
     def stand_height_mm(self) -> float:
@@ -124,8 +144,9 @@ class MoldLayout:
 
     @property
     def hanger_thickness_mm(self) -> float:
-        """Stiff enough to close the mold against thick silicone (E)."""
-        return 8.0
+        """Stiff enough to close the mold against thick silicone (E); an M3 x 12, the shortest that its standard allows
+        included, then still holds all of the interface's nut and does not reach the end of its blind hole."""
+        return 7.5
 
     @property
     def vent_circle_radius_mm(self) -> float:

@@ -73,18 +73,17 @@ def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
 
 
 def build_design(
-    params: EndcapParams, workers: Executor, progress: Progress, tolerance_mm: float = TOLERANCE_MM
+    layout: MoldLayout, workers: Executor, progress: Progress, tolerance_mm: float = TOLERANCE_MM
 ) -> Design:
     """Build solids and meshes.
 
     Args:
-        params: the two numbers.
+        layout: the two numbers and the joint clearance.
         workers: where the gyroid is made, while this process makes the solids.
         progress: called with the name of each step as it begins.
         tolerance_mm: chord tolerance of the meshes.
     """
-    pending = workers.submit(interface_mesh, params)
-    layout = MoldLayout(params)
+    pending = workers.submit(interface_mesh, layout.params)
     parts = build_solids(layout, progress)
     progress("meshes")
     meshes = {name: tessellate(part.solid, tolerance_mm) for name, part in parts.items() if name != "interface"}

@@ -148,6 +148,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
     shared = sorted(path for path in folder.iterdir() if path.stem not in design.parts)
     return {
         "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
+        "joint_clearance_mm": design.layout.joint_clearance_mm,
         "digest": design.params.digest,
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,

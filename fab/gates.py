@@ -12,6 +12,7 @@ from pathlib import Path
 import trimesh
 
 from cad.interface import build_zone
+from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from fab.bumps import bump_checks
@@ -26,7 +27,8 @@ from fab.mesh_checks import mesh_checks, overlap_check, step_check
 from fab.nut_checks import nut_checks
 
 SHELL = "shell"
-LEAST_GAP_MM = 0.05  # of a 0.15 mm joint, what facets of two pieces may leave where a bump ends at it
+CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
+LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
 
 
 def run_gates(design: Design, folder: Path, workers: Executor, progress: Progress) -> list[Check]:
@@ -46,40 +48,40 @@ def run_gates(design: Design, folder: Path, workers: Executor, progress: Progres
     files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
     gyroid = workers.submit(_interface_checks, design.params, files["interface"])
     meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
-    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(("cup_", "core_"))}
-
+    cavity = workers.submit(cavity_gates, design.layout, meshes, mesh_volume_mm3(design, SHELL))
+    overlaps = [
+        workers.submit(_overlap_check, label, [meshes[name] for name in names])
+        for label, names in (("endcap", PRODUCT), ("mold", (*design.mold, "interface")))
+    ]
     progress("checks: extraction")
-    checks = extraction_checks([*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)])
-    progress("checks: cavity")
-    checks += cavity_gates(design, meshes, pieces)
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
+    checks = extraction_checks(
+        [*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)], design.layout.joint_clearance_mm
+    )
     progress("checks: fit")
-    checks += fit_gates(design, meshes)
-    progress("checks: gyroid and files")
+    fit = fit_gates(design, meshes)
+    progress("checks: cavity, gyroid and files")
+    checks += cavity.result() + [overlap.result() for overlap in overlaps] + fit
     for pending in (*single, gyroid):
         checks += pending.result()
     return checks
 
 
-def cavity_gates(
-    design: Design, meshes: Mapping[str, trimesh.Trimesh], pieces: Mapping[str, trimesh.Trimesh]
-) -> list[Check]:
+def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
     """Balance, wall, bumps, leak and air of the closed mold."""
-    cast = mesh_volume_mm3(design, SHELL)
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     return [
-        balance_check(design.layout, pieces, meshes["interface"], cast),
-        wall_check(design.layout, pieces),
-        *bump_checks(design.layout, [mesh for name, mesh in pieces.items() if name.startswith("core_")]),
-        leak_check(design.layout, cast),
-        trapped_air_check(design.layout, meshes[SHELL]),
+        balance_check(layout, pieces, meshes["interface"], cast_mm3),
+        wall_check(layout, pieces),
+        *bump_checks(layout, [mesh for name, mesh in pieces.items() if name.startswith("core_")]),
+        leak_check(layout, cast_mm3),
+        trapped_air_check(layout, meshes[SHELL]),
     ]
 
 
 def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Overlaps, clearances, screw axes, walls, overhangs, beds."""
-    bodies = {name: to_manifold(mesh) for name, mesh in meshes.items()}
+    """Clearances, screw axes, walls, overhangs, beds."""
     checks = [
-        overlap_check("endcap", [bodies[name] for name in PRODUCT]),
-        overlap_check("mold", [bodies[name] for name in (*design.mold, "interface")]),
         *clearance_checks(design.layout, {name: part.solid for name, part in design.parts.items()}),
         *screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout),
     ]
@@ -93,13 +95,13 @@ def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Che
     return checks
 
 
-def extraction_checks(extractions: Sequence[Extraction]) -> list[Check]:
+def extraction_checks(extractions: Sequence[Extraction], joint_clearance_mm: float = JOINT_CLEARANCE_MM) -> list[Check]:
     """What must hold for each piece on its way out."""
     checks = []
     for way in extractions:
         checks += [
             Check(f"{way.piece}.way_out_penetration_mm", way.penetration_mm, high=0.01),
-            Check(f"{way.piece}.way_out_gap_mm", way.piece_gap_mm, low=LEAST_GAP_MM),
+            Check(f"{way.piece}.way_out_gap_mm", way.piece_gap_mm, low=LEAST_GAP_RATIO * joint_clearance_mm),
             Check(f"{way.piece}.draft_deg", way.draft_deg, low=0.0),
             Check(f"{way.piece}.rim_strain", way.rim_strain, high=0.0),
         ]
@@ -116,6 +118,10 @@ def _submit(workers: Executor, design: Design, part: Part, folder: Path) -> Futu
 def _file_checks(name: str, mesh_volume: float | None, solid_volumes: list[float], folder: Path) -> list[Check]:
     mesh = read_stl(folder / f"{name}.stl")
     return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, folder / f"{name}.step")]
+
+
+def _overlap_check(label: str, meshes: Sequence[trimesh.Trimesh]) -> Check:
+    return overlap_check(label, [to_manifold(mesh) for mesh in meshes])
 
 
 def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:

@@ -11,6 +11,7 @@ Notes:
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -142,6 +143,14 @@ def _stl_corners(path: Path) -> np.ndarray:
     if count == 0 or len(data) != 84 + count * _STL_RECORD.itemsize:
         raise FileError(f"{path}: not a whole binary STL ({len(data)} bytes): export it again")
     return np.frombuffer(data, dtype=_STL_RECORD, offset=84)["corners"].reshape(-1, 3)
+
+
+def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Several meshes as one, faces in order; nothing is welded."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    corners = [np.asarray(mesh.faces) + start for mesh, start in zip(meshes, starts, strict=True)]
+    points = np.concatenate([np.asarray(mesh.vertices) for mesh in meshes])
+    return trimesh.Trimesh(points, np.concatenate(corners), process=False, validate=False)
 
 
 def to_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:

@@ -9,24 +9,26 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.feasible import diameter_range_mm
+from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from fab.check import Check
 
 ROOT = Path(__file__).resolve().parent.parent
-DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports")}
+DEFAULTS = {"D": "130", "T": "8", "joint_clearance": f"{JOINT_CLEARANCE_MM:g}", "exports": str(ROOT / "exports")}
 WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
 
 HELP = """\
 options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
   T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
+  joint_clearance=0.15   gap of the printed joints, mm a side (0.05 to 0.30): the best step of the fit coupon
   exports=DIR      folder that receives D130_T8/ (default: exports/)
 
 The folder appears whole, after every check has passed, or not at all.
@@ -38,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="make molds",
-        usage="make molds [D=MM] [T=MM] [exports=DIR]",
+        usage="make molds [D=MM] [T=MM] [joint_clearance=MM] [exports=DIR]",
         description="Make the mold, the TPU interface, the base and the assembly of one endcap.",
         epilog=HELP.format(low=diameter_range_mm()[0], high=diameter_range_mm()[1]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -50,7 +52,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options = parse_options([*arguments.options, *unknown])
         params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
-        return make_molds(params, Path(options["exports"]))
+        layout = MoldLayout(params, parse_length("joint_clearance", options["joint_clearance"]))
+        require_writable(Path(options["exports"]))
+        progress = Progress()
+        load_libraries(progress)
+        if interrupts:  # a guard round some library's optional import may have swallowed it
+            raise KeyboardInterrupt
+        return make_molds(layout, Path(options["exports"]), progress)
     except EndcapError as error:
         print(f"make molds: {error}", file=sys.stderr)
         return 1 if isinstance(error, ChecksFailedError) else 2
@@ -69,18 +77,18 @@ def _interrupt(interrupts: list[int], number: int) -> None:
     raise KeyboardInterrupt
 
 
-def parse_options(words: Sequence[str]) -> dict[str, str]:
+def parse_options(words: Sequence[str], defaults: Mapping[str, str] = DEFAULTS) -> dict[str, str]:
     """Read NAME=VALUE words over the defaults.
 
     Raises:
         ParameterError: an unknown name, or a word of another form.
     """
-    options = dict(DEFAULTS)
+    options = dict(defaults)
     for word in words:
         name, equals, value = word.partition("=")
-        if not equals or name not in DEFAULTS or not value:
+        if not equals or name not in defaults or not value:
             raise ParameterError(
-                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in DEFAULTS)}", name=name
+                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in defaults)}", name=name
             )
         options[name] = value
     return options
@@ -102,12 +110,20 @@ def parse_length(name: str, text: str) -> float:
         ) from None
 
 
-def make_molds(params: EndcapParams, exports: Path) -> int:
+def load_libraries(progress: Progress) -> None:
+    """Import CAD kernel and mesh libraries, which takes seconds."""
+    progress("CAD kernel")
+    for module in ("fab.design", "fab.exports", "fab.gates"):
+        importlib.import_module(module)
+
+
+def make_molds(layout: MoldLayout, exports: Path, progress: Progress) -> int:
     """Build, write and check one endcap.
 
     Args:
-        params: the two numbers.
-        exports: folder that receives ``params.label``.
+        layout: the two numbers and the joint clearance.
+        exports: folder that receives ``layout.params.label``; it exists.
+        progress: told each step.
 
     Returns:
         0.
@@ -116,12 +132,7 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
-    final = exports / params.label
-    require_writable(exports)
-    progress = Progress()
-    progress("CAD kernel")
-    for module in ("fab.design", "fab.exports", "fab.gates"):
-        importlib.import_module(module)
+    final = exports / layout.params.label
     # Forked once the libraries are loaded, so that no worker loads them again, and before any of them starts a thread.
     context = multiprocessing.get_context("fork")
     # Ctrl-C reaches every process: a worker dies of it without a word, and this process tidies up.
@@ -129,7 +140,7 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
         for _ in range(WORKERS):
             workers.submit(os.getpid)
         try:
-            return _make(params, final, workers, progress)
+            return _make(layout, final, workers, progress)
         except BaseException:
             workers.shutdown(wait=False, cancel_futures=True)
             raise
@@ -137,13 +148,13 @@ def make_molds(params: EndcapParams, exports: Path) -> int:
             progress.end()
 
 
-def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progress: Progress) -> int:
+def _make(layout: MoldLayout, final: Path, workers: ProcessPoolExecutor, progress: Progress) -> int:
     """Build, write and check with running workers."""
     from fab import exports as files
     from fab.design import build_design
     from fab.gates import run_gates
 
-    design = build_design(params, workers, progress)
+    design = build_design(layout, workers, progress)
     with files.whole_folder(final) as folder, finished([]) as pending:
         progress("files")
         files.write_meshes(design, folder)
@@ -153,7 +164,7 @@ def _make(params: EndcapParams, final: Path, workers: ProcessPoolExecutor, progr
                 pending.append(workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf"))
         files.write_solids(design, folder)
         checks = run_gates(design, folder, workers, progress)
-        require_passed(checks, params)
+        require_passed(checks, layout.params)
         progress("assembly and pictures")
         files.write_assemblies(design, folder)
         for job in pending:

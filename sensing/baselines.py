@@ -10,7 +10,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from sensing.decode import decode_bgr, decode_gray, to_full_px, working_reduction
+from sensing.decode import SHORT_SIDE_PX, decode_bgr, decode_gray, to_full_px, working_reduction
 from sensing.dots import find_dots
 from sensing.field_operator import field_operator
 from sensing.gelslim import CROP_PX, FARNEBACK, released_gray
@@ -18,20 +18,31 @@ from sensing.records import Frame, Image, ShearField
 from sensing.tracker import frame_size
 
 BOX_PX = 21  # local mean that normalised images are divided by, in half-size pixels
-LK_WINDOW = (15, 15)
+LK_WINDOW = 15
 
 
 class FarnebackField:
-    """The released flow without its 25 x 25 pooling: the area mean of each cell."""
+    """The released flow without its 25 x 25 pooling: the area mean of each cell.
 
-    def __init__(self, reference: Frame, shape: tuple[int, int]) -> None:
-        self._shape = shape
+    Args:
+        reference: undeformed picture.
+        shape: (H, W).
+        flow: parameters of OpenCV's Farneback flow.
+    """
+
+    def __init__(
+        self,
+        reference: Frame,
+        shape: tuple[int, int],
+        flow: tuple[float, int, int, int, int, float, int] = FARNEBACK,
+    ) -> None:
+        self._shape, self._parameters = shape, flow
         self._reference = released_gray(decode_bgr(reference))
 
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame."""
         gray = released_gray(decode_bgr(frame))
-        flow = cv2.calcOpticalFlowFarneback(self._reference, gray, None, *FARNEBACK)  # type: ignore[call-overload]
+        flow = cv2.calcOpticalFlowFarneback(self._reference, gray, None, *self._parameters)  # type: ignore[call-overload]
         mean = cv2.resize(flow, self._shape[::-1], interpolation=cv2.INTER_AREA)
         return ShearField(frame.time_s, np.moveaxis(mean, 2, 0).astype(np.float32))
 
@@ -43,6 +54,8 @@ class DisField:
         reference: undeformed picture.
         shape: (H, W).
         prepare: applied to both gray pictures first, for example :func:`normalised`.
+        preset: OpenCV's quality preset, 0 (ultrafast) to 2 (medium).
+        short_side_px: the working picture keeps at least this.
     """
 
     def __init__(
@@ -50,11 +63,13 @@ class DisField:
         reference: Frame,
         shape: tuple[int, int],
         prepare: Callable[[Image], Image] = lambda gray: gray,
+        preset: int = cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+        short_side_px: int = SHORT_SIDE_PX,
     ) -> None:
         self._shape, self._prepare = shape, prepare
-        self._reduction = working_reduction(frame_size(reference))
+        self._reduction = working_reduction(frame_size(reference), short_side_px)
         self._reference = prepare(decode_gray(reference, self._reduction))
-        self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)  # type: ignore[attr-defined]
+        self._flow = cv2.DISOpticalFlow_create(preset)  # type: ignore[attr-defined]
 
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame."""
@@ -69,9 +84,17 @@ class DisField:
 
 
 class LucasKanadeField:
-    """Pyramidal Lucas-Kanade of the dots on raw images from the reference, no judgement, same field operator."""
+    """Pyramidal Lucas-Kanade of the dots on raw images from the reference, no judgement, same field operator.
 
-    def __init__(self, reference: Frame, shape: tuple[int, int]) -> None:
+    Args:
+        reference: undeformed picture.
+        shape: (H, W).
+        window: side of the windows in working pixels.
+        levels: pyramid levels beyond the first.
+    """
+
+    def __init__(self, reference: Frame, shape: tuple[int, int], window: int = LK_WINDOW, levels: int = 2) -> None:
+        self._options = {"winSize": (window, window), "maxLevel": levels}
         size = frame_size(reference)
         self._reduction = working_reduction(size)
         self._reference = decode_gray(reference, self._reduction)
@@ -82,7 +105,7 @@ class LucasKanadeField:
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame."""
         gray = decode_gray(frame, self._reduction)
-        place, _, _ = cv2.calcOpticalFlowPyrLK(self._reference, gray, self._points, None, winSize=LK_WINDOW, maxLevel=2)  # type: ignore[call-overload]
+        place, _, _ = cv2.calcOpticalFlowPyrLK(self._reference, gray, self._points, None, **self._options)  # type: ignore[call-overload]
         moved = (place - self._points)[:, 0].astype(float) * self._scale
         return ShearField(frame.time_s, self._operator.field(moved).astype(np.float32))
 

@@ -68,9 +68,9 @@ def reduce_gray(gray: Image, reduction: int) -> Image:
     return cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
 
 
-def working_reduction(size: tuple[int, int]) -> int:
-    """Largest of 1, 2, 4, 8 that leaves the short side of (width, height) at :data:`SHORT_SIDE_PX` or more."""
-    return max((r for r in (1, 2, 4, 8) if min(size) / r >= SHORT_SIDE_PX), default=1)
+def working_reduction(size: tuple[int, int], short_side_px: int = SHORT_SIDE_PX) -> int:
+    """Largest of 1, 2, 4, 8 that leaves the short side of (width, height) at ``short_side_px`` or more."""
+    return max((r for r in (1, 2, 4, 8) if min(size) / r >= short_side_px), default=1)
 
 
 def to_full_px(position: NDArray[np.floating], reduction: int) -> NDArray[np.float64]:

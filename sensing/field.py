@@ -29,6 +29,7 @@ from sensing.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimFie
 from sensing.methods import METHODS, DotField, FieldMethod, field_method
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
+from sensing.zero import load_zero
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,8 @@ def _run(options: argparse.Namespace) -> None:
         raise ParameterError("nothing to write: give --out FILE.npy, --picture FILE.png or both", name="out")
     if options.out is not None and options.out.suffix not in (".npy", ".npz"):
         raise ParameterError(f"--out {options.out}: the name must end in .npy or .npz", name="out", value=options.out)
-    reference = read_picture(options.reference)
+    stored = options.reference.suffix == ".npz"
+    reference = load_zero(options.reference).frame() if stored else read_picture(options.reference)
     frames: Iterable[Frame]
     if options.video is None:
         frames = [read_picture(options.frame)]
@@ -213,7 +215,9 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Unit of u, v: pixels of the 200x200 centre crop. Bad input: one line on stderr, exit status 2.",
     )
     parser.add_argument("--method", choices=METHODS, default="dots", help="gelslim: exactly the released pipeline")
-    parser.add_argument("--reference", type=Path, required=True, help="picture of the untouched sensor")
+    parser.add_argument(
+        "--reference", type=Path, required=True, help="picture of the untouched sensor, or its zero (.npz)"
+    )
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--frame", type=Path, help="one picture")
     what.add_argument("--video", type=Path, help="a video file, or a folder of pictures")

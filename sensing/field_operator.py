@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
+from sensing.field_kernels import add_surprise, cells_of_dots, stretch_at_dots
 
 LENGTH_PX = 80.0  # at 480 px short side; measured in bench/bench_fields.py
 NOISE = 0.005  # lambda, relative to the Matern part's variance
@@ -40,11 +41,12 @@ class FieldOperator:
     """Linear maps for one set of dots; build it with :func:`field_operator`.
 
     Attributes:
-        to_cells: (H * W, N) displacement of the dots to mean displacement of the cells.
+        to_cells: (N, H * W) displacement of the dots to mean displacement of the cells (cells = d @ to_cells).
         precision: (N, N) Q = (K + lambda I)^-1.
-        gradient: (2, N, N) displacement of the dots to its x and y derivative at the dots, per pixel.
-        bend: (H * W, 2 N) surprise in the derivatives at the dots (x then y) to displacement of the cells.
+        gradient: (2 N, N) displacement of the dots to its x (first N rows) and y derivative at the dots, per pixel.
+        bend: (2 N, H * W) surprise in the derivatives at the dots (x then y) to displacement of the cells.
         near: (H * W, N) 0 or 1, dot within reach of a cell.
+        reached: (H, W) cells that any dot reaches.
         shape: (H, W).
         condition: condition number of K + lambda I.
     """
@@ -54,6 +56,7 @@ class FieldOperator:
     gradient: NDArray[np.float64]
     bend: NDArray[np.float32]
     near: NDArray[np.float32]
+    reached: NDArray[np.bool_]
     shape: tuple[int, int]
     condition: float
 
@@ -75,27 +78,27 @@ class FieldOperator:
 
     def predicted_stretch(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 2, 2) d displacement_i / d x_j at the dots, as the displacements of all dots have it."""
-        return np.moveaxis(self.gradient @ displacement, 0, 2)
+        return stretch_at_dots(self.gradient, displacement, np.inf)
 
     def field(
         self, displacement: NDArray[np.float64], stretch: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    ) -> NDArray[np.float32]:
         """(2, H, W) mean displacement of the cells; rows of lost dots must have been filled.
 
         Args:
-            displacement: (N, 2).
+            displacement: (N, 2), finite.
             stretch: (N, 2, 2) measured at the dots (NaN where not): sharpens the field where it contradicts the
                 smooth prediction by more than its own scatter.
         """
-        cells = self.to_cells @ displacement.astype(np.float32)
+        cells = cells_of_dots(self.to_cells, displacement)
         if stretch is not None:
-            surprise = _beyond_scatter(stretch - self.predicted_stretch(displacement))
-            if surprise.any():
-                cells = cells + self.bend @ surprise.transpose(2, 0, 1).reshape(-1, 2).astype(np.float32)
-        return cells.T.reshape(2, *self.shape).astype(float)
+            add_surprise(cells, self.bend, self.predicted_stretch(displacement), stretch, SURPRISE, SCATTERS)
+        return cells.reshape(2, *self.shape)
 
     def valid(self, live: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(H, W) True where at least one live dot is within reach."""
+        if live.all():
+            return self.reached
         return (self.near @ live.astype(np.float32) > 0.5).reshape(self.shape)
 
 
@@ -111,16 +114,7 @@ def field_operator(
     Raises:
         ParameterError: no dots, positions that are not finite, or a length or noise that is not positive.
     """
-    reference_px = np.asarray(reference_px, float).reshape(-1, 2)
-    if len(reference_px) == 0 or not np.isfinite(reference_px).all():
-        raise ParameterError(
-            f"reference_px has {len(reference_px)} dots, all finite: {bool(np.isfinite(reference_px).all())}: "
-            "at least one finite position needed",
-            name="reference_px",
-            value=len(reference_px),
-        )
-    if not (length_px > 0 and noise > 0):
-        raise ParameterError(f"length_px={length_px}, noise={noise}: both must be positive", name="noise", value=noise)
+    reference_px = _checked(reference_px, length_px, noise)
     scale = min(size) / 480.0
     origin = reference_px.mean(axis=0)  # so that few dots tilt nothing
     dots = (reference_px - origin) / (length_px * scale)
@@ -132,15 +126,32 @@ def field_operator(
     mean_kernel = _kernel(points, dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
     gradient = _kernel_gradient(dots) @ precision
     distance = np.linalg.norm(centres[:, None] - reference_px[None], axis=2)
+    near = distance < REACH_PX * scale
+    bend = _bend(points, dots, mean_kernel, precision, gradient) * (length_px * scale)
     return FieldOperator(
-        to_cells=(mean_kernel @ precision).astype(np.float32),
+        to_cells=np.ascontiguousarray((mean_kernel @ precision).T, np.float32),
         precision=precision,
-        gradient=gradient / (length_px * scale),
-        bend=(_bend(points, dots, mean_kernel, precision, gradient) * (length_px * scale)).astype(np.float32),
-        near=(distance < REACH_PX * scale).astype(np.float32),
+        gradient=gradient.reshape(-1, len(dots)) / (length_px * scale),
+        bend=np.ascontiguousarray(bend.T, np.float32),
+        near=near.astype(np.float32),
+        reached=near.any(axis=1).reshape(shape),
         shape=shape,
         condition=float(np.linalg.cond(gram)),
     )
+
+
+def _checked(reference_px: NDArray[np.float64], length_px: float, noise: float) -> NDArray[np.float64]:
+    reference_px = np.asarray(reference_px, float).reshape(-1, 2)
+    if len(reference_px) == 0 or not np.isfinite(reference_px).all():
+        raise ParameterError(
+            f"reference_px has {len(reference_px)} dots, all finite: {bool(np.isfinite(reference_px).all())}: "
+            "at least one finite position needed",
+            name="reference_px",
+            value=len(reference_px),
+        )
+    if not (length_px > 0 and noise > 0):
+        raise ParameterError(f"length_px={length_px}, noise={noise}: both must be positive", name="noise", value=noise)
+    return reference_px
 
 
 def _kernel(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -185,14 +196,6 @@ def _bend(
     to_cells = to_points.reshape(len(mean_kernel), -1, 2 * count).mean(axis=1)
     cross = to_cells - mean_kernel @ gradient.reshape(2 * count, count).T
     return np.linalg.solve(spread + STRETCH_NOISE * np.eye(2 * count), cross.T).T
-
-
-def _beyond_scatter(innovation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2, 2) shrunk to zero within the usual scatter (smoothly, as James and Stein do); NaN becomes zero."""
-    square = np.nan_to_num(innovation**2).sum(axis=(1, 2))
-    usual = max(SURPRISE, SCATTERS * float(np.sqrt(np.median(square))))
-    share = np.clip(1 - usual**2 / np.maximum(square, 1e-12), 0, 1)
-    return np.nan_to_num(innovation) * share[:, None, None]
 
 
 def _cell_points(size: tuple[int, int], shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

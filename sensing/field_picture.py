@@ -41,7 +41,7 @@ def draw_field(image: Image, field: ShearField, tracks: DotTracks | None = None,
 
 
 def _length(field: ShearField) -> NDArray[np.float32]:
-    return np.hypot(field.channel("u"), field.channel("v")) * field.valid
+    return np.where(field.valid, np.hypot(field.channel("u"), field.channel("v")), 0.0)
 
 
 def _shade_invalid(canvas: Image, field: ShearField, corner: tuple[float, float], side: float) -> None:

@@ -164,11 +164,11 @@ def helmholtz_parts(
     Notes:
         Natural decomposition: potentials D = G * div and R = G * curl with the free-space Green's function
         G = log(r) / (2 pi), its value at r = 0 taken at half a cell; irrotational = grad D, solenoidal =
-        (-dR/dy, dR/dx).
+        (-dR/dy, dR/dx). Where div or curl is NaN it counts as zero, so that one bad cell does not spoil all.
     """
     u, v = np.asarray(u, float), np.asarray(v, float)
-    potential = _free_space_potential(divergence(u, v))
-    stream = _free_space_potential(curl(u, v))
+    potential = _free_space_potential(np.nan_to_num(divergence(u, v)))
+    stream = _free_space_potential(np.nan_to_num(curl(u, v)))
     solenoidal = (-np.gradient(stream, axis=0), np.gradient(stream, axis=1))
     irrotational = (np.gradient(potential, axis=1), np.gradient(potential, axis=0))
     return solenoidal, irrotational

@@ -108,7 +108,7 @@ class ShearField:
         channels: (C, H, W) float32.
         names: the C channel names; "u" is along x (right), "v" along y (down).
         unit: unit of u and v.
-        valid: (H, W) bool, False where the method has nothing to go by.
+        valid: (H, W) bool, False where the method has nothing to go by; set False where u or v is not finite.
     """
 
     time_s: float
@@ -127,6 +127,9 @@ class ShearField:
         if self.valid.size == 0:
             object.__setattr__(self, "valid", np.ones(self.channels.shape[1:], bool))
         _require_shape("valid", self.valid, self.channels.shape[1:])
+        if not np.isfinite(self.channels).all():
+            moved = [k for k, name in enumerate(self.names) if name in ("u", "v")]
+            object.__setattr__(self, "valid", self.valid & np.isfinite(self.channels[moved]).all(axis=0))
         _freeze(self, ("channels", "valid"))
 
     def channel(self, name: str) -> NDArray[np.float32]:
@@ -168,13 +171,13 @@ class Wrench:
 
 
 def _require_shape(name: str, array: NDArray, shape: tuple[int, ...]) -> None:
-    if np.shape(array) != tuple(shape):
-        raise ParameterError(f"{name} has shape {np.shape(array)}, expected {tuple(shape)}", name=name, value=array)
+    if np.shape(array) != shape:
+        raise ParameterError(f"{name} has shape {np.shape(array)}, expected {shape}", name=name, value=array)
 
 
-def _freeze(record: object, names: tuple[str, ...]) -> None:
+def _freeze(record: Any, names: tuple[str, ...]) -> None:
     """Replace the named arrays by read-only views, so that the caller's own array stays writable."""
     for name in names:
         view = np.asarray(getattr(record, name)).view()
-        view.flags.writeable = False
-        object.__setattr__(record, name, view)
+        view.setflags(write=False)
+        record.__dict__[name] = view

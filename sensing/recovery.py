@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.field_operator import FieldOperator
-from sensing.patch_kernels import correlation_map
 from sensing.patches import Patches
-from sensing.records import Image
+from sensing.search_kernels import best_rigid_motion, correlation_map
 
 STRIDE = 2
 LEAST_CORRELATION = 0.6
@@ -24,11 +23,13 @@ CANDIDATES = 4
 AGREE_PX = 4.0  # a candidate within this of the prediction is taken
 GROW_PX = 10.0  # the same while growing: narrow bumps surprise their neighbours; half a dot spacing is 11
 ROUNDS = 8
-TRIALS = 150
+TRIALS = 600  # pairs of dots whose motion is put to the vote
+SHORTEST_PX = 40.0  # pairs nearer than this tell no turn
+STRETCH = 0.07  # pairs whose distance changes by more than this share are no pair
 
 
 def recover(
-    image: Image,
+    image: NDArray[np.float32],
     patches: Patches,
     operator: FieldOperator,
     reach: int,
@@ -47,7 +48,7 @@ def recover(
 
 
 def regrow(
-    image: Image,
+    image: NDArray[np.float32],
     patches: Patches,
     operator: FieldOperator,
     moved: NDArray[np.float64],
@@ -115,40 +116,16 @@ def _agreed_motion(
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """(N, 2) rigid motion that most dots have a candidate for; rest is the first guess and wins ties."""
-    best = np.zeros_like(centre)
-    best_votes = _votes(place, score, best) * 1.05
     dots = np.flatnonzero(score.max(axis=1) > 0)
     if len(dots) < 4:
-        return best
-    for _ in range(TRIALS):
-        i, j = rng.choice(dots, 2, replace=False)
-        a, b = rng.choice(CANDIDATES, 2)
-        if score[i, a] == 0 or score[j, b] == 0:
-            continue
-        motion = _rigid(centre, centre[[i, j]], centre[[i, j]] + [place[i, a], place[j, b]])
-        if motion is None:
-            continue
-        votes = _votes(place, score, motion)
-        if votes > best_votes:
-            best, best_votes = motion, votes
-    return best
-
-
-def _votes(place: NDArray[np.float64], score: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
-    near = ((place - motion[:, None]) ** 2).sum(axis=2) < AGREE_PX**2
-    return float((near * score).max(axis=1).sum())
-
-
-def _rigid(
-    centre: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
-    """(N, 2) displacement of the turn and shift that take two points to two others; None if it stretches."""
-    arm, new_arm = complex(*(before[1] - before[0])), complex(*(after[1] - after[0]))
-    if abs(arm) < 40 or not 0.93 < abs(new_arm) / abs(arm) < 1.07:
-        return None
-    turn = new_arm / arm / abs(new_arm / arm)
-    z = (centre[:, 0] + 1j * centre[:, 1] - complex(*before.mean(axis=0))) * turn + complex(*after.mean(axis=0))
-    return np.stack([z.real, z.imag], axis=1) - centre
+        return np.zeros_like(centre)
+    picks = np.column_stack(
+        [dots[rng.integers(len(dots), size=(TRIALS, 2))], rng.integers(CANDIDATES, size=(TRIALS, 2))]
+    )
+    middle = centre.mean(axis=0)
+    turn, x, y = best_rigid_motion(centre - middle, place, score, picks, AGREE_PX, SHORTEST_PX, STRETCH)
+    z = (centre - middle) @ np.array([1, 1j]) * (np.exp(1j * turn) - 1) + complex(x, y)
+    return np.stack([z.real, z.imag], axis=1)
 
 
 def _nearest(

@@ -10,23 +10,29 @@ Units: records are in full-size pixels; inside, pixels of the working picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cad.errors import ParameterError
-from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
+from sensing.decode import SHORT_SIDE_PX, FrameError, decode_gray, to_full_px, working_reduction
 from sensing.dots import Dots, find_dots
+from sensing.field_kernels import judge_dots, stretch_at_dots
 from sensing.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
 from sensing.gelslim import CROP_PX
-from sensing.patches import align, cut_patches
-from sensing.records import DotTracks, Frame, Image, ShearField
+from sensing.patch_kernels import smooth_into, smoothed
+from sensing.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
+from sensing.records import DotTracks, Frame, ShearField
 from sensing.recovery import recover, regrow
 
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
+FEWEST_JUDGES = 5  # dots that are believed are not put in doubt by fewer than this
+TRUST = (0.1, 0.4)  # believed leave-one-out residual over the spacing, at least and at sure quality
+VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
+LARGEST_STRETCH = 0.5  # that a window starts from
+MOST_DROPPED = 12  # contradicted dots a judgement
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,9 @@ class TrackerConfig:
         window: half width of a window over the dots' median diameter.
         length_px: length of the field's kernel at 480 px.
         noise: noise of the field's kernel.
+        iterations: alignment steps a window at most.
+        stop_px: a step this small ends the alignment, pixels of the working picture.
+        short_side_px: the working picture keeps at least this (half size at 640 x 480).
     """
 
     shape: tuple[int, int] = (30, 30)
@@ -50,6 +59,9 @@ class TrackerConfig:
     window: float = 0.7
     length_px: float = LENGTH_PX
     noise: float = NOISE
+    iterations: int = ITERATIONS
+    stop_px: float = STOP_PX
+    short_side_px: int = SHORT_SIDE_PX
 
     def __post_init__(self) -> None:
         if not -1 < self.least_quality <= self.sure_quality < 1:
@@ -76,12 +88,16 @@ class DotTracker:
     def __init__(self, reference: Frame, config: TrackerConfig | None = None, dots: Dots | None = None) -> None:
         self.config = config or TrackerConfig()
         self.size = frame_size(reference)
-        self.reduction = working_reduction(self.size)
+        self.reduction = working_reduction(self.size, self.config.short_side_px)
         gray = decode_gray(reference, self.reduction)
-        self.dots = find_dots(gray, source=reference.source) if dots is None else dots
-        diameter = float(np.median(self.dots.diameter_px))
-        half = int(np.clip(np.rint(self.config.window * diameter), 4, 12))
-        self._patches = cut_patches(smoothed(gray), self.dots.position_px, half)
+        self._working_shape = gray.shape
+        self._image = smoothed(gray)  # used again for every frame
+        found = find_dots(gray, source=reference.source) if dots is None else dots
+        half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, 12))
+        self.dots = (
+            found if dots is not None else _without_vague(found, cut_patches(self._image, found.position_px, half))
+        )
+        self._patches = cut_patches(self._image, self.dots.position_px, half)
         self.reference_px = to_full_px(self.dots.position_px, self.reduction)
         self.operator: FieldOperator = field_operator(
             self.reference_px, self.size, self.config.shape, self.config.length_px, self.config.noise
@@ -99,71 +115,66 @@ class DotTracker:
             FrameError: the frame cannot be decoded or has another size than the reference.
         """
         gray = decode_gray(frame, self.reduction)
-        expected = tuple(-(-side // self.reduction) for side in self.size)
-        if gray.shape[::-1] != expected:
+        if gray.shape != self._working_shape:
             got = frame.size or tuple(side * self.reduction for side in gray.shape[::-1])
             raise FrameError(
                 f"{frame.source}: frame of {got[0]}x{got[1]} px, the reference has {self.size[0]}x{self.size[1]}: "
                 "take a new reference at this size"
             )
-        fit = self._follow(smoothed(gray))
+        smooth_into(gray, self._image)
+        fit = self._follow(self._image)
         self._last = fit
+        lost = ~fit.live
+        if lost.any():
+            fit.quality[lost], fit.stretch[lost] = 0.0, np.nan
         return DotTracks(
             time_s=frame.time_s,
             ids=self._all,
             reference_px=self.reference_px,
             position_px=self.reference_px + fit.moved * self.reduction,
-            quality=np.where(fit.live, np.clip(fit.quality, 0, 1), 0.0),
-            lost=~fit.live,
+            quality=fit.quality,
+            lost=lost,
             size=self.size,
-            stretch=np.where(fit.live[:, None, None], fit.stretch, np.nan),
+            stretch=fit.stretch,
         )
 
     def field(self, tracks: DotTracks) -> ShearField:
         """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
-        scale = CROP_PX / min(self.size)
-        channels = self.operator.field(tracks.displacement_px, tracks.stretch) * scale
-        return ShearField(tracks.time_s, channels.astype(np.float32), valid=self.operator.valid(~tracks.lost))
+        channels = self.operator.field(tracks.displacement_px, tracks.stretch)
+        channels *= np.float32(CROP_PX / min(self.size))
+        return ShearField(tracks.time_s, channels, valid=self.operator.valid(~tracks.lost))
 
     def restart(self) -> None:
         """Forget the previous frame."""
         count = len(self.dots)
         self._last = _Fit(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(count, bool))
 
-    def _follow(self, gray: Image) -> _Fit:
+    def _follow(self, image: NDArray[np.float32]) -> _Fit:
         """The best fit of one frame; lost dots are where their neighbours put them."""
-        fit = self._judged(self._refined(gray, self._all, self._last.moved))
-        if fit.live.mean() < 1 - self.config.restart_share:
-            again = self._search(gray)
+        fit = self._judged(self._refined(image, self._all, self._last.moved))
+        if np.count_nonzero(fit.live) < (1 - self.config.restart_share) * len(fit.live):
+            again = self._search(image)
             if again.live.sum() > fit.live.sum():
                 fit = again
-        if not fit.live.all():
-            fit = self._retry(gray, fit)
-        return replace(fit, moved=self.operator.filled(fit.moved, fit.live))
+        return fit if fit.live.all() else self._retry(image, fit)
 
-    def _refined(self, gray: Image, which: NDArray[np.int64], start: NDArray[np.float64]) -> _Fit:
+    def _refined(self, image: NDArray[np.float32], which: NDArray[np.int64], start: NDArray[np.float64]) -> _Fit:
         """Windows ``which`` aligned, from displacements ``start`` and the stretch that these imply."""
         moved = start.copy()
-        stretch = np.clip(self.operator.predicted_stretch(moved) * self.reduction, -0.5, 0.5)
-        quality = align(gray, self._patches, which, moved, stretch)
+        stretch = stretch_at_dots(self.operator.gradient, moved * self.reduction, LARGEST_STRETCH)
+        quality = align(image, self._patches, which, moved, stretch, self.config.iterations, self.config.stop_px)
         return _Fit(moved, stretch, quality, np.zeros(len(moved), bool))
 
     def _judged(self, fit: _Fit) -> _Fit:
         """Which dots to believe: good correlation, and not far from what the believed others predict."""
         live = fit.quality > self.config.least_quality
-        trust = np.where(fit.quality > self.config.sure_quality, 0.5, 0.25) * self._spacing
-        for _ in range(12):
-            if live.sum() < 5:
-                break
-            residual = self.operator.left_out(self.operator.filled(fit.moved, live))
-            excess = np.where(live, np.hypot(residual[:, 0], residual[:, 1]) / trust, 0)
-            worst = int(excess.argmax())
-            if excess[worst] <= 1:
-                break
-            live[worst] = False
-        return replace(fit, live=live)
+        trust = np.interp(fit.quality, (self.config.least_quality, self.config.sure_quality), TRUST) * self._spacing
+        moved = fit.moved.copy()
+        judge_dots(self.operator.precision, moved, live, trust, FEWEST_JUDGES, MOST_DROPPED)
+        contradicted = ~live & (fit.quality > self.config.least_quality)
+        return _Fit(moved, fit.stretch, np.where(contradicted, 0.0, np.minimum(fit.quality, 1.0)), live)
 
-    def _retry(self, gray: Image, fit: _Fit) -> _Fit:
+    def _retry(self, image: NDArray[np.float32], fit: _Fit) -> _Fit:
         """Bad dots again, from the neighbours' prediction, from rest and from a search; the better correlation stays.
 
         Dots that were lost before start from their neighbours' prediction anyway and get this chance now and then.
@@ -175,24 +186,24 @@ class DotTracker:
             bad = ~fit.live & worth
             if not bad.any():
                 break
-            trial = self._refined(gray, np.flatnonzero(bad), attempt(gray, fit))
+            trial = self._refined(image, np.flatnonzero(bad), attempt(image, fit))
             better = bad & (trial.quality > fit.quality)
             if better.any():
                 fit = self._judged(_merged(fit, trial, better))
         return fit
 
-    def _from_neighbours(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
-        return self.operator.filled(fit.moved, fit.live)
+    def _from_neighbours(self, image: NDArray[np.float32], fit: _Fit) -> NDArray[np.float64]:
+        return fit.moved
 
-    def _from_rest(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
+    def _from_rest(self, image: NDArray[np.float32], fit: _Fit) -> NDArray[np.float64]:
         return np.where(fit.live[:, None], fit.moved, 0.0)
 
-    def _from_search(self, gray: Image, fit: _Fit) -> NDArray[np.float64]:
-        return regrow(gray, self._patches, self.operator, fit.moved, fit.live, self._reach)
+    def _from_search(self, image: NDArray[np.float32], fit: _Fit) -> NDArray[np.float64]:
+        return regrow(image, self._patches, self.operator, fit.moved, fit.live, self._reach)
 
-    def _search(self, gray: Image) -> _Fit:
-        moved, _ = recover(gray, self._patches, self.operator, self._reach, np.random.default_rng(0))
-        return self._judged(self._refined(gray, self._all, moved))
+    def _search(self, image: NDArray[np.float32]) -> _Fit:
+        moved, _ = recover(image, self._patches, self.operator, self._reach, np.random.default_rng(0))
+        return self._judged(self._refined(image, self._all, moved))
 
 
 @dataclass(frozen=True)
@@ -203,6 +214,12 @@ class _Fit:
     stretch: NDArray[np.float64]
     quality: NDArray[np.float64]
     live: NDArray[np.bool_]
+
+
+def _without_vague(dots: Dots, patches: Patches) -> Dots:
+    """Dots without those whose window slides along an edge (such as what the border of the view leaves of one)."""
+    steady = patches.uncertainty_px <= VAGUE * np.median(patches.uncertainty_px)
+    return Dots(dots.position_px[steady], dots.diameter_px[steady], dots.cut[steady])
 
 
 def _merged(fit: _Fit, trial: _Fit, better: NDArray[np.bool_]) -> _Fit:
@@ -220,11 +237,6 @@ def frame_size(frame: Frame) -> tuple[int, int]:
         return frame.size
     gray = decode_gray(frame)
     return gray.shape[1], gray.shape[0]
-
-
-def smoothed(gray: Image) -> Image:
-    """The picture without detail that bilinear sampling would distort (the bias of whole against half pixels)."""
-    return cv2.GaussianBlur(gray, (3, 3), 0.8)
 
 
 def _spacing(position: NDArray[np.float64], fallback: float) -> NDArray[np.float64]:

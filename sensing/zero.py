@@ -4,6 +4,10 @@ A touch deforms part of the skin; a lamp that ages or a camera that settles in i
 once. So drift is told apart by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
 all dots alike, and small, is the mounting; a change of brightness without motion is the lamp; the rest is contact.
 
+    python -m sensing.zero take --source 0 --sensor "cap 3" --out cap3.npz
+    python -m sensing.zero check --zero cap3.npz --source 0
+    python -m sensing.zero watch --zero cap3.npz --source 0 --still 30
+
 Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
 """
 
@@ -270,3 +274,9 @@ def _fit_similarity(
 def _brightness(frame: Frame) -> float:
     """Mean gray level; a quarter of the size is enough for a mean."""
     return float(decode_gray(frame, 4).mean())
+
+
+if __name__ == "__main__":
+    from sensing.zero_cli import main
+
+    raise SystemExit(main())

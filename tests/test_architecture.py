@@ -15,7 +15,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 BOTTOM = {f"cad.{name}" for name in ("errors", "scaling", "feasible", "params", "dots")}
-PLAIN = BOTTOM | {f"cad.{name}" for name in ("bought", "mold_layout", "part")}  # standard library only, too
+PLAIN = BOTTOM | {
+    f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
+}  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
 SHARED_WITH_SIMULATOR = ("sensing.camera_model", "sensing.camera_nominal", "sensing.records")  # prefixes
 PACKAGES = ("cad", "fab", "sensing")

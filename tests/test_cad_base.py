@@ -254,7 +254,7 @@ def test_screw_holds_the_whole_nut_and_stays_under_the_silicone():
 
 
 def test_spacer_and_ring_have_their_closed_form_volume():
-    """Turned profiles; notch and plug by the annulus between two chords."""
+    """Turned profiles; the notch by the annulus between two chords; the parts are boxes."""
     params = EndcapParams(130.0, 8.0)
 
     def disc(radius: float, height: float) -> float:
@@ -268,5 +268,7 @@ def test_spacer_and_ring_have_their_closed_form_volume():
     turned = disc(38.85, 0.28 + 5.4) + cone + disc(31.4, 1.4) - disc(30.0, 1.0 + 6.8)
     notch = (37.0 * 9.0 - between(30.0, 4.5)) * (5.4 - 0.8) + (between(31.4, 4.5) - between(30.0, 4.5)) * 1.4
     assert ring_spacer_part(params).solid.volume == pytest.approx(turned - notch, rel=1e-6)
-    ring = disc(38.6, 1.6) - disc(31.55, 1.6) + 9 * 3.0 * 3.0 * 0.55 + 4.5 * 7.5 * 4.2
+    ring = disc(38.6, 1.6) - disc(31.55, 1.6) + 9 * 3.0 * 3.0 * 0.55 + 5.0 * 4.25 * 2.95
+    ring += 2.8 * 2.9 * 1.45 + 4.0 * 4.0 * 1.8 + 3.7 * 1.6 * 1.35 + 2.0 * 1.25 * 1.35 + 3.2 * 1.6 * 1.7
+    ring += 1.6 * 0.8 * (0.9 + 0.5)
     assert led_ring_part(params).solid.volume == pytest.approx(ring, rel=1e-6)

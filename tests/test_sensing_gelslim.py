@@ -74,6 +74,48 @@ def test_derived_and_change_channels(pair):
         assert np.abs(field.channel(name) - value).max() < 1e-3, name
 
 
+def literal_channels(u: np.ndarray, v: np.ndarray) -> dict[str, np.ndarray]:
+    """div, curl and Helmholtz parts cell by cell, by sums over all pairs of cells."""
+    height, width = u.shape
+
+    def slope(f: np.ndarray, i: int, j: int, down: bool) -> float:
+        n, k = (height, i) if down else (width, j)
+        low, high = max(k - 1, 0), min(k + 1, n - 1)
+        return float(f[high, j] - f[low, j] if down else f[i, high] - f[i, low]) / (high - low)
+
+    cells = [(i, j) for i in range(height) for j in range(width)]
+    div, curl, potential, stream = (np.zeros(u.shape) for _ in range(4))
+    for i, j in cells:
+        div[i, j] = slope(u, i, j, False) + slope(v, i, j, True)
+        curl[i, j] = slope(v, i, j, False) - slope(u, i, j, True)
+    rows, columns = np.mgrid[:height, :width]
+    for i, j in cells:
+        radius = np.hypot(rows - i, columns - j)
+        radius[i, j] = 0.5
+        green = np.log(radius) / (2 * np.pi)
+        potential[i, j], stream[i, j] = (green * div).sum(), (green * curl).sum()
+    parts = {name: np.zeros(u.shape) for name in ("sol_u", "sol_v", "irr_u", "irr_v")}
+    for i, j in cells:
+        parts["irr_u"][i, j], parts["irr_v"][i, j] = slope(potential, i, j, False), slope(potential, i, j, True)
+        parts["sol_u"][i, j], parts["sol_v"][i, j] = -slope(stream, i, j, True), slope(stream, i, j, False)
+    return parts | {"div": div, "curl": curl}
+
+
+@pytest.mark.parametrize("shape", [(30, 30), (18, 18)])
+def test_every_channel_agrees_with_the_literal_pipeline(pair, shape):
+    start, end = pair
+    middle = warp_image(start, PRESS.scaled(0.4))
+    worker = GelslimField(Frame(0, 0, "a", image=start), GelslimConfig(shape, CHANNELS))
+    worker.update(Frame(0.10, 0, "m", image=middle))
+    field = worker.update(Frame(0.14, 1, "b", image=end))
+    u, v = literal_field(start, end, shape)
+    du, dv = literal_field(middle, end, shape)
+    expected = {"u": u, "v": v, "du": du, "dv": dv, "dudt": du / 0.04, "dvdt": dv / 0.04} | literal_channels(u, v)
+    assert set(expected) == set(CHANNELS)
+    for name, value in expected.items():
+        assert np.abs(field.channel(name) - value).max() < 1e-3, name
+
+
 def test_helmholtz_parts_agree_with_a_direct_convolution():
     rng = np.random.default_rng(3)
     u, v = (cv2.GaussianBlur(rng.normal(size=(30, 26)), (0, 0), 2) for _ in range(2))

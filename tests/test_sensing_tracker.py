@@ -6,7 +6,7 @@ import pytest
 
 from sensing.decode import FrameError
 from sensing.dots import Dots, NoDotsError
-from sensing.patch_kernels import SATURATED
+from sensing.patch_kernels import SATURATED, smoothed
 from sensing.patches import align, cut_patches
 from sensing.records import DotTracks, Frame
 from sensing.sources.degrade import Degradation, degrade
@@ -171,11 +171,11 @@ def test_alignment_is_blind_to_gain_offset_and_ramp():
     rng = np.random.default_rng(0)
     gray = cv2.GaussianBlur(rng.integers(60, 160, (80, 80)).astype(np.uint8), (0, 0), 2)
     place = np.array([[40.0, 40.0]])
-    patches = cut_patches(gray, place, 7)
+    patches = cut_patches(smoothed(gray), place, 7)
     y, x = np.mgrid[0:80, 0:80]
     spoiled = np.clip(1.3 * gray + 5 + 0.4 * (x - 40) + 0.3 * (y - 40), 0, SATURATED - 1).astype(np.uint8)
     moved = np.array([[1.2, -0.8]])
-    quality = align(spoiled, patches, np.array([0]), moved, np.zeros((1, 2, 2)), 20)
+    quality = align(smoothed(spoiled), patches, np.array([0]), moved, np.zeros((1, 2, 2)), 20)
     assert np.abs(moved).max() < 0.05 and quality[0] > 0.8
 
 

@@ -1,14 +1,18 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cad.errors import FileError
 from sensing.decode import decode_bgr
+from sensing.field import main as field_main
 from sensing.records import Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
 from sensing.tracker import DotTracker
 from sensing.zero import AutoZero, ZeroError, load_zero, measure_drift, save_zero, take_zero, without_mounting
+from sensing.zero_cli import main
 
 IMAGE, _ = draw_dots(Drawing())
 TOUCH = Displacement(bumps=(Bump((430.0, 280.0), (6.0, 4.0), 60.0),))
@@ -96,3 +100,58 @@ def test_auto_zero_waits_until_surely_untouched(zero):
     given = [auto.update(f, tracker.update(f)) for f in still(35, 0.7, None, start_s=1.0)]
     first = next(i for i, z in enumerate(given) if z is not None)
     assert 29 <= first <= 33 and abs(given[first].brightness / zero.brightness - 0.7) < 0.05
+
+
+# --- command line --------------------------------------------------------------------------------------------
+def folder_of(tmp_path, name: str, frames: list[Frame]) -> str:
+    (tmp_path / name).mkdir()
+    for frame in frames:
+        (tmp_path / name / f"{frame.sequence:04d}.jpg").write_bytes(frame.jpeg)
+    return str(tmp_path / name)
+
+
+def test_take_check_and_take_again(tmp_path, capsys):
+    rest, touched = folder_of(tmp_path, "rest", still(4)), folder_of(tmp_path, "touched", still(3, 1.0, TOUCH))
+    file = str(tmp_path / "cap3.npz")
+    assert main(["take", "--source", rest, "--sensor", "cap 3", "--out", file, "--frames", "4"]) == 0
+    assert "cap 3" in capsys.readouterr().out and load_zero(file).sensor == "cap 3"
+    assert main(["check", "--zero", file, "--source", touched]) == 0
+    assert capsys.readouterr().out.startswith("contact: something touches")
+    assert main(["check", "--zero", file, "--source", folder_of(tmp_path, "dim", still(3, 0.7))]) == 0
+    assert capsys.readouterr().out.startswith("lamp: ")
+    before = load_zero(file).digest
+    assert main(["take", "--source", folder_of(tmp_path, "dim2", still(3, 0.8)), "--out", file]) == 0
+    assert load_zero(file).digest != before
+    out = tmp_path / "f.npy"
+    assert field_main(["--reference", file, "--frame", f"{touched}/0000.jpg", "--out", str(out)]) == 0
+    assert np.load(out).shape == (2, 30, 30)
+
+
+def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):
+    file = str(tmp_path / "cap3.npz")
+    save_zero(take_zero(still(), "cap 3"), file)
+    before = load_zero(file).digest
+    touched = folder_of(tmp_path, "touched", still(16, 1.0, TOUCH))
+    assert main(["watch", "--zero", file, "--source", touched, "--still", "0.2"]) == 0
+    assert load_zero(file).digest == before and "zeroed again" not in capsys.readouterr().out
+    dim = folder_of(tmp_path, "dim", still(16, 0.7))
+    assert main(["watch", "--zero", file, "--source", dim, "--still", "0.2"]) == 0
+    assert load_zero(file).digest != before and "zeroed again" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["take", "--source", "@none", "--out", "@z.npz"], "no camera number, address, folder or file"),
+        (["check", "--source", "@rest", "--zero", "@none.npz"], "none.npz: No such file"),
+        (["take", "--source", "@rest", "--out", "@none/z.npz"], "folder that exists"),
+        (["take", "--source", "@moving", "--out", "@z.npz"], r"moved by"),
+    ],
+)
+def test_bad_input_gets_one_line_and_status_2(tmp_path, capsys, arguments, words):
+    folder_of(tmp_path, "rest", still(3))
+    moving = [*still(3), replace(still(1, motion=TOUCH)[0], sequence=3)]
+    folder_of(tmp_path, "moving", moving)
+    assert main([str(tmp_path / a[1:]) if a.startswith("@") else a for a in arguments]) == 2
+    message = capsys.readouterr().err
+    assert words in message and message.count("\n") == 1 and not (tmp_path / "z.npz").exists()

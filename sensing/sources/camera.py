@@ -18,9 +18,9 @@ from cad.errors import ParameterError
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
+from sensing.sources.v4l2 import CameraMode, read_modes
 
 STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is not believed
-MODES = ((640, 480), (800, 600), (1280, 720), (1920, 1080))  # probed by list_modes
 
 
 @dataclass(frozen=True)
@@ -106,19 +106,18 @@ def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int,
     return found
 
 
-def list_modes(device: int) -> list[tuple[int, int, float]]:
-    """(width, height, frames/s) that the camera answers with when asked for the usual MJPEG modes.
+def list_modes(device: int) -> list[CameraMode]:
+    """Modes of /dev/videoN as its driver lists them (pixel format, size, rates), MJPEG first.
 
     Raises:
         SourceError: see :class:`CameraSource`.
     """
-    found = []
-    for size in MODES:
-        capture = _open(CameraConfig(device, size), f"/dev/video{device}")
-        width, height = (int(capture.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-        found.append((width, height, float(capture.get(cv2.CAP_PROP_FPS))))
-        capture.release()
-    return sorted(set(found))
+    path = f"/dev/video{device}"
+    _require_usable(Path(path))
+    try:
+        return read_modes(path)
+    except OSError as error:
+        raise SourceError(f"{path}: {error.strerror}: is it a camera? see list_devices") from None
 
 
 def _require_usable(path: Path) -> None:

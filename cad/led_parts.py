@@ -1,0 +1,77 @@
+"""The LED ring's electronic parts: one table, ``led_parts.csv``, one row a part (standard library only).
+
+``value`` is in the SI unit of column ``unit``; length runs from lead to lead, so across a part with leads on two
+sides; the last column says where the numbers come from, with the letters of facts.md.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from cad.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class LedPart:
+    """One kind of electronic part.
+
+    Attributes:
+        part: name in this project, for example ``r_set``.
+        description, maker, part_number, package: what to order.
+        value: rating in ``unit`` (SI).
+        unit: of the value.
+        length_mm, width_mm, height_mm: envelope; length from lead to lead.
+        provenance: where the numbers come from.
+    """
+
+    part: str
+    description: str
+    maker: str
+    part_number: str
+    package: str
+    value: float
+    unit: str
+    length_mm: float
+    width_mm: float
+    height_mm: float
+    provenance: str
+
+
+@cache
+def led_parts() -> dict[str, LedPart]:
+    """All rows by name."""
+    with files("cad").joinpath("led_parts.csv").open(encoding="utf-8") as stream:
+        return {row["part"]: _part(row) for row in csv.DictReader(stream)}
+
+
+def _part(row: dict[str, str]) -> LedPart:
+    length, width, height = (float(row[name]) for name in ("length_mm", "width_mm", "height_mm"))
+    return LedPart(
+        row["part"],
+        row["description"],
+        row["maker"],
+        row["part_number"],
+        row["package"],
+        float(row["value"]),
+        row["unit"],
+        length,
+        width,
+        height,
+        row["provenance"],
+    )
+
+
+def led_part(name: str) -> LedPart:
+    """One part of the table.
+
+    Raises:
+        ParameterError: no such part.
+    """
+    if name not in led_parts():
+        raise ParameterError(
+            f"part={name} is not in cad/led_parts.csv: it has {', '.join(led_parts())}", name="part", value=name
+        )
+    return led_parts()[name]

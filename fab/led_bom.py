@@ -1,0 +1,77 @@
+"""What to order for one LED ring and where to put it: BOM lines and the pick-and-place table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cad.led_placement import LED_COUNT, placements
+
+
+@dataclass(frozen=True)
+class RingLine:
+    """One line: what, how many, where.
+
+    Attributes:
+        item: name of the part in this project.
+        quantity: pieces.
+        references: places on the board, for example ``LED1 LED2``.
+        description, maker, part_number, package: what to order.
+    """
+
+    item: str
+    quantity: int
+    references: str
+    description: str
+    maker: str
+    part_number: str
+    package: str
+
+
+def ring_bom(led_count: int = LED_COUNT) -> tuple[RingLine, ...]:
+    """Lines of one ring, the board itself first.
+
+    Raises:
+        ParameterError: LED count outside what the board takes.
+    """
+    lines = [
+        RingLine("board", 1, "", "circuit board, 2 layers, 1.6 mm FR4, white mask", "any", "led_ring-gerber.zip", "")
+    ]
+    places = placements(led_count)
+    for kind in dict.fromkeys(place.kind for place in places):
+        same = [place for place in places if place.kind == kind]
+        part = same[0].part
+        names = " ".join(place.reference for place in same)
+        lines.append(RingLine(kind, len(same), names, part.description, part.maker, part.part_number, part.package))
+    return tuple(lines)
+
+
+def bom_csv(lines: tuple[RingLine, ...]) -> str:
+    """The lines as CSV."""
+    return _table(list(RingLine.__dataclass_fields__), [list(vars(line).values()) for line in lines])
+
+
+def placement_csv(led_count: int = LED_COUNT) -> str:
+    """Pick-and-place table: mm from the ring's axis, degrees counter-clockwise, both seen from the LED side."""
+    rows = [
+        [
+            p.reference,
+            f"{p.centre_mm[0]:.4f}",
+            f"{p.centre_mm[1]:.4f}",
+            p.side,
+            f"{p.rotation_deg:.2f}",
+            p.part.part_number,
+        ]
+        for p in placements(led_count)
+    ]
+    return _table(["designator", "mid_x_mm", "mid_y_mm", "layer", "rotation_deg", "part_number"], rows)
+
+
+def _table(header: list[str], rows: Sequence[Sequence[object]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()

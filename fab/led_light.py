@@ -1,0 +1,143 @@
+"""Light of the LED ring on the inside of the dome: how even is it, for how many LEDs?
+
+Endcap frame, millimetres; irradiance in 1/mm2 of the ring's whole flux (multiply by lumens for lumens per mm2).
+
+    direct      E(p) = sum_k  Phi/n  cos(a_k) cos(b_k) / (pi d_k^2)        Lambertian LEDs that look along the axis
+    scattered   E_s  = rho E_mean / (1 - rho)                              the same everywhere: an integrating sphere
+
+a is the angle at the LED, b at the wall, d the distance; the sum of the scattered orders is that of a closed diffuse
+sphere of reflectance rho (Goebel, Appl. Opt. 6 (1967) 125, doi:10.1364/AO.6.000125). Tall parts between the LEDs shade
+what lies behind them: their envelopes are tested. Left out: the camera's head, gloss, light inside the silicone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cad import ring_spacer
+from cad.led_placement import LED_COUNT, Placement, placements
+from cad.led_ring import BOARD_THICKNESS_MM
+from cad.params import EndcapParams
+from fab.check import Check
+
+REFLECTANCE = 0.5  # E: white silicone, translucent
+AZIMUTHS = 360
+POLAR_STEP_DEG = 2.0
+RIPPLE = 0.30  # E: half of the swing round a circle over its mean; the dots' contrast is several times that
+DARKEST = 0.4  # E: darkest over mean
+
+
+@dataclass(frozen=True)
+class DomeLight:
+    """Irradiance on the part of the dome that the camera sees.
+
+    Attributes:
+        polar_deg: (p,) polar angles from the tip about the sphere's centre.
+        azimuth_deg: (a,).
+        direct: (p, a) straight from the LEDs, per mm2 of the whole flux.
+        total: (p, a) with the scattered light.
+    """
+
+    polar_deg: np.ndarray
+    azimuth_deg: np.ndarray
+    direct: np.ndarray
+    total: np.ndarray
+
+    @property
+    def ripple(self) -> float:
+        """Largest half swing round a circle of equal polar angle over that circle's mean."""
+        return float((np.ptp(self.total, axis=1) / 2 / self.total.mean(axis=1)).max())
+
+    @property
+    def darkest(self) -> float:
+        """Darkest place over the mean by area."""
+        return float(self.total.min() / self.mean)
+
+    @property
+    def brightest(self) -> float:
+        """Brightest place over the mean by area."""
+        return float(self.total.max() / self.mean)
+
+    @property
+    def mean(self) -> float:
+        """Mean by area."""
+        return float(np.average(self.total.mean(axis=1), weights=np.sin(np.radians(self.polar_deg)) + 1e-12))
+
+
+def dome_light(params: EndcapParams, led_count: int = LED_COUNT, reflectance: float = REFLECTANCE) -> DomeLight:
+    """Light on the visible inner surface.
+
+    Args:
+        params: the endcap.
+        led_count: LEDs on the ring.
+        reflectance: of the silicone, 0 for direct light alone.
+
+    Raises:
+        ParameterError: LED count outside what the board takes.
+    """
+    polar = np.arange(0.0, params.view_rim_polar_deg, POLAR_STEP_DEG)
+    azimuth = np.arange(AZIMUTHS) * 360.0 / AZIMUTHS
+    theta, phi = np.meshgrid(np.radians(polar), np.radians(azimuth), indexing="ij")
+    outward = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
+    wall = params.inner_radius_mm * outward + (0.0, 0.0, params.centre_height_mm)
+    places = placements(led_count)
+    tall = [place for place in places if place.side == "top" and place.kind != "led"]
+    direct = np.zeros(wall.shape[:2])
+    for place in places:
+        if place.kind == "led":
+            source = led_position_mm(place)
+            seen = ~np.any([blocked(source, wall, body) for body in tall], axis=0)
+            direct += np.where(seen, irradiance(source, wall, -outward), 0.0) / led_count
+    area = 4 * math.pi * params.inner_radius_mm**2
+    return DomeLight(polar, azimuth, direct, direct + reflectance / (1 - reflectance) / area)
+
+
+def led_position_mm(place: Placement) -> np.ndarray:
+    """Middle of an LED's light-emitting face."""
+    height = ring_spacer.SEAT_Z_MM + BOARD_THICKNESS_MM + place.part.height_mm
+    return np.array([*place.centre_mm, height])
+
+
+def irradiance(source: np.ndarray, wall: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Irradiance of one Lambertian source of unit flux that looks along +z.
+
+    Args:
+        source: (3,) mm.
+        wall: (..., 3) mm.
+        inward: (..., 3) unit normals of the wall.
+
+    Returns:
+        (...) per mm2.
+    """
+    ray = wall - source
+    square = (ray**2).sum(-1)
+    leaves, arrives = ray[..., 2], -(ray * inward).sum(-1)
+    return np.maximum(leaves, 0) * np.maximum(arrives, 0) / (math.pi * square**2)
+
+
+def blocked(source: np.ndarray, wall: np.ndarray, body: Placement) -> np.ndarray:
+    """Whether the straight way from a source passes through a part's box: the slab test (...,) in the box's frame."""
+    angle = math.radians(-body.rotation_deg)
+    turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+    foot = ring_spacer.SEAT_Z_MM + BOARD_THICKNESS_MM
+    start = turn @ (source - (*body.centre_mm, foot))
+    ray = (wall - source) @ turn.T
+    part = body.part
+    low = np.array([-part.length_mm / 2, -part.width_mm / 2, 0.0])
+    high = np.array([part.length_mm / 2, part.width_mm / 2, part.height_mm])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = (low - start) / ray, (high - start) / ray
+    enter = np.nanmax(np.minimum(first, second), axis=-1)
+    leave = np.nanmin(np.maximum(first, second), axis=-1)
+    return (enter < leave) & (leave > 0) & (enter < 1)
+
+
+def light_checks(light: DomeLight) -> list[Check]:
+    """Evenness of the light that the camera sees."""
+    return [
+        Check("ring.light_ripple", light.ripple, high=RIPPLE),
+        Check("ring.light_darkest", light.darkest, low=DARKEST),
+    ]

@@ -1,0 +1,145 @@
+"""How much silicone to weigh, when to do what, and what the cast should weigh. Volumes in mm^3, masses in grams.
+
+The volume is that of the shell's mesh: the body as cast, dents and gyroid taken off. Source of the silicones:
+``cad/materials.csv``; surplus and times below are our estimates (E).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from cad.errors import FileError
+from cad.materials import DEFAULT_SILICONE, Silicone, silicone
+
+SURPLUS = 0.15  # E: what stays in the cup, on the stick, in the dam's gap and the ten wells
+SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
+LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
+HIGH_MASS_RATIO = 1.03  # E: above it the mold leaked or was not closed
+MIX_MIN = 3.0  # E: scraping sides and bottom
+DEGAS_MIN = 5.0  # E: until the foam has fallen, at 29 inHg
+POUR_MIN = 5.0  # E: thin stream onto one spot
+CLOSE_MIN = 7.0  # E: lowering the upper half slowly, six bolts crosswise
+RELEASE_AGENT = "Ease Release 200"  # P
+
+
+@dataclass(frozen=True)
+class TimelineStep:
+    """One step before the pot life ends; minutes since the two parts met."""
+
+    start_min: float
+    end_min: float
+    what: str
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What to weigh and what to expect.
+
+    Attributes:
+        silicone: row of the table.
+        cast_volume_mm3: of the finished shell.
+        surplus: share mixed over it.
+        part_a_g, part_b_g: to weigh, rounded up to a tenth of a gram.
+        expected_g: mass of the cast, TPU not counted.
+        lightest_g, heaviest_g: outside them the cast is not sound.
+        air_mm3_per_g: volume that each missing gram stands for.
+        timeline: steps after the two parts meet.
+    """
+
+    silicone: Silicone
+    cast_volume_mm3: float
+    surplus: float
+    part_a_g: float
+    part_b_g: float
+    expected_g: float
+    lightest_g: float
+    heaviest_g: float
+    air_mm3_per_g: float
+    timeline: tuple[TimelineStep, ...]
+
+    @property
+    def fits_pot_life(self) -> bool:
+        """Whether the mold is closed before the silicone thickens."""
+        return self.timeline[-1].end_min <= self.silicone.pot_life_min
+
+    def record(self) -> dict[str, Any]:
+        """The recipe as JSON."""
+        record = {key: value for key, value in asdict(self).items() if key not in ("silicone", "timeline")}
+        rounded = {key: round(value, 3) for key, value in record.items()}
+        steps = [asdict(step) for step in self.timeline]
+        return {"material": self.silicone.name, "mix_ratio": self.silicone.mix_ratio, **rounded, "timeline": steps}
+
+
+def recipe(cast_volume_mm3: float, material: str = DEFAULT_SILICONE, surplus: float = SURPLUS) -> Recipe:
+    """Recipe for one cast.
+
+    Args:
+        cast_volume_mm3: volume of the shell's mesh.
+        material: a name in ``cad/materials.csv``.
+        surplus: share mixed over the cast's own mass.
+
+    Raises:
+        ParameterError: an unknown material.
+        FileError: its mixing ratio cannot be read.
+    """
+    row = silicone(material)
+    expected = cast_volume_mm3 * row.density_g_cm3 / 1000
+    part_a, part_b = mix_parts(row)
+    total = expected * (1 + surplus)
+    degas = 0.0 if row.pot_life_min < MIX_MIN + DEGAS_MIN + POUR_MIN + CLOSE_MIN else DEGAS_MIN
+    steps, clock = [], 0.0
+    for minutes, what in (
+        (MIX_MIN, "mix, scraping sides and bottom"),
+        (degas, "degas until the foam has fallen"),
+        (POUR_MIN, "pour in a thin stream onto one spot of the bowl"),
+        (CLOSE_MIN, "lower the upper half, close the six bolts crosswise"),
+    ):
+        if minutes:
+            steps.append(TimelineStep(clock, clock + minutes, what))
+            clock += minutes
+    return Recipe(
+        row,
+        cast_volume_mm3,
+        surplus,
+        _up(total * part_a / (part_a + part_b)),
+        _up(total * part_b / (part_a + part_b)),
+        expected,
+        expected * LOW_MASS_RATIO,
+        expected * HIGH_MASS_RATIO,
+        1000 / row.density_g_cm3,
+        tuple(steps),
+    )
+
+
+def mix_parts(row: Silicone) -> tuple[float, float]:
+    """Parts by weight of A and B, read from the table's words, for example ``100A:10B by weight``.
+
+    Raises:
+        FileError: the words have another form.
+    """
+    found = re.match(r"([\d.]+)A:([\d.]+)B by (?:weight|volume or weight)$", row.mix_ratio)
+    if not found or float(found[1]) <= 0 or float(found[2]) <= 0:
+        raise FileError(
+            f"materials.csv: mix_ratio {row.mix_ratio!r} of {row.name} is not of the form '100A:10B by weight': mend it"
+        )
+    return float(found[1]), float(found[2])
+
+
+def shell_volume_mm3(manifest: Mapping[str, Any]) -> float:
+    """Volume of the cast shell, from the manifest.
+
+    Raises:
+        FileError: the manifest has no shell.
+    """
+    for part in manifest["parts"]:
+        if part["name"] == "shell":
+            return float(part["volume_mm3"]["mesh"])
+    raise FileError("manifest.json: has no part named shell: run make molds again")
+
+
+def _up(grams: float) -> float:
+    """Next tenth of a gram."""
+    return -(-grams // SCALE_G) * SCALE_G

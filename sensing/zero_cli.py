@@ -1,0 +1,143 @@
+"""Command line of the zero: ``python -m sensing.zero --help``."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import itertools
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cad.errors import EndcapError, ParameterError
+from sensing.records import Frame
+from sensing.sources.choose import source_opener
+from sensing.tracker import DotTracker
+from sensing.zero import LEAST_FRAMES, AutoZero, Drift, ZeroError, load_zero, measure_drift, save_zero, take_zero
+
+MEANING = {
+    "none": "as when it was zeroed",
+    "lamp": "the light has changed: zero again if it stays",
+    "mounting": "camera or dome have moved as a whole: corrected, zero again when untouched",
+    "contact": "something touches the dome",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except EndcapError as error:
+        print(f"sensing.zero: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("sensing.zero: stopped", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _take(options: argparse.Namespace) -> None:
+    with _frames(options.source) as frames:
+        interval = list(itertools.islice(frames, options.frames))
+    zero = take_zero(interval, options.sensor)
+    save_zero(zero, options.out)
+    exposure = "unknown" if np.isnan(zero.exposure) else f"{zero.exposure:g}"
+    print(
+        f"{options.out}: {zero.sensor}, {zero.date}, {zero.frames} frames, {len(zero.noise_px)} dots, "
+        f"noise {np.median(zero.noise_px):.3f} px, exposure {exposure}, digest {zero.digest[:12]}"
+    )
+
+
+def _check(options: argparse.Namespace) -> None:
+    zero = load_zero(options.zero)
+    tracker = DotTracker(zero.frame())
+    drift = None
+    with _frames(options.source) as frames:
+        for frame in itertools.islice(frames, options.frames):
+            drift = measure_drift(zero, frame, tracker.update(frame))
+    if drift is None:
+        raise ZeroError(f"{options.source}: no frame: is the source empty?")
+    print(_said(drift))
+
+
+def _watch(options: argparse.Namespace) -> None:
+    """Prints every change of state, and renews the file when the sensor was surely untouched and has drifted."""
+    auto = AutoZero(load_zero(options.zero), options.still)
+    tracker = DotTracker(auto.zero.frame())
+    before = ""
+    with _frames(options.source) as frames:
+        for frame in frames:
+            tracks = tracker.update(frame)
+            drift = measure_drift(auto.zero, frame, tracks)
+            if drift.cause != before:
+                print(f"{frame.time_s:.2f} s  {_said(drift)}", flush=True)
+                before = drift.cause
+            renewed = auto.update(frame, tracks)
+            if renewed is not None:
+                save_zero(renewed, options.zero)
+                tracker = DotTracker(renewed.frame())
+                print(f"{frame.time_s:.2f} s  {options.zero}: zeroed again, digest {renewed.digest[:12]}", flush=True)
+
+
+def _said(drift: Drift) -> str:
+    x, y = drift.shift_px
+    return (
+        f"{drift.cause}: {MEANING[drift.cause]} (shift {x:+.2f}, {y:+.2f} px, "
+        f"turn {np.degrees(drift.turn_rad):+.3f} deg, scale {drift.scale:.4f}, "
+        f"left {drift.residual_px:.2f} px, brightness x{drift.brightness:.2f})"
+    )
+
+
+@contextlib.contextmanager
+def _frames(word: str) -> Iterator[Iterable[Frame]]:
+    """Frames of a source, which is closed afterwards (a camera must be let go)."""
+    frames = iter(source_opener(word)[0]())
+    try:
+        yield frames
+    finally:
+        getattr(frames, "close", lambda: None)()
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or int(text) < LEAST_FRAMES:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number, at least {LEAST_FRAMES}")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+        if not 0 < value < 86400:
+            raise ParameterError(text, name="still", value=value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: give seconds, more than 0 and less than a day") from None
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.zero",
+        description="The undeformed reference of a sensor: take it, compare with it, keep it up to date.",
+        epilog="A source is a camera number, an http address, a folder of pictures or a video. "
+        "Bad input: one line on stderr, exit status 2.",
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    take = commands.add_parser("take", help="average frames of the untouched sensor and store them (zero, re-zero)")
+    take.add_argument("--sensor", default="endcap", help="name of the sensor")
+    take.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="replaced when it is there")
+    take.set_defaults(run=_take)
+    check = commands.add_parser("check", help="tell what has changed: nothing, lamp, mounting or contact")
+    check.set_defaults(run=_check)
+    watch = commands.add_parser("watch", help="tell changes as they come; renew the file when surely untouched")
+    watch.add_argument("--still", type=_seconds, default=30.0, help="untouched and still for so many seconds (30)")
+    watch.set_defaults(run=_watch)
+    for command in (take, check, watch):
+        command.add_argument("--source", required=True, help="camera number, address, folder or video")
+    for command in (take, check):
+        command.add_argument("--frames", type=_count, default=30, help="frames to use (30)")
+    for command in (check, watch):
+        command.add_argument("--zero", type=Path, required=True, metavar="FILE.npz", help="written by take")
+    return parser

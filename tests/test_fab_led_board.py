@@ -1,0 +1,201 @@
+"""The LED ring's board: files read by another reader, nets found from copper, planted faults, light on the dome."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+from shapely import LineString, Point, Polygon, unary_union
+
+from cad.errors import FileError
+from cad.led_placement import placements
+from cad.led_ring import BOARD_THICKNESS_MM, led_ring_part
+from cad.params import EndcapParams
+from fab.led_circuit import PINS
+from fab.led_copper import PADS, Track, Via, board_face, build_copper
+from fab.led_gerber import board_files, read_archive, regions, write_archive
+from fab.led_light import dome_light, irradiance
+from fab.led_ring import main
+from fab.led_rules import edge_distance_mm, rule_checks
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    path = tmp_path_factory.mktemp("ring") / "ring.zip"
+    write_archive(board_files(build_copper()), path)
+    return path
+
+
+def failed_rules(copper, tmp_path, places=None) -> set[str]:
+    write_archive(board_files(copper), tmp_path / "board.zip")
+    layers, holes = read_archive(tmp_path / "board.zip")
+    return {c.name for c in rule_checks(layers, holes, copper.pads, places or placements()) if not c.ok}
+
+
+def read_gerber(text: str) -> tuple[float, float]:
+    """Area of dark lines, flashes and regions, and length of arcs drawn; a strict reader of the few commands we use."""
+    shapes, widths, tool, at, region = [], {}, "", (0.0, 0.0), None
+    arc_mm = 0.0
+    assert "%FSLAX45Y45*%" in text
+    assert "%MOMM*%" in text
+    for line in text.split("\n"):
+        if not line or line.startswith(("G04", "%TF", "%FS", "%MO")):
+            continue
+        assert line.endswith(("*", "%")), line  # every command is ended
+        if found := re.fullmatch(r"%ADD(\d+)C,([\d.]+)\*%", line):
+            widths[found[1]] = float(found[2])
+        elif found := re.fullmatch(r"D(\d\d)\*", line):
+            tool = found[1]
+        elif line == "G36*":
+            region = []
+        elif line == "G37*":
+            shapes.append(Polygon(region).buffer(0))
+            region = None
+        elif found := re.fullmatch(r"(?:X(-?\d+))?(?:Y(-?\d+))?(?:I(-?\d+))?(?:J(-?\d+))?D0(\d)\*", line):
+            to = tuple(
+                int(v) / 1e5 if v else 0.0 if v is None and k < 0 else at[k] for k, v in enumerate(found.groups()[:2])
+            )
+            if found[5] == "3":
+                shapes.append(Point(to).buffer(widths[tool] / 2, 32))
+            elif found[5] == "1" and found[3] is not None:
+                arc_mm += math.pi * math.hypot(int(found[3]), int(found[4] or 0)) / 1e5
+            elif found[5] == "1" and region is None:
+                shapes.append(LineString([at, to]).buffer(widths[tool] / 2, 32))
+            if region is not None:
+                region.append(to)
+            at = to
+        else:
+            assert line in ("G75*", "G01*", "G02*", "G03*", "%LPD*%", "M02*"), line
+    return unary_union(shapes).area, arc_mm
+
+
+def test_every_layer_says_the_same_to_another_reader(archive):
+    layers, holes = read_archive(archive)
+    with ZipFile(archive) as files:
+        for name, area in layers.items():
+            text = files.read(f"led_ring-{name}.gbr").decode()
+            other, arc_mm = read_gerber(text)
+            if name == "Edge_Cuts":
+                assert arc_mm == pytest.approx(area.length, rel=1e-4)
+            else:
+                assert other == pytest.approx(area.area, rel=2e-4)
+        drill = files.read("led_ring-drill_plated.drl").decode()
+    assert len(re.findall(r"^X-?[\d.]+Y-?[\d.]+$", drill, re.M)) == len(holes) == 7
+    assert "METRIC" in drill
+
+
+def test_board_is_the_cad_part(archive):
+    layers, _ = read_archive(archive)
+    solid = led_ring_part(EndcapParams(130, 8)).solid
+    bare = solid.volume - sum(p.part.length_mm * p.part.width_mm * p.part.height_mm for p in placements())
+    assert layers["Edge_Cuts"].area == pytest.approx(bare / BOARD_THICKNESS_MM, rel=1e-4)
+
+
+def test_lands_and_circuit_have_the_same_pins():
+    assert {kind: set(pads) for kind, pads in PADS.items()} == {kind: set(pins) for kind, pins in PINS.items()}
+
+
+def test_a_board_of_six_breaks_no_rule(tmp_path):
+    assert failed_rules(build_copper(6), tmp_path, placements(6)) == set()
+
+
+def test_a_trace_near_the_edge_or_beyond_it(tmp_path):
+    copper = build_copper()
+    stray = Track("N1", "top", ((-38.4, 0.0), (-35.5, 0.0)), 0.3)  # from the string's track to the rim
+    assert failed_rules(replace(copper, tracks=(*copper.tracks, stray)), tmp_path) >= {"ring.copper_to_edge_mm"}
+    assert edge_distance_mm(replace(stray, points=((-39.5, 0.0), (-35.5, 0.0))).shape, board_face()) < -0.9
+
+
+def test_shorts_opens_and_bad_holes(tmp_path):
+    copper = build_copper()
+    cut = replace(copper, tracks=tuple(t for t in copper.tracks if t.net != "N4"))
+    assert failed_rules(cut, tmp_path) == {"ring.open_nets"}
+    pads = {(p.reference, p.pin): p for p in copper.pads}
+    bridge = Track("FB", "top", (pads["U1", "6"].centre, pads["U1", "5"].centre), 0.2)
+    assert "ring.shorted_nets" in failed_rules(replace(copper, tracks=(*copper.tracks, bridge)), tmp_path)
+    near = pads["LED5", "K"].centre
+    rim = Via("N5", (near[0] * 38.3 / 35, near[1] * 38.3 / 35))
+    broken = failed_rules(replace(copper, vias=(*copper.vias, rim)), tmp_path)
+    assert {"ring.hole_to_edge_mm", "ring.copper_to_edge_mm"} <= broken
+    patch = Track("N5", "top", ((0.0, -36.5), (0.5, -36.5)), 0.4)
+    assert failed_rules(replace(copper, tracks=(*copper.tracks, patch)), tmp_path) == {"ring.stray_conductors"}
+    missing = replace(copper, vias=tuple(v for v in copper.vias if v.net != "VIN"))
+    assert "ring.open_nets" in failed_rules(missing, tmp_path)
+
+
+def test_parts_that_collide_are_seen(tmp_path):
+    places = tuple(replace(p, s_mm=-1.0) if p.reference == "U1" else p for p in placements())
+    assert "ring.parts_gap_mm" in failed_rules(build_copper(), tmp_path, places)
+
+
+def test_regions_keep_area_and_have_no_holes():
+    shape = Point(0, 0).buffer(10) - Point(3, 1).buffer(2) - Point(-4, 0).buffer(1)
+    pieces = regions(shape)
+    area = unary_union([Polygon(piece.outline) for piece in pieces]).area
+    assert area == pytest.approx(shape.area, rel=1e-9)
+
+
+def test_a_broken_archive_is_refused(tmp_path, archive):
+    with ZipFile(archive) as files, ZipFile(tmp_path / "half.zip", "w") as half:
+        for name in files.namelist()[:-3]:
+            half.writestr(name, files.read(name))
+    with pytest.raises(FileError, match="not a whole set of board files"):
+        read_archive(tmp_path / "half.zip")
+
+
+def test_a_lambertian_source_on_a_sphere_lights_it_evenly():
+    """Integrating sphere: from a point of its wall every other point gets Phi / (4 pi r^2)."""
+    rng = np.random.default_rng(1)
+    outward = rng.normal(size=(500, 3))
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    outward = outward[outward[:, 2] > -0.99]
+    radius = 57.0
+    wall = radius * outward
+    light = irradiance(np.array([0.0, 0.0, -radius]), wall, -outward)
+    assert light == pytest.approx(np.full(len(wall), 1 / (4 * math.pi * radius**2)), rel=1e-9)
+
+
+def test_light_of_the_ring():
+    params = EndcapParams(130, 8)
+    nine, six = dome_light(params), dome_light(params, 6)
+    assert nine.ripple < six.ripple  # more LEDs, less swing
+    assert dome_light(params, reflectance=0.0).ripple > nine.ripple  # scattered light evens it out
+    tip = nine.direct[0]  # on the axis every azimuth is the same place
+    assert np.ptp(tip) < 1e-12 * tip.mean()
+    height = params.tip_height_mm - params.wall_mm - 7.55
+    square = height**2 + 35.0**2
+    assert tip[0] == pytest.approx(height**2 / (math.pi * square**2), rel=1e-9)
+
+
+def test_command_writes_a_whole_folder_or_nothing(tmp_path, capsys):
+    assert main(["leds=10", f"exports={tmp_path}"]) == 2
+    assert "leds=10 outside 6..9" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    assert main([f"exports={tmp_path}"]) == 0
+    report = json.loads((tmp_path / "led_ring" / "led_ring.json").read_text())
+    assert all(check["ok"] for check in report["checks"])
+    assert report["circuit"]["input_a"] < 0.130
+    names = {path.name for path in (tmp_path / "led_ring").iterdir()}
+    assert names == {
+        "led_ring-gerber.zip",
+        "led_ring-bom.csv",
+        "led_ring-placement.csv",
+        "led_ring.png",
+        "led_ring-light.png",
+        "led_ring.json",
+    }
+
+
+def test_a_wrong_resistor_in_the_table_stops_the_command(tmp_path, monkeypatch, capsys):
+    import fab.led_ring as command
+    from fab.led_driver import choose_driver
+
+    monkeypatch.setattr(command, "fitted_driver", lambda count: replace(choose_driver(count), r_set_ohm=15.0))
+    assert main([f"exports={tmp_path}"]) == 1
+    assert "ring.r_set_ohm = 15, wanted = 10" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -1,10 +1,12 @@
 """How wrong the models are on frames they have never seen: ``python -m sensing.evaluate --help``.
 
     python -m sensing.evaluate exports/test --weights weights.safetensors --train exports/data --csv table.csv
+    python -m sensing.evaluate --train exports/data --holdout pose friction path random
 
-With ``--train`` the comparisons are fitted to the same training data: ridge, physics inverse, and the paper's model on
-its own field with its own recipe (also scored on its own random split). A test that shares a loading path with the
-training is refused.
+With ``--train`` the comparisons are fitted to the same loading paths: ridge, physics inverse, and the paper's model on
+its own field with its own recipe. With ``--holdout`` all models are fitted anew to a part of the training data and
+tested on the rest. Answers are told from pictures through the real tracker. A test that shares a path, a pose or a
+picture with the training is refused.
 """
 
 from __future__ import annotations
@@ -12,27 +14,35 @@ from __future__ import annotations
 import argparse
 import csv
 import io
-import os
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cad.errors import EndcapError, FileError, ParameterError
+from cad.errors import EndcapError, ParameterError
+from sensing.contenders import Answer, Views, fitted, held_out, read_views
 from sensing.samples import Samples, read_samples, shared_between
 from sensing.scores import Score, score, table
-from sensing.train import read_all
+from sensing.timeliness import LATENCY_S, filtered_score
+from sensing.wrench_model import WrenchModel, load_wrench_model, replace_file
 
-MOVING = ("circle", "drag", "impact")  # phases of motion
+MOVING = ("circle", "drag", "impact")  # phases of motion, in the dynamic protocol
+HOLDOUTS = ("random", "path", "pose", "friction")
+HOLDOUT_EPOCHS = 20
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        scores = evaluate(options.test, options.weights, options.train, options.paper_epochs)
+        if not options.test and not options.holdout:
+            raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
+        if options.holdout and not options.train:
+            raise ParameterError("--holdout parts the training data: give them with --train")
+        scores = evaluate(options.test, options.weights, options.train, options.paper_epochs) if options.test else {}
+        scores |= cross_validate(options.train, options.holdout, options.paper_epochs, options.seed)
         print(table(scores))
         if options.csv:
             _write_csv(options.csv, scores)
@@ -46,43 +56,77 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def evaluate(
-    tests: Sequence[Path], weights: Path, train: Sequence[Path] = (), paper_epochs: int = 100
+    tests: Sequence[Path], weights: Path | None, train: Sequence[Path] = (), paper_epochs: int = 100
 ) -> dict[str, Score]:
-    """Scores by "model, what"; the comparisons only with training data.
+    """Scores by "model, what" on test folders; the comparisons only with training data.
+
+    Args:
+        tests: folders. weights: file, or None for those that ship. train: folders the comparisons are fitted to.
 
     Raises:
         ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
     """
-    from sensing.wrench_model import WrenchModel
-
-    first = read_samples(tests[0])
-    model = WrenchModel.load(weights, first.design)
+    model = load_wrench_model(read_samples(tests[0]).design, weights)
+    training = read_views(train, released=True, markers=True, shape=model.shape) if train else None
+    if training is None:
+        answers: dict[str, Answer] = {
+            "ours": lambda test: (*model.predict(test.dots.inputs), model.out_of_range(test.dots.inputs))
+        }
+    else:
+        answers = fitted(training, model, paper_epochs)
     found: dict[str, Score] = {}
-    training = read_all(train, model.method) if train else None
     for folder in tests:
-        test = read_samples(folder, model.method, model.shape)
-        _refuse_leaks(model.about["training"]["paths"], training, test)
-        value, covariance = model.predict(test.inputs)
-        flagged = model.out_of_range(test.inputs)
-        for what, rows in _subsets(test).items():
-            name = f"{Path(folder).name} {what}".strip()
-            truth, contact = test.wrenches[rows], test.contact[rows]
-            found[f"ours, {name}"] = score(value[rows], truth, contact, covariance[rows], flagged[rows])
-        if training is not None:
-            found |= _comparisons(training, test, Path(folder).name)
-    if training is not None:
-        found |= _paper(train, tests, paper_epochs)
+        test = read_views([folder], released=training is not None, markers=False, shape=model.shape)
+        _refuse_leaks(model, None if training is None else training.dots, test.dots)
+        found |= _scores(answers, test, Path(folder).name)
+        if np.isin(test.dots.phase, MOVING).any():
+            for name, latency in (("filter", 0.0), ("filter, told late and predicted to now", LATENCY_S)):
+                found[f"ours + {name}, {Path(folder).name}"] = filtered_score(model, test.dots, latency)
     return found
 
 
-def _subsets(test: Samples) -> dict[str, np.ndarray]:
-    moving = np.isin(test.phase, MOVING)
-    parts = {"": np.full(len(test), True), "moving": moving, "at rest": ~moving}
-    return {name: rows for name, rows in parts.items() if rows.any() and (name == "" or not rows.all())}
+def cross_validate(
+    train: Sequence[Path], holdouts: Sequence[str], paper_epochs: int = 100, seed: int = 0
+) -> dict[str, Score]:
+    """Scores by "model, leave out what": everything fitted to a part of the data and tested on the rest."""
+    from sensing.fit_config import FitConfig
+    from sensing.fitting import fit
+
+    if not holdouts:
+        return {}
+    views = read_views(train, released=True, markers=True)
+    found: dict[str, Score] = {}
+    for what in holdouts:
+        rest, held = held_out(views, what, seed)
+        assert rest.markers is not None
+        ours = fit(rest.markers, FitConfig(epochs=HOLDOUT_EPOCHS, seed=seed))
+        found |= _scores(fitted(rest, ours, paper_epochs, seed), held, f"leave out {what}")
+    return found
 
 
-def _refuse_leaks(trained_paths: Sequence[str], training: Samples | None, test: Samples) -> None:
-    shared = [f"path {name}" for name in sorted(set(trained_paths) & set(test.path))]
+def _scores(answers: dict[str, Answer], test: Views, name: str) -> dict[str, Score]:
+    found: dict[str, Score] = {}
+    for model, answer in answers.items():
+        value, covariance, flagged = answer(test)
+        for what, rows in _subsets(test.dots).items():
+            found[f"{model}, {name} {what}".strip()] = score(
+                value[rows], test.dots.wrenches[rows], test.dots.contact[rows],
+                None if covariance is None else covariance[rows], None if flagged is None else flagged[rows],
+            )  # fmt: skip
+    return found
+
+
+def _subsets(test: Samples) -> dict[str, NDArray[np.bool_]]:
+    """All rows, and each kind of motion where there is more than one."""
+    parts = {"": np.full(len(test), True)}
+    kinds = [phase for phase in MOVING if (test.phase == phase).any()]
+    if len(kinds) > 1:
+        parts |= {kind: np.isin(test.path, np.unique(test.path[test.phase == kind])) for kind in kinds}
+    return parts
+
+
+def _refuse_leaks(model: WrenchModel, training: Samples | None, test: Samples) -> None:
+    shared = [f"path {name}" for name in sorted(set(model.about["training"]["paths"]) & set(test.path))]
     if training is not None:
         shared += shared_between(training, test)
     if shared:
@@ -94,60 +138,13 @@ def _refuse_leaks(trained_paths: Sequence[str], training: Samples | None, test: 
         )
 
 
-def _comparisons(training: Samples, test: Samples, name: str) -> dict[str, Score]:
-    from sensing.compliance import fit_compliance
-    from sensing.ridge import fit_ridge
-
-    side = training.fields.shape[2]
-    weights, _ = fit_ridge(training.inputs, training.wrenches, training.path, side)
-    found = {f"ridge, {name}": score(test.inputs @ weights.T, test.wrenches, test.contact)}
-    if np.isfinite(training.tilt_deg).any():
-        told = fit_compliance(training).predict(test.inputs)
-        found[f"physics inverse, {name}"] = score(told, test.wrenches, test.contact)
-    return found
-
-
-def _paper(train: Sequence[Path], tests: Sequence[Path], epochs: int) -> dict[str, Score]:
-    """The paper's model, once with whole paths for validation and once on the paper's random split."""
-    from sensing.paper_model import predict
-    from sensing.paper_recipe import random_split, train_paper_model
-
-    samples = read_all(train, "gelslim", (30, 30))
-    rows = np.arange(len(samples))
-    names = np.random.default_rng(0).permutation(np.unique(samples.path))
-    held = np.isin(samples.path, names[: max(1, len(names) // 7)])
-    honest = train_paper_model(
-        samples.fields, samples.wrenches.astype(np.float32), 0, epochs, (rows[~held], rows[held], rows[held])
-    )
-    found = {}
-    for folder in tests:
-        test = read_samples(folder, "gelslim", (30, 30))
-        found[f"paper, {Path(folder).name}"] = score(predict(honest.model, test.fields), test.wrenches, test.contact)
-    split = random_split(len(samples), 0)
-    leaky = train_paper_model(samples.fields, samples.wrenches.astype(np.float32), 0, epochs, split)
-    part = samples.take(split[1])
-    found["paper, random split"] = score(predict(leaky.model, part.fields), part.wrenches, part.contact)
-    return found
-
-
 def _write_csv(path: Path, scores: dict[str, Score]) -> None:
     stream = io.StringIO()
     rows = [{"name": name, **s.row()} for name, s in scores.items()]
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    temporary = None
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(stream.getvalue())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+    replace_file(path, stream.getvalue().encode())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -156,12 +153,16 @@ def _parser() -> argparse.ArgumentParser:
         description="Errors of a wrench model, and of comparisons, on folders of labelled frames it has never seen.",
         epilog="Wrenches about the sphere's centre, N and N m. Bad input: one line on stderr, exit status 2.",
     )
-    parser.add_argument("test", type=Path, nargs="+", metavar="TEST", help="folders of labelled frames")
-    parser.add_argument("--weights", type=Path, required=True, metavar="FILE", help="from python -m sensing.train")
+    parser.add_argument("test", type=Path, nargs="*", metavar="TEST", help="folders of labelled frames")
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="from python -m sensing.train (those that ship)")
     parser.add_argument(
-        "--train", type=Path, nargs="*", default=[], metavar="DATA", help="fit the comparisons to these"
+        "--train", type=Path, nargs="+", default=[], metavar="DATA", help="fit the comparisons to these"
+    )
+    parser.add_argument(
+        "--holdout", nargs="+", default=[], choices=HOLDOUTS, help="fit all to a part of --train and test on the rest"
     )
     parser.add_argument("--paper-epochs", type=int, default=100, metavar="N", help="of the paper's recipe (100)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is held out (0)")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write all numbers")
     return parser
 

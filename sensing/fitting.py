@@ -2,6 +2,7 @@
 
 Paths are parted three ways: training, validation (which epoch is best), calibration (how wide the covariance must be),
 so that nothing is judged on what it was fitted to. Each axis counts in its own unit (:data:`sensing.ridge.UNITS`).
+Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
 
 Notes:
     The calibration of an axis is the 95 % quantile of |error| / sigma on the calibration paths over 1.96 (split
@@ -13,7 +14,8 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -21,6 +23,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from cad.errors import ParameterError
+from sensing.checkpoint import Checkpoint, Descent
+from sensing.fit_config import FitConfig
 from sensing.ridge import UNITS, fit_ridge
 from sensing.samples import Samples
 from sensing.symmetry import COUNT, moved_inputs, moved_wrenches
@@ -31,52 +35,25 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 RANGE_MARGIN = 1.3  # E: over the largest of the training data
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """Knobs of training.
-
-    Attributes:
-        components: principal fields. hidden: width of the perceptrons.
-        seconds: time for the mean; the covariance takes a third of it more.
-        rate: Adam's. batch: samples in a step. noise_px: field noise added in training.
-        seed: of everything drawn. device: torch's, for example ``cpu`` or ``cuda``.
-        epochs: stop after so many, if sooner (for tests: time plays no part then).
-
-    Raises:
-        ParameterError: a number out of range.
-    """
-
-    components: int = 40
-    hidden: int = 64
-    seconds: float = 60.0
-    rate: float = 2e-3
-    batch: int = 128
-    noise_px: float = 0.02
-    seed: int = 0
-    device: str = "cpu"
-    epochs: int = 100_000
-
-    def __post_init__(self) -> None:
-        for name, low, high in (
-            ("components", 1, 512), ("hidden", 1, 4096), ("seconds", 0.0, 1e6), ("rate", 1e-6, 1.0),
-            ("batch", 1, 10**6), ("noise_px", 0.0, 10.0), ("seed", 0, 2**32), ("epochs", 0, 10**7),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ParameterError(f"{name}={value} outside {low:g}..{high:g}", name=name, value=value)
+GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
+USUALLY = 0.9  # share of the samples in which a usual cell is valid
 
 
 def fit(
-    samples: Samples, config: FitConfig, start: WrenchModel | None = None, progress: Progress | None = None
+    samples: Samples,
+    config: FitConfig,
+    start: WrenchModel | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
 ) -> WrenchModel:
     """Train on samples of one design.
 
     Args:
         samples: at least three loading paths.
-        start: weights to go on from (fine-tuning): linear part and principal fields stay, the perceptrons learn on.
+        start: weights to go on from (fine-tuning): the answers are first mapped onto
+            the new labels, then the perceptrons learn on.
         progress: called after each epoch with (part, seconds, error).
+        checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -87,25 +64,35 @@ def fit(
     rest, calibration = samples.split(0.15, config.seed)
     train, validation = rest.split(0.18, config.seed + 1)
     torch.manual_seed(config.seed)
-    net = _prepared(train, config, height) if start is None else _started(start, samples)
+    net = _prepared(train, config, height) if start is None else _started(start, train)
     net.to(config.device)
-    turned = _turned(train, height, config.device)
-    _fit_mean(net, turned, _tensors(validation, config.device), config, progress)
-    both = [torch.cat(pair) for pair in zip(turned, _turned(validation, height, config.device), strict=True)]
-    _fit_spread(net, (both[0], both[1]), config, progress)
+    kept = Checkpoint(checkpoint, f"{asdict(config)} {samples.digest} {start.about if start else None}")
+    parts = _parts(net, train, config)
+    _fit_mean(net, parts, _parts(net, validation, config, 1), config, progress, kept)
+    more = _parts(net, validation, config)
+    _fit_spread(net, [torch.cat(pair) for pair in zip(parts, more, strict=True)], config, progress, kept)
     net.cpu().eval()
+    kept.remove()
     _calibrate(net, calibration)
     about = {
         "training": {
-            "sources": [samples.source], "paths": sorted(map(str, set(samples.path))),
-            "frames": len(samples), "seed": config.seed, "seconds": config.seconds, "components": config.components,
-            "hidden": config.hidden, "torch": str(torch.__version__),
+            "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),
+            "config": asdict(config), "torch": str(torch.__version__), "data_digest": samples.digest,
             "start": start.about.get("training") if start is not None else None,
         },
         "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
     }  # fmt: skip
-    covered = _covered(net, rest, height)
-    return WrenchModel(net, samples.design, samples.method, (height, width), covered, about)
+    weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
+    covered = _covered(weights["principal"].astype(float), rest, config, height, start)
+    return WrenchModel(weights, samples.design, samples.method, (height, width), covered, about)
+
+
+def as_net(model: WrenchModel) -> WrenchNet:
+    """The torch twin of a model, for training and export."""
+    weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items()}
+    net = WrenchNet(weights["linear"].shape[1], len(weights["principal"]), len(weights["mean.first.bias"]))
+    net.load_state_dict(weights)
+    return net.eval()
 
 
 def principal_fields(inputs: Array, count: int, side: int) -> Array:
@@ -138,91 +125,107 @@ def _started(start: WrenchModel, samples: Samples) -> WrenchNet:
             f"{samples.fields.shape[2:]}: give weights of the same design",
             name="start",
         )
-    net = copy.deepcopy(start.net)
+    net = as_net(start)
     net.calibration.fill_(1.0)
+    gain = torch.from_numpy(_gain(start, samples).astype(np.float32))
+    with torch.no_grad():
+        net.linear.copy_(gain @ net.linear)
+        net.mean.last.weight.copy_((gain * net.units / net.units[:, None]) @ net.mean.last.weight)
     return net
 
 
-def _tensors(samples: Samples, device: str) -> tuple[Tensor, Tensor]:
-    x, y = (torch.from_numpy(np.asarray(a, np.float32)).to(device) for a in (samples.inputs, samples.wrenches))
-    return x, y
+def _gain(start: WrenchModel, samples: Samples) -> Array:
+    """(6, 6) that takes the old answers to the new labels, near the identity: a few samples tell another stiffness."""
+    told, told_for = start.predict(samples.inputs)[0] / UNITS, samples.wrenches / UNITS
+    gram = told.T @ told
+    damping = GAIN_SHARE * float(np.trace(gram)) / 6 + 1e-9
+    change = np.linalg.solve(gram + damping * np.eye(6), told.T @ (told_for - told)).T
+    return (np.eye(6) + change) * UNITS[:, None] / UNITS
 
 
-def _turned(samples: Samples, side: int, device: str) -> tuple[Tensor, Tensor]:
-    x = np.concatenate([moved_inputs(samples.inputs, k, side) for k in range(COUNT)])
-    y = np.concatenate([moved_wrenches(samples.wrenches, k) for k in range(COUNT)])
-    return torch.from_numpy(x.astype(np.float32)).to(device), torch.from_numpy(y.astype(np.float32)).to(device)
+def _parts(net: WrenchNet, samples: Samples, config: FitConfig, copies: int = COUNT) -> list[Tensor]:
+    """Principal parts z (M, K), linear answers (M, 6) and labels (M, 6), with the symmetric copies: x is not needed
+    again, because linear part and principal fields stand fast."""
+    rows: list[list[Tensor]] = [[], [], []]
+    side = samples.fields.shape[2]
+    for number in list(config.symmetries)[:copies]:
+        x = torch.from_numpy(moved_inputs(samples.inputs, number, side).astype(np.float32)).to(config.device)
+        y = torch.from_numpy(moved_wrenches(samples.wrenches, number).astype(np.float32)).to(config.device)
+        for kept, part in zip(rows, (x @ net.principal.T, x @ net.linear.T, y), strict=True):
+            kept.append(part)
+    return [torch.cat(part) for part in rows]
 
 
 def _fit_mean(
-    net: WrenchNet,
-    train: tuple[Tensor, Tensor],
-    held: tuple[Tensor, Tensor],
-    config: FitConfig,
-    progress: Progress | None,
-) -> None:
+    net: WrenchNet, train: list[Tensor], held: list[Tensor], config: FitConfig, progress: Progress | None,
+    kept: Checkpoint,
+) -> None:  # fmt: skip
     """Huber loss in units; the best epoch on the validation paths stays, the linear part alone included."""
 
-    def loss(x: Tensor, y: Tensor) -> Tensor:
-        return torch.nn.functional.smooth_l1_loss(net.wrench(x) / net.units, y / net.units)
+    def loss(z: Tensor, rest: Tensor) -> Tensor:
+        return torch.nn.functional.smooth_l1_loss(net.mean(z), rest)
 
     def judge() -> float:
         with torch.inference_mode():
-            return float(((net.wrench(held[0]) - held[1]) / net.units).square().mean())
+            return float((net.mean(held[0]) - (held[2] - held[1]) / net.units).square().mean())
 
-    _descend(net, net.mean, train, loss, judge, config, config.seconds, ("mean", progress))
+    data = train[0], (train[2] - train[1]) / net.units
+    _descend(("mean", net.mean), data, loss, judge, config, 1.0, progress, kept)
 
 
-def _fit_spread(net: WrenchNet, data: tuple[Tensor, Tensor], config: FitConfig, progress: Progress | None) -> None:
+def _fit_spread(
+    net: WrenchNet, parts: list[Tensor], config: FitConfig, progress: Progress | None, kept: Checkpoint
+) -> None:
     """Gaussian score of the residuals, the mean held fast."""
     with torch.inference_mode():
-        residual = ((data[1] - net.wrench(data[0])) / net.units).clone()
+        residual = ((parts[2] - parts[1]) / net.units - net.mean(parts[0])).clone()
 
-    def loss(x: Tensor, r: Tensor) -> Tensor:
-        return negative_log_likelihood(r, net.factor(x))
+    def loss(z: Tensor, r: Tensor) -> Tensor:
+        return negative_log_likelihood(r, net.factor(z))
 
     def judge() -> float:
         with torch.inference_mode():
-            return float(loss(data[0][:4096], residual[:4096]))
+            return float(loss(parts[0][::7], residual[::7]))
 
-    _descend(net, net.spread, (data[0], residual), loss, judge, config, config.seconds / 3, ("spread", progress))
+    _descend(("spread", net.spread), (parts[0], residual), loss, judge, config, 1 / 3, progress, kept)
 
 
 def _descend(
-    net: WrenchNet,
-    part: torch.nn.Module,
+    stage: tuple[str, torch.nn.Module],
     data: tuple[Tensor, Tensor],
     loss: Callable[[Tensor, Tensor], Tensor],
     judge: Callable[[], float],
     config: FitConfig,
-    seconds: float,
-    report: tuple[str, Progress | None],
+    effort: float,
+    progress: Progress | None,
+    kept: Checkpoint,
 ) -> None:
-    """AdamW with a rate that falls to zero over the time allowed; keeps the best weights of ``part``."""
-    optimizer = torch.optim.AdamW(part.parameters(), lr=config.rate, weight_decay=1e-3)
-    order = torch.Generator().manual_seed(config.seed)
-    best, lowest = copy.deepcopy(part.state_dict()), judge()
-    begin = time.monotonic()
-    for epoch in range(config.epochs):
-        spent = time.monotonic() - begin
-        share = max(spent / seconds if seconds > 0 else 1.0, epoch / config.epochs)
+    """AdamW with a rate that falls to zero over the epochs (or seconds) allowed; keeps the best weights."""
+    name, part = stage
+    epochs, seconds = int(np.ceil(config.epochs * effort)), config.seconds * effort
+    optimizer = torch.optim.AdamW(part.parameters(), lr=config.rate, weight_decay=config.decay)
+    state = kept.begin(name, part, optimizer) or Descent(0, 0.0, judge(), copy.deepcopy(part.state_dict()))
+    begin = time.monotonic() - state.seconds
+    for epoch in range(state.epoch, epochs):
+        share = max((time.monotonic() - begin) / max(seconds, 1e-9), epoch / epochs)
         if share >= 1:
             break
         for group in optimizer.param_groups:
             group["lr"] = config.rate * 0.5 * (1 + np.cos(np.pi * share))
-        for rows in torch.randperm(len(data[0]), generator=order).split(config.batch):
-            x = data[0][rows.to(data[0].device)]
-            x = x + config.noise_px * torch.randn(x.shape, generator=order).to(x.device) * (x != 0)
+        order = torch.Generator().manual_seed(config.seed * 1_000_003 + epoch)
+        for rows in torch.randperm(len(data[0]), generator=order).to(data[0].device).split(config.batch):
             optimizer.zero_grad()
-            loss(x, data[1][rows.to(x.device)]).backward()
+            loss(data[0][rows], data[1][rows]).backward()
             torch.nn.utils.clip_grad_norm_(part.parameters(), 10.0)
             optimizer.step()
         error = judge()
-        if error < lowest:
-            best, lowest = copy.deepcopy(part.state_dict()), error
-        if report[1] is not None:
-            report[1](report[0], time.monotonic() - begin, error)
-    part.load_state_dict(best)
+        best, lowest = (copy.deepcopy(part.state_dict()), error) if error < state.lowest else (state.best, state.lowest)
+        state = Descent(epoch + 1, time.monotonic() - begin, lowest, best)
+        kept.keep(name, part, optimizer, state)
+        if progress is not None:
+            progress(name, state.seconds, error)
+    part.load_state_dict(state.best)
+    kept.finish(name, part)
 
 
 def _calibrate(net: WrenchNet, held: Samples) -> None:
@@ -235,13 +238,16 @@ def _calibrate(net: WrenchNet, held: Samples) -> None:
     net.calibration.copy_(torch.from_numpy(np.clip(scale, 1e-3, 1e3)))
 
 
-def _covered(net: WrenchNet, samples: Samples, side: int) -> Range:
-    measures = [range_measures(net, moved_inputs(samples.inputs, k, side)) for k in (0, 1, 4)]
+def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, start: WrenchModel | None) -> Range:
+    back = np.linalg.pinv(principal).astype(np.float64)
+    measures = [range_measures(principal, back, moved_inputs(samples.inputs, k, side)) for k in config.symmetries]
     distance, rest = (RANGE_MARGIN * float(max(m[k].max() for m in measures)) for k in (0, 1))
-    return Range(distance, rest, samples.valid.mean(axis=0) > 0.9)
+    if start is not None:  # what it knew before, it still knows
+        distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
+    return Range(distance, rest, samples.valid.mean(axis=0) > USUALLY)
 
 
 def _rmse(net: WrenchNet, samples: Samples) -> list[float]:
     with torch.inference_mode():
-        value = net.wrench(torch.from_numpy(samples.inputs.astype(np.float32))).double().numpy()
+        value = net(torch.from_numpy(samples.inputs.astype(np.float32)))[0].double().numpy()
     return [round(float(e), 5) for e in np.sqrt(((value - samples.wrenches) ** 2).mean(axis=0))]

@@ -14,6 +14,7 @@ import hashlib
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,11 +24,14 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.frames import T_sphere_endcap, wrench_in
+from sensing.frames import T_sphere_endcap, wrench_adjoint
+from sensing.marker_fields import MarkerSensor, Scatter
 from sensing.methods import field_method
-from sensing.records_labelled import LabelledSet
+from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
+MARKERS = "markers"
+SENSORS, VIEWS = 48, 2  # made-up sensors of a set, and how many see each run
 ROW_ARRAYS = (
     "fields",
     "valid",
@@ -47,7 +51,7 @@ class Samples:
     """N samples of one design.
 
     Attributes:
-        fields: (N, 2, H, W) float32, zero where not valid. valid: (N, H, W) bool.
+        fields: (N, 2, H, W) float32, as the method gives them where not valid too. valid: (N, H, W) bool.
         wrenches: (N, 6) on the endcap about the sphere's centre.
         path: (N,) str identity of the loading path. phase: (N,) str.
         time_s: (N,) capture time within the path. contact: (N,) bool.
@@ -90,6 +94,11 @@ class Samples:
         """(N, 2 H W): u then v, row by row."""
         return self.fields.reshape(len(self), -1).astype(float)
 
+    @property
+    def digest(self) -> str:
+        """SHA-256 of fields and labels."""
+        return hashlib.sha256(self.fields.tobytes() + self.wrenches.tobytes()).hexdigest()
+
     def take(self, rows: NDArray) -> Samples:
         """Some of the samples, by index or mask."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROW_ARRAYS})
@@ -129,7 +138,8 @@ def shared_between(train: Samples, test: Samples) -> list[str]:
 def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int] = SHAPE) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    The fields are kept beside the data and used again until the shards change.
+    Method ``markers`` takes the fields that made-up sensors would see (:mod:`sensing.marker_fields`) instead of
+    tracking the pictures; they stand for those of ``dots``. Fields are kept beside the data until it changes.
 
     Raises:
         FileError: no such set, or an empty one. ParameterError: unknown method.
@@ -139,43 +149,69 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     design = EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
     if not data.shards:
         raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
-    stamp = f"{method} {shape} " + " ".join(f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards)
+    stamp = f"3 {method} {shape} " + " ".join(
+        f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
+    )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
     cache = Path(folder) / f"fields_{method}_{shape[0]}x{shape[1]}.npz"
     rows = _cached(cache, digest)
     if rows is None:
-        rows = _computed(data, design, method, shape)
+        seen = _marked if method == MARKERS else _tracked
+        found: dict[str, list[Any]] = {name: [] for name in ROW_ARRAYS}
+        for count, row in enumerate(seen(data, design, method, shape), 1):
+            for name, value in zip(ROW_ARRAYS, row, strict=True):
+                found[name].append(value)
+            if sys.stderr.isatty() and count % 50 == 0:
+                print(f"\r{data.folder}: {count} fields", end="", file=sys.stderr)
+        rows = {name: np.array(values) for name, values in found.items()}
         _keep(cache, rows, digest)
-    return Samples(**rows, design=design, method=method, source=str(folder))
+    return Samples(**rows, design=design, method="dots" if method == MARKERS else method, source=str(folder))
 
 
-def _computed(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> dict[str, Any]:
-    request = data.manifest["request"]
-    to_sphere = T_sphere_endcap(design)
-    rows: dict[str, list[Any]] = {name: [] for name in ROW_ARRAYS}
+def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+    """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
+    to_sphere = wrench_adjoint(T_sphere_endcap(design))
     worker, now = None, None
-    for count, item in enumerate(data.frames(), 1):
-        azimuth = float(item.labels["azimuth_deg"])
-        if worker is None or (item.path, azimuth) != now:  # a new run: another reference, or the contact jumps
-            worker, now = field_method(method, item.reference, shape), (item.path, azimuth)
+    for item in data.frames():
+        run = (item.path, str(item.labels["azimuth_deg"]))
+        if worker is None or run != now:  # a new run: another reference, or the contact jumps
+            worker, now = field_method(method, item.reference, shape), run
         field = worker.update(item.frame)
-        wrench = wrench_in(item.wrench, to_sphere, "sphere")
-        flat = (item.labels["tilt_deg"], azimuth, item.labels["friction"])
-        values = (
-            np.where(field.valid, field.channels, 0.0).astype(np.float32),
-            field.valid,
-            np.concatenate([wrench.force_n, wrench.torque_nm]),
-            f"{request['protocol']}-{request['seed']}-{item.path}",
-            item.phase,
-            item.frame.time_s,
-            item.contact,
-            *map(float, flat),
-        )
-        for name, value in zip(ROW_ARRAYS, values, strict=True):
-            rows[name].append(value)
-        if sys.stderr.isatty() and count % 50 == 0:
-            print(f"\r{data.folder}: {count} fields", end="", file=sys.stderr)
-    return {name: np.array(values) for name, values in rows.items()}
+        fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
+        yield fields, field.valid, *_label_row(data, item.labels, to_sphere)
+
+
+def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+    """The same from the labels: every run as :data:`VIEWS` of :data:`SENSORS` made-up sensors see it."""
+    to_sphere = wrench_adjoint(T_sphere_endcap(design))
+    rng = np.random.default_rng(int(data.manifest["request"]["seed"]))
+    sensors = [MarkerSensor(design, shape, Scatter(), rng) for _ in range(SENSORS)]
+    for file in data.shards:
+        arrays = read_shard(file, COLUMNS)
+        if arrays["dots_mm"].shape[1:] != sensors[0].rest_mm.shape:
+            raise ParameterError(f"{data.folder}: tells nothing of its dots (a recording?): give --method dots")
+        runs = arrays["path"] + 1j * arrays["azimuth_deg"]
+        for run in np.unique(runs):
+            rows = np.flatnonzero(runs == run)
+            for number in rng.choice(SENSORS, VIEWS, replace=False):
+                fields = sensors[number].fields(arrays["dots_mm"][rows])
+                for field, row in zip(fields, rows, strict=True):
+                    labels = {name: arrays[name][row] for name in COLUMNS}
+                    yield field, sensors[number].valid, *_label_row(data, labels, to_sphere)
+
+
+def _label_row(data: LabelledSet, labels: dict[str, Any], to_sphere: NDArray[np.float64]) -> tuple[Any, ...]:
+    request = data.manifest["request"]
+    return (
+        to_sphere @ np.concatenate([labels["force_n"], labels["torque_nm"]]),
+        f"{request['protocol']}-{request['seed']}-{labels['path']}",
+        data.phases[int(labels["phase"])],
+        float(labels["time_s"]),
+        bool(labels["contact"]),
+        float(labels["tilt_deg"]),
+        float(labels["azimuth_deg"]),
+        float(labels["friction"]),
+    )
 
 
 def _cached(path: Path, digest: str) -> dict[str, Any] | None:

@@ -1,7 +1,9 @@
 """Labelled frames to weights: ``python -m sensing.train --help``.
 
-python -m sensing.train exports/data --out weights.safetensors
-python -m sensing.train my_recording --start weights.safetensors --out mine.safetensors      # fine-tuning
+    python -m sensing.train exports/data --out weights.safetensors
+    python -m sensing.train exports/cap3 --method dots --start default --out cap3.safetensors      # own recording
+
+An interrupted run goes on when the same command is given again. Wrenches about the sphere's centre, N and N m.
 """
 
 from __future__ import annotations
@@ -9,14 +11,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from cad.errors import EndcapError, ParameterError
-from sensing.samples import ROW_ARRAYS, SHAPE, Samples, read_samples
+from sensing.contenders import read_all
+from sensing.fit_config import FitConfig
+from sensing.samples import MARKERS, SHAPE
+
+DEFAULT = "default"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,42 +30,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"sensing.train: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.train: stopped, nothing written", file=sys.stderr)
+        print("\nsensing.train: stopped; the same command goes on from here", file=sys.stderr)
         return 130
 
 
-def read_all(folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAPE) -> Samples:
-    """Samples of several folders of one design, in one.
-
-    Raises:
-        ParameterError: folders of different designs. FileError: a folder that cannot be read.
-    """
-    parts = [read_samples(folder, method, shape) for folder in folders]
-    designs = {part.design.label for part in parts}
-    if len(designs) > 1:
-        raise ParameterError(f"data of {', '.join(sorted(designs))}: give folders of one design", name="data")
-    joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_ARRAYS}
-    return replace(parts[0], **joined, source=" ".join(map(str, folders)))
-
-
 def _run(options: argparse.Namespace) -> int:
-    from sensing.fitting import FitConfig, fit  # torch takes seconds to load: bad options are told before
-    from sensing.wrench_model import WrenchModel
+    from sensing.fitting import fit  # torch takes seconds to load: bad options are told before
+    from sensing.wrench_model import load_wrench_model
 
     config = FitConfig(
-        components=options.components, hidden=options.hidden, seconds=options.seconds, seed=options.seed,
-        device=options.device,
+        components=options.components, hidden=options.hidden, epochs=options.epochs, seconds=options.seconds,
+        seed=options.seed, device=options.device,
     )  # fmt: skip
     if not options.out.parent.is_dir():
         raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
-    samples = read_all(options.data, options.method)
-    start = WrenchModel.load(options.start, samples.design) if options.start else None
+    samples = read_all(options.data, options.method, (options.cells, options.cells))
+    start = None
+    if options.start is not None:
+        start = load_wrench_model(samples.design, None if str(options.start) == DEFAULT else options.start)
 
     def progress(part: str, spent: float, error: float) -> None:
         if sys.stderr.isatty():
             print(f"\r{part}: {spent:.0f} s, {error:.4f}   ", end="", file=sys.stderr)
 
-    model = fit(samples, config, start, progress)
+    model = fit(samples, config, start, progress, options.out.with_name(f".{options.out.name}.checkpoint"))
     model.save(options.out)
     rmse = model.about["metrics"]["validation_rmse"]
     said = ", ".join(f"{value:.3f}" for value in rmse[:3]), ", ".join(f"{value:.4f}" for value in rmse[3:])
@@ -75,6 +65,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    plain = FitConfig()
     parser = argparse.ArgumentParser(
         prog="python -m sensing.train",
         description="Train a wrench model on folders of labelled frames of one design.",
@@ -82,11 +73,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="folders of labelled frames")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="weights.safetensors to write")
-    parser.add_argument("--start", type=Path, metavar="FILE", help="weights to go on from (fine-tuning)")
-    parser.add_argument("--seconds", type=float, default=60.0, metavar="S", help="time for the fit (60)")
-    parser.add_argument("--method", default="dots", help="field method (dots)")
-    parser.add_argument("--components", type=int, default=40, metavar="N", help="principal fields (40)")
-    parser.add_argument("--hidden", type=int, default=64, metavar="N", help="width of the network (64)")
+    parser.add_argument("--start", type=Path, metavar="FILE", help=f"weights to fine-tune; {DEFAULT}: those that ship")
+    parser.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
+    parser.add_argument(
+        "--seconds", type=float, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
+    )
+    parser.add_argument(
+        "--method", default=MARKERS,
+        help=f"{MARKERS}: labels of simulated frames as made-up sensors would see them (default); dots: the pictures, "
+        "through the tracker (own recordings)",
+    )  # fmt: skip
+    parser.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
+    parser.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
+    parser.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of everything drawn (0)")
     parser.add_argument("--device", default="cpu", help="torch's device (cpu)")
     return parser

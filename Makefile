@@ -42,7 +42,7 @@ evaluate: $(WRENCH) ## its errors and those of the comparisons, on motions it ha
 	@$(BIN)/python -m sensing.evaluate exports/wrench_test --weights $(WRENCH) --train exports/wrench_train $(OPTIONS)
 
 $(WRENCH): $(VENV)/all.stamp
-	@$(SIMULATE) --frames 1700 --seed 1 --out exports/wrench_train
+	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
 	@$(BIN)/python -m sensing.train exports/wrench_train --out $@
 
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays

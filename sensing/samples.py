@@ -31,7 +31,7 @@ from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
 MARKERS = "markers"
-SENSORS, VIEWS = 48, 2  # made-up sensors of a set, and how many see each run
+SENSORS, VIEWS = 48, 4  # made-up sensors of a set, and how many see each run
 ROW_ARRAYS = (
     "fields",
     "valid",

@@ -233,3 +233,41 @@ def test_leaks_between_training_and_test_are_found(data):
         test, tilt_deg=np.full(len(test), 10.0), azimuth_deg=np.ones(len(test)), friction=np.ones(len(test))
     )
     assert shared_between(posed, other) == ["pose tilt=10 azimuth=1 friction=1"]
+
+
+@pytest.mark.parametrize("stage", ["mean", "spread"])
+def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, monkeypatch):
+    monkeypatch.setattr("sensing.checkpoint.EVERY_S", 0.0)
+    small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=6), tmp_path / "kept"
+    whole = fit(small, config)
+    told = []
+
+    def stop(part, seconds, error):
+        told.append(part)
+        if told.count(stage) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(small, config, progress=stop, checkpoint=kept)
+    assert kept.is_file()
+    again = []
+    resumed = fit(small, config, progress=lambda part, seconds, error: again.append(part), checkpoint=kept)
+    assert again.count(stage) < told.count(stage) + 4 and again.count("mean") + told.count("mean") == 6
+    for name, value in whole.weights.items():
+        assert np.array_equal(value, resumed.weights[name]), name
+    assert not kept.exists()
+
+
+def test_a_checkpoint_of_other_samples_or_damaged_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr("sensing.checkpoint.EVERY_S", 0.0)
+    small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=2), tmp_path / "kept"
+
+    def stop(part, seconds, error):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(made_samples(paths=8, seed=4), config, progress=stop, checkpoint=kept)
+    whole, other = fit(small, config), fit(small, config, checkpoint=kept)
+    assert all(np.array_equal(value, other.weights[name]) for name, value in whole.weights.items())
+    kept.write_bytes(b"damaged")
+    assert np.array_equal(fit(small, config, checkpoint=kept).weights["linear"], whole.weights["linear"])

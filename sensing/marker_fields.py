@@ -34,7 +34,8 @@ class Scatter:
     Attributes:
         tilt_deg, shift_mm, focal_share: of the camera (E: hand assembly).
         paint_px: of a painted dot from its place (M: docs/optics.md, 1.6 to 2 px). unseen: share of dots not found.
-        noise_px, noise_share: tracking error, in px and as a share of the displacement (measured).
+        still_px, moving_px, share: tracking error at rest, of a dot that moves by over a pixel, and as a share of its
+            displacement (M: bench/bench_wrench.py tracking).
     """
 
     tilt_deg: float = 1.5
@@ -42,11 +43,12 @@ class Scatter:
     focal_share: float = 0.01
     paint_px: float = 1.8
     unseen: float = 0.03
-    noise_px: float = 0.05
-    noise_share: float = 0.01
+    still_px: float = 0.015
+    moving_px: float = 0.05
+    share: float = 0.006
 
 
-PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class MarkerSensor:
@@ -79,7 +81,8 @@ class MarkerSensor:
     def fields(self, moved_mm: NDArray) -> NDArray[np.float32]:
         """(N, 2, H, W) fields of displacements (N, d, 3) of all dots of the pattern."""
         moved = self._pixels(self.rest_mm[self._seen] + moved_mm[:, self._seen]) - self._place
-        spread = np.hypot(self._scatter.noise_px, self._scatter.noise_share * np.linalg.norm(moved, axis=2))
+        far, s = np.linalg.norm(moved, axis=2), self._scatter
+        spread = np.sqrt(s.still_px**2 + (s.moving_px * far / (1 + far)) ** 2 + (s.share * far) ** 2)
         moved += spread[:, :, None] * self._rng.standard_normal(moved.shape)
         cells = np.einsum("ndc,dk->nck", moved, self.operator.to_cells, optimize=True)
         return (cells * (CROP_PX / min(FRAME_PX))).reshape(len(moved), 2, *self.operator.shape).astype(np.float32)

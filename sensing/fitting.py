@@ -27,7 +27,7 @@ from sensing.checkpoint import Checkpoint, Descent
 from sensing.fit_config import FitConfig
 from sensing.ridge import UNITS, fit_ridge
 from sensing.samples import Samples
-from sensing.symmetry import COUNT, moved_inputs, moved_wrenches
+from sensing.symmetry import COUNT, disc_cells, moved_inputs, moved_wrenches, symmetric_moments
 from sensing.wrench_model import Range, WrenchModel, range_measures
 from sensing.wrench_net import WrenchNet, negative_log_likelihood
 
@@ -97,8 +97,8 @@ def as_net(model: WrenchModel) -> WrenchNet:
 
 def principal_fields(inputs: Array, count: int, side: int) -> Array:
     """(count, 2 side side) leading directions of the symmetrised, uncentred data, scaled so that P x has variance 1."""
-    gram = sum(m.T @ m for m in (moved_inputs(inputs, k, side) for k in range(COUNT))) / (COUNT * max(len(inputs), 1))
-    values, vectors = np.linalg.eigh(np.asarray(gram))
+    gram = symmetric_moments(inputs, np.zeros((len(inputs), 6)), side)[0] / (COUNT * max(len(inputs), 1))
+    values, vectors = np.linalg.eigh(gram)
     keep = np.argsort(values)[::-1][:count]
     keep = keep[values[keep] > 1e-9 * max(values[-1], 1e-30)]
     if not len(keep):
@@ -244,7 +244,7 @@ def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, s
     distance, rest = (RANGE_MARGIN * float(max(m[k].max() for m in measures)) for k in (0, 1))
     if start is not None:  # what it knew before, it still knows
         distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
-    return Range(distance, rest, samples.valid.mean(axis=0) > USUALLY)
+    return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)))
 
 
 def _rmse(net: WrenchNet, samples: Samples) -> list[float]:

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
-from sensing.symmetry import COUNT, moved_inputs, moved_wrenches
+from sensing.symmetry import symmetric_moments
 
 Array = NDArray[np.float64]
 SHARES = 10.0 ** np.arange(-10.0, 0.5)  # lambda over the largest eigenvalue
 UNITS = np.array([0.15] * 3 + [0.02] * 3)  # N and N m: the goals' errors, so that axes weigh alike
 FOLDS = 5
+ALONE = 1e-4  # share where there is but one path
 
 
 def fit_ridge(inputs: Array, wrenches: Array, path: NDArray, side: int) -> tuple[Array, float]:
@@ -37,31 +38,20 @@ def fit_ridge(inputs: Array, wrenches: Array, path: NDArray, side: int) -> tuple
         )
     if not (np.isfinite(inputs).all() and np.isfinite(wrenches).all()):
         raise ParameterError("inputs or wrenches that are not finite: drop those samples", name="inputs")
-    share = _chosen_share(inputs, wrenches, path, side)
-    gram, moment = _normal_equations(inputs, wrenches, side)
-    return _solve(gram, moment, np.array([share]))[0], share
-
-
-def _chosen_share(inputs: Array, wrenches: Array, path: NDArray, side: int) -> float:
     names = np.unique(path)
     if len(names) < 2:
-        return 1e-4
+        gram, moment = symmetric_moments(inputs, wrenches, side)
+        return _solve(gram, moment, np.array([ALONE]))[0], ALONE
     folds = np.array_split(np.random.default_rng(0).permutation(names), min(FOLDS, len(names)))
+    rows = [np.isin(path, fold) for fold in folds]
+    parts = [symmetric_moments(inputs[out], wrenches[out], side) for out in rows]
+    gram, moment = sum(part[0] for part in parts), sum(part[1] for part in parts)
     errors = np.zeros(len(SHARES))
-    for fold in folds:
-        out = np.isin(path, fold)
-        gram, moment = _normal_equations(inputs[~out], wrenches[~out], side)
-        for k, weights in enumerate(_solve(gram, moment, SHARES)):
+    for out, part in zip(rows, parts, strict=True):
+        for k, weights in enumerate(_solve(gram - part[0], moment - part[1], SHARES)):
             errors[k] += (((inputs[out] @ weights.T - wrenches[out]) / UNITS) ** 2).sum()
-    return float(SHARES[errors.argmin()])
-
-
-def _normal_equations(inputs: Array, wrenches: Array, side: int) -> tuple[Array, Array]:
-    gram, moment = np.zeros((inputs.shape[1],) * 2), np.zeros((inputs.shape[1], 6))
-    for number in range(COUNT):
-        x, w = moved_inputs(inputs, number, side), moved_wrenches(wrenches, number)
-        gram, moment = gram + x.T @ x, moment + x.T @ w
-    return gram, moment
+    share = float(SHARES[errors.argmin()])
+    return _solve(gram, moment, np.array([share]))[0], share
 
 
 def _solve(gram: Array, moment: Array, shares: Array) -> list[Array]:

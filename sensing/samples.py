@@ -28,6 +28,7 @@ from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.marker_fields import MarkerSensor, Scatter
 from sensing.methods import field_method
 from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
+from sensing.symmetry import disc_cells
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
 MARKERS = "markers"
@@ -91,8 +92,8 @@ class Samples:
 
     @property
     def inputs(self) -> NDArray[np.float64]:
-        """(N, 2 H W): u then v, row by row."""
-        return self.fields.reshape(len(self), -1).astype(float)
+        """(N, 2 H W): u then v, row by row, zero in the corners that no dot reaches."""
+        return (self.fields * disc_cells(self.fields.shape[2:])).reshape(len(self), -1).astype(float)
 
     @property
     def digest(self) -> str:

@@ -15,12 +15,19 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 
 COUNT = 8
+REACH = 1.05  # of half a side: beyond it lie the corners, where no dot is and a field is only guessed
 
 
 def plane_map(number: int) -> NDArray[np.float64]:
     """(2, 2) of a symmetry 0..7: number % 4 quarter turns (x to y), from 4 on after the mirror x to -x."""
     turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), number % 4)
     return turn @ np.diag([-1.0, 1.0]) if number >= 4 else turn
+
+
+def disc_cells(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """(H, W) cells whose centre lies in the disc that dots cover."""
+    rows, columns = ((np.arange(count) + 0.5) * 2 / count - 1 for count in shape)
+    return np.hypot(rows[:, None], columns[None]) <= REACH
 
 
 def moved_wrenches(wrenches: NDArray[np.float64], number: int) -> NDArray[np.float64]:
@@ -35,6 +42,19 @@ def moved_inputs(inputs: NDArray[np.float64], number: int, side: int) -> NDArray
     """(N, 2 side side) fields of a square grid, moved by a symmetry."""
     order, sign = _permutation(number, side)
     return inputs[:, order] * sign
+
+
+def symmetric_moments(
+    inputs: NDArray[np.float64], wrenches: NDArray[np.float64], side: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """X'X (D, D) and X'Y (D, 6) summed over all eight copies of the samples, from those of the samples alone."""
+    gram, moment = inputs.T @ inputs, inputs.T @ wrenches
+    total, totals = np.zeros_like(gram), np.zeros_like(moment)
+    for number in range(COUNT):
+        order, sign = _permutation(number, side)
+        total += gram[np.ix_(order, order)] * (sign[:, None] * sign)
+        totals += moved_wrenches(moment[order] * sign[:, None], number)
+    return total, totals
 
 
 @lru_cache(maxsize=64)

@@ -48,7 +48,7 @@ class Range:
 
     Attributes:
         distance: largest norm of the whitened principal part. rest_px: largest norm of what the principal fields leave.
-        cells: cells (H, W) that were usually valid.
+        cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
     """
 
     distance: float
@@ -136,7 +136,8 @@ class WrenchModel:
 
     def out_of_range(self, inputs: Array) -> NDArray[np.bool_]:
         """(N,) True where a field is unlike those of training."""
-        distance, rest = range_measures(self._doubles["principal"], self._back, inputs)
+        seen = inputs * np.tile(self.range.cells.ravel(), 2)
+        distance, rest = range_measures(self._doubles["principal"], self._back, seen)
         return (distance > self.range.distance) | (rest > self.range.rest_px)
 
     def save(self, path: str | Path) -> None:

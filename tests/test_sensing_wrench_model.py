@@ -17,7 +17,7 @@ pytest.importorskip("safetensors")
 from sensing.fit_config import FitConfig  # noqa: E402
 from sensing.fitting import fit  # noqa: E402
 from sensing.ridge import fit_ridge  # noqa: E402
-from sensing.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map  # noqa: E402
+from sensing.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
 from sensing.wrench_model import load_wrench_model  # noqa: E402
 
 SIDE = 6
@@ -67,16 +67,17 @@ def model(data):
 
 
 def test_symmetries_form_a_group_and_move_fields_as_they_move_what_caused_them(data):
+    inputs = data.fields.reshape(len(data), -1).astype(float)
     for number in range(COUNT):
         M = plane_map(number)
         assert np.allclose(M @ M.T, np.eye(2))
-        moved = moved_inputs(data.inputs, number, SIDE)
+        moved = moved_inputs(inputs, number, SIDE)
         again = bump_fields(moved_wrenches(data.wrenches, number)).reshape(len(data), -1)
         assert np.abs(moved - again).max() < 0.08  # the noise
-    quarter = data.inputs
+    quarter = inputs
     for _ in range(4):
         quarter = moved_inputs(quarter, 1, SIDE)
-    assert np.array_equal(quarter, data.inputs)
+    assert np.array_equal(quarter, inputs)
 
 
 def test_mirror_makes_a_torque_a_pseudo_vector():
@@ -271,3 +272,9 @@ def test_a_checkpoint_of_other_samples_or_damaged_is_not_used(tmp_path, monkeypa
     assert all(np.array_equal(value, other.weights[name]) for name, value in whole.weights.items())
     kept.write_bytes(b"damaged")
     assert np.array_equal(fit(small, config, checkpoint=kept).weights["linear"], whole.weights["linear"])
+
+
+def test_moments_of_the_symmetric_copies_are_those_of_the_copies(data):
+    gram, moment = symmetric_moments(data.inputs, data.wrenches, SIDE)
+    copies = [(moved_inputs(data.inputs, k, SIDE), moved_wrenches(data.wrenches, k)) for k in range(COUNT)]
+    assert np.allclose(gram, sum(x.T @ x for x, _ in copies)) and np.allclose(moment, sum(x.T @ w for x, w in copies))

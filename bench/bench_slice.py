@@ -24,11 +24,11 @@ from cad.interface import build_flange, build_zone
 from cad.params import EndcapParams
 from fab.gyroid import interface_mesh
 from fab.mesh import tessellate
-from fab.slice_3mf import Project, Volume, write_prusa
-from fab.slice_gcode import read_gcode
-from fab.slice_measure import print_figures, zone_figures
-from fab.slice_run import find_slicer, slice_to_gcode
-from fab.slice_settings import ROUNDING_MM, part_settings, zone_region
+from fab.slice.gcode import read_gcode
+from fab.slice.measure import print_figures, zone_figures
+from fab.slice.project_3mf import Project, Volume, write_prusa
+from fab.slice.run import find_slicer, slice_to_gcode
+from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
 
 HERE = Path(__file__).parent
 PARAMS = EndcapParams(100.0, 8.0)

@@ -210,7 +210,7 @@ def _lagged_iteration(problem: StepProblem, here: Iterate) -> tuple[Iterate, int
         )  # fmt: skip
         round_off = 1e-12 * abs(frozen.potential)
         enough = trial.potential <= frozen.potential + ARMIJO * step * direction.slope + round_off
-        if enough or trial.error < 0.5 * frozen.error:
+        if enough or trial.error < max(0.5 * frozen.error, TOLERANCE):  # in balance: energies differ by rounding only
             break
         step /= 2
     else:

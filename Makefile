@@ -6,11 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-<<<<<<< HEAD
-.PHONY: help setup molds slice sheet ring data train evaluate test check bench clean
-=======
-.PHONY: help setup molds slice sheet ring coupons data test check bench clean
->>>>>>> main
+.PHONY: help setup molds slice sheet ring coupons data train evaluate live test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -49,6 +45,9 @@ $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
 	@$(BIN)/python -m sensing.train exports/wrench_train --out $@
 
+live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camera 0,2,4'] (simulated robot without)
+	@$(BIN)/python -m sensing.live $(OPTIONS)
+
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(MAKEOVERRIDES)
 
@@ -83,7 +82,7 @@ $(VENV)/fab.stamp: pyproject.toml lock.txt scripts/prove_kernel.py | $(VENV)/bin
 
 $(VENV)/all.stamp: $(VENV)/fab.stamp
 	@$(PIP) install -c lock.txt $(TORCH)
-	@$(PIP) install -c lock.txt -e '.[fab,sensing,cluster,download,onnx,dev]'
+	@$(PIP) install -c lock.txt -e '.[fab,sensing,live,cluster,download,onnx,dev]'
 	@$(PIP) install --force-reinstall --no-deps $(OCP)
 	@$(BIN)/python scripts/prove_kernel.py
 	@touch $@

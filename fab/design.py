@@ -17,7 +17,7 @@ from cad.hanger import hanger_part
 from cad.interface import build_interface
 from cad.led_ring import led_ring_part
 from cad.mold_core import core_body, core_parts
-from cad.mold_cup import bowl_body, collar_body, cup_parts
+from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
@@ -63,7 +63,7 @@ def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
     core = core_body(layout)
     parts = core_parts(layout, core)
     progress("cup")
-    parts = [*cup_parts(layout, bowl_body(layout), collar_body(layout)), *parts, hanger_part(layout)]
+    parts = [*cup_parts(layout), *parts, hanger_part(layout)]
     progress("shell")
     parts.append(shell_part(layout, core))
     progress("interface, base, hardware")

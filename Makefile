@@ -6,11 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-<<<<<<< HEAD
-.PHONY: help setup molds slice sheet ring data train evaluate test check bench clean
-=======
-.PHONY: help setup molds slice sheet ring coupons data test check bench clean
->>>>>>> main
+.PHONY: help setup molds slice sheet ring coupons data train evaluate live test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -51,6 +47,9 @@ $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1 --seed 2 --protocol dynamic --out exports/wrench_motion
 	@$(BIN)/python -m sensing.train $(WRENCH_DATA) --out $@
 
+live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camera 0,2,4'] (simulated robot without)
+	@$(BIN)/python -m sensing.live $(OPTIONS)
+
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(MAKEOVERRIDES)
 
@@ -85,7 +84,7 @@ $(VENV)/fab.stamp: pyproject.toml lock.txt scripts/prove_kernel.py | $(VENV)/bin
 
 $(VENV)/all.stamp: $(VENV)/fab.stamp
 	@$(PIP) install -c lock.txt $(TORCH)
-	@$(PIP) install -c lock.txt -e '.[fab,sensing,cluster,download,onnx,dev]'
+	@$(PIP) install -c lock.txt -e '.[fab,sensing,live,cluster,download,onnx,dev]'
 	@$(PIP) install --force-reinstall --no-deps $(OCP)
 	@$(BIN)/python scripts/prove_kernel.py
 	@touch $@

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.frames import MM_PER_M, T_sphere_endcap, wrench_in
 from sensing.gelslim import CROP_PX, divergence
 from sensing.records import ShearField, Wrench
@@ -71,17 +71,23 @@ def pressure_centre(wrench: Wrench, params: EndcapParams) -> PressureCentre:
     if wrench.frame not in ("endcap", "sphere"):
         raise ParameterError(f"frame={wrench.frame!r}: give a wrench in the endcap or sphere frame", name="frame")
     about = wrench if wrench.frame == "sphere" else wrench_in(wrench, T_sphere_endcap(params), "sphere")
-    force, torque = about.force_n, about.torque_nm
+    return line_of_action(about.force_n, about.torque_nm, params.outer_radius_mm, params.centre_height_mm)
+
+
+def line_of_action(
+    force: NDArray[np.float64], torque: NDArray[np.float64], radius_mm: float, centre_height_mm: float
+) -> PressureCentre:
+    """Where the line of a force (3,) N and torque (3,) N m about the sphere's centre enters the sphere."""
     norm = float(np.linalg.norm(force))
     if not norm >= LEAST_FORCE_N:
         return PressureCentre(np.full(3, np.nan), float("nan"), float("nan"))
     foot = np.cross(force, torque) / norm**2 * MM_PER_M
-    reach, radius = float(np.linalg.norm(foot)), params.outer_radius_mm
-    if reach <= radius:
-        position, miss = foot - math.sqrt(radius**2 - reach**2) * force / norm, 0.0
+    reach = float(np.linalg.norm(foot))
+    if reach <= radius_mm:
+        position, miss = foot - math.sqrt(radius_mm**2 - reach**2) * force / norm, 0.0
     else:
-        position, miss = foot * (radius / reach), reach - radius
-    return PressureCentre(position + np.array([0, 0, params.centre_height_mm]), miss, float(force @ torque) / norm)
+        position, miss = foot * (radius_mm / reach), reach - radius_mm
+    return PressureCentre(position + np.array([0, 0, centre_height_mm]), miss, float(force @ torque) / norm)
 
 
 def friction_use(

@@ -18,6 +18,7 @@ import hashlib
 import json
 import os
 import tempfile
+import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -132,6 +133,19 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
     return Zero(image, sensor, date, len(frames), noise, _brightness(Frame(0.0, 0, sensor, image=image)), exposure)
 
 
+def single_zero(frame: Frame, sensor: str = "endcap") -> Zero:
+    """One picture as a reference, where no interval is to be had (a folder of photos); its noise is unknown.
+
+    Raises:
+        FrameError: the picture cannot be decoded.
+    """
+    image = decode_bgr(frame)
+    date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    brightness = _brightness(Frame(0.0, 0, sensor, image=image))
+    exposure = float("nan") if frame.exposure is None else frame.exposure
+    return Zero(image, sensor, date, 1, np.zeros(0), brightness, exposure)
+
+
 def save_zero(zero: Zero, path: Path | str) -> None:
     """Write ``.npz`` under a temporary name, then rename.
 
@@ -166,7 +180,7 @@ def load_zero(path: Path | str) -> Zero:
         zero = Zero(image=image, noise_px=noise, **about)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
-    except (ValueError, KeyError, TypeError, EOFError) as error:
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: no reference file ({type(error).__name__}): zero the sensor again") from None
     if zero.digest != digest:
         raise FileError(f"{path}: the picture does not match its digest: the file is damaged, zero the sensor again")

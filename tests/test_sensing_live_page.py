@@ -247,6 +247,30 @@ def test_a_taken_port_is_refused_when_asked_for_and_avoided_when_not(site, tmp_p
         PageServer(site.run, site.recording, "nowhere.invalid", 0)
 
 
+# --- for a while -----------------------------------------------------------------------------------------------
+def memory_mb() -> float:
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
+
+
+def test_a_short_soak_with_viewer_and_recordings_keeps_memory_flat(site):
+    """What an hour would show by hundreds of MB shows here by some: pictures, readings or messages that are kept."""
+
+    def work(rounds: int) -> float:
+        for _ in range(rounds):
+            site.recording.start()
+            frames = site.run.engine.caps[0].stats.frames
+            wait_for(lambda frames=frames: site.run.engine.caps[0].stats.frames > frames + 8)
+            talk(site, *['{"do":"show","cap":1}'] * 6)
+            site.recording.stop()
+        return memory_mb()
+
+    before, counts = work(4), [cap.stats.frames for cap in site.run.engine.caps]
+    after = work(12)
+    told = [cap.stats.frames - count for cap, count in zip(site.run.engine.caps, counts, strict=True)]
+    assert min(told) > 90 and after - before < 12  # 300 pictures of 47 kB alone would be 14 MB
+
+
 # --- in a browser ----------------------------------------------------------------------------------------------
 LOOK = """JSON.stringify({
   drawn: window.drawn, lamps: document.querySelectorAll(".lamp.touch").length,

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-.PHONY: help setup molds slice sheet ring coupons data live test check bench clean
+.PHONY: help setup molds slice sheet ring coupons data train evaluate live test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -32,6 +32,18 @@ ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light 
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
 	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
+
+WRENCH := exports/wrench_train/small.safetensors
+SIMULATE = $(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' --tolerance 1e-3
+train: $(WRENCH) ## a small wrench model of your own: simulated frames, then weights (minutes)
+
+evaluate: $(WRENCH) ## its errors and those of the comparisons, on motions it has never seen
+	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic --out exports/wrench_test
+	@$(BIN)/python -m sensing.evaluate exports/wrench_test --weights $(WRENCH) --train exports/wrench_train $(OPTIONS)
+
+$(WRENCH): $(VENV)/all.stamp
+	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
+	@$(BIN)/python -m sensing.train exports/wrench_train --out $@
 
 live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camera 0,2,4'] (simulated robot without)
 	@$(BIN)/python -m sensing.live $(OPTIONS)

@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.frames import MM_PER_M, T_sphere_endcap, wrench_in
 from sensing.gelslim import CROP_PX, divergence
 from sensing.records import ShearField, Wrench
@@ -57,14 +58,19 @@ class Friction:
 
 
 def pressure_centre(wrench: Wrench, params: EndcapParams) -> PressureCentre:
-    """Centre of pressure of a wrench in the endcap frame.
+    """Centre of pressure of a wrench in the endcap or sphere frame.
+
+    Raises:
+        ParameterError: a wrench in any other frame.
 
     Notes:
         About the sphere's centre, torque t of a force f at r is r x f. The line's foot is r0 = f x t / |f|^2, and r =
         r0 - sqrt(R^2 - |r0|^2) f / |f| is where it enters: a push points inward, f.r < 0. Flattening by a depth d moves
         the true centre inward by about d along r.
     """
-    about = wrench_in(wrench, T_sphere_endcap(params), "sphere")
+    if wrench.frame not in ("endcap", "sphere"):
+        raise ParameterError(f"frame={wrench.frame!r}: give a wrench in the endcap or sphere frame", name="frame")
+    about = wrench if wrench.frame == "sphere" else wrench_in(wrench, T_sphere_endcap(params), "sphere")
     return line_of_action(about.force_n, about.torque_nm, params.outer_radius_mm, params.centre_height_mm)
 
 

@@ -11,6 +11,7 @@ from sensing.simulator.frozen import FrozenPress
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
 from sensing.simulator.press import Press, Target
+from sensing.simulator.secant import SecantInverse
 from sensing.simulator.shell import shell_model
 from sensing.simulator.state import Refusal
 from sensing.simulator.surface import dot_directions, surface_sampler
@@ -65,3 +66,33 @@ def test_level_2_refuses_what_level_1_refuses(press: Press) -> None:
     state = fast.advance(fast.start(), PATH[0])
     with pytest.raises(Refusal, match=r"^range: normal_n=-1"):
         fast.advance(state, Target(normal_n=-1.0))
+
+
+def test_the_inverse_keeps_what_it_was_taught(press: Press) -> None:
+    fast = FrozenPress(press)
+    state = fast.advance(fast.start(), PATH[0])
+    inverse = SecantInverse(fast.tangents[0])
+    rows, solid = inverse.tangent.rows, press.model.solid
+    force = solid.gather(solid.energy_and_force(state.displacement)[1])
+    solved = inverse.solve(force)
+    further = solid.gather(1.1 * state.displacement)
+    changed = solid.gather(solid.energy_and_force(1.1 * state.displacement)[1]) - force
+    moved = further - solid.gather(state.displacement)
+    before = np.linalg.norm(inverse.solve(changed) - moved)
+    assert before > 1e-3 * np.linalg.norm(moved)  # there is something to learn
+    after = inverse.learn(moved, changed, solved, inverse.solve(force + changed), force + changed)
+    assert np.linalg.norm(inverse.solve(changed) - moved) < 1e-3 * before
+    assert np.allclose(after, inverse.solve(force + changed), rtol=0, atol=1e-5 * np.abs(after).max())
+    unit = np.eye(len(rows))
+    pushed = np.array([inverse.push(column)[rows] for column in unit])
+    assert np.abs(pushed - inverse.compliance).max() < 1e-9 * np.abs(pushed).max()
+    assert np.abs(inverse.stiffness @ inverse.compliance - unit).max() < 1e-6
+
+
+def test_a_wrong_internal_force_is_not_accepted(press: Press, monkeypatch: pytest.MonkeyPatch) -> None:
+    fast = FrozenPress(press)
+    state = fast.advance(fast.start(), PATH[0])
+    monkeypatch.setattr(SecantInverse, "push", lambda self, load: 1.05 * (self.tangent.response @ load))
+    state = fast.advance(state, PATH[1])
+    assert fast.fallbacks == 2  # judged by forces alone, so level 1 has answered
+    assert state.certificate is not None and state.certificate.residual < 1e-9

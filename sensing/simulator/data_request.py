@@ -10,7 +10,7 @@ import numpy as np
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera, mount, rotation_matrix
+from sensing.camera_mount import MountedCamera, mount, rotation_matrix
 from sensing.camera_nominal import nominal_lens
 from sensing.simulator.levels import LEVELS, MAX_TOLERANCE
 from sensing.simulator.loading import LoadPath

@@ -74,6 +74,22 @@ def tangent(law: HyperelasticLaw, data: ElementData, displacement: Array) -> Arr
     )  # fmt: skip
 
 
+def prestress_energy_and_force(stress: Array, data: ElementData, displacement: Array) -> tuple[float, Array]:
+    """Potential (C - 1):Q / 2 (mJ) and its nodal forces (e, 27, 3) of a fixed second Piola-Kirchhoff stress Q."""
+    gradient = np.einsum("eai,eqaj->eqij", displacement, data.gradient) + np.eye(3)
+    first = np.einsum("eqij,eqjk->eqik", gradient, stress) * data.weight[..., None, None]  # F Q
+    energy = 0.5 * float(np.einsum("eqij,eqij->", gradient, first))
+    energy -= 0.5 * float(np.einsum("eqii,eq->", stress, data.weight))
+    return energy, np.einsum("eqij,eqaj->eai", first, data.gradient)
+
+
+def prestress_tangent(stress: Array, data: ElementData) -> Array:
+    """Element matrices (e, 81, 81) of the same: grad N_a . Q . grad N_b in each direction."""
+    scaled = stress * data.weight[..., None, None]
+    block = np.einsum("eqaj,eqjk,eqbk->eab", data.gradient, scaled, data.gradient, optimize=True)
+    return np.einsum("eab,ij->eaibj", block, np.eye(3)).reshape(len(block), 81, 81)
+
+
 @njit(cache=True)
 def _kinematics(u, gradient, f, g):  # type: ignore[no-untyped-def]
     """F into ``f`` and F^-T into ``g`` (3, 3) from nodal u (27, 3); returns J."""

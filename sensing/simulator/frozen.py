@@ -24,7 +24,7 @@ from sensing.simulator.state import State
 CONTACT_SHARE = 1e-2  # of the tolerance, to which each pass solves its contact
 TOLERANCE = 1e-3  # residual over contact force; the report measures what it costs in marker error
 MAX_PASSES = 14
-RENEW_AFTER = 8  # passes after which a step earns a new tangent
+RENEW_AFTER = 11  # passes after which a step earns a new tangent
 MAX_TANGENTS = 16
 STIFFNESS_N_MM = 4.0  # turns newtons into millimetres where the nearest tangent is looked for (E)
 

@@ -67,6 +67,8 @@ CASES: tuple[HardCase, ...] = (
     ),
     HardCase("wall 3 mm axial, depth to 12 mm", _depths(*range(1, 13)), wall_mm=3, friction=0, indenter=Indenter()),
     HardCase("wall 4 mm axial, force to 30 N", _press(*range(3, 31, 3)), wall_mm=4, friction=0, indenter=Indenter()),
+    HardCase("wall 4 mm axial, depth to 16 mm", _depths(*range(2, 17, 2)), wall_mm=4, friction=0, indenter=Indenter()),
+    HardCase("wall 3 mm, depth to 20 mm, there and back", _depths(4, 8, 12, 16, 20, 16, 12, 8, 4), wall_mm=3),
     HardCase("wall 5 mm, 35 N", _press(10, 20, 35), wall_mm=5),
     HardCase("wall 12 mm, 100 N", _press(35, 70, 100), wall_mm=12),
     HardCase("depth 30 mm in steps of 3", _depths(*range(3, 31, 3))),
@@ -74,6 +76,7 @@ CASES: tuple[HardCase, ...] = (
     HardCase("friction 0", _press(10, 35), friction=0),
     HardCase("friction 2", _press(10, 35), friction=2),
     HardCase("friction 2, 8 mm in one step", _depths(8), friction=2),
+    HardCase("wall 10 mm, 60 N in one step", _press(60), wall_mm=10),
     HardCase("nu 0.45", _press(10, 35), poisson=0.45),
     HardCase("nu 0.499", _press(10, 35), poisson=0.499),
     HardCase("nu 0.4999 in 15 N steps", _press(15, 30), poisson=0.4999),
@@ -105,7 +108,7 @@ def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
     law = silicone().neo_hooke(case.poisson)
     model = shell_model(shell_geometry(130, case.wall_mm), law, density, half=True)
     press = Press(model, case.indenter, case.friction)
-    state, reached = press.start(), "nothing"
+    state, reached, buckled = press.start(), "nothing", ""
     for target in case.targets:
         try:
             state = press.advance(state, target)
@@ -116,13 +119,15 @@ def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
         if wrong:
             return Outcome(case.name, f"WRONG: {wrong}", f"at {target}")
         reached = f"{state.normal_n:.3f} N at {state.depth_mm:.3f} mm"
+        if state.certificate and state.certificate.switched:
+            buckled += f"; buckled to a stable branch on the way to {reached}"
     certificate = state.certificate
     assert certificate is not None
     return Outcome(
         case.name,
         "converged",
         f"{reached}; residual {certificate.residual:.0e}, wrench {certificate.wrench_gap:.0e}, penetration "
-        f"{certificate.penetration_mm:.4f} mm, {certificate.substeps} sub-steps in the last step",
+        f"{certificate.penetration_mm:.4f} mm, {certificate.substeps} sub-steps in the last step{buckled}",
     )
 
 

@@ -2,8 +2,10 @@
 
 The mesh is bisected until a few elements are left; what two halves share is eliminated after both. Every front is a
 dense matrix for LAPACK: Cholesky for symmetric matrices, LU with pivoting inside the front for the unsymmetric tangent
-of sliding friction. A shell has small separators, so this beats a general sparse LU several times (see the bench), and
-takes element matrices as they come. Unknowns are numbered in elimination order, so that all maps are ascending.
+of sliding friction. A shell has small separators: against SuperLU, the only sparse factorisation that comes with scipy,
+it takes a quarter of the time (4.5k unknowns 27 against 100 ms, 8.9k 76 against 370 ms, in one run; the bench measures
+it again). That is why it is here. It takes element matrices as they come. Unknowns are numbered in elimination
+order, so that all maps are ascending.
 """
 
 from __future__ import annotations

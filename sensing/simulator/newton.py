@@ -19,7 +19,7 @@ from sensing.simulator.contact import ContactMemory, ContactResponse, respond
 from sensing.simulator.element import Array
 from sensing.simulator.shell import ShellModel
 from sensing.simulator.state import Refusal
-from sensing.simulator.system import Factorisation, Solid, factorise, factorise_sparse
+from sensing.simulator.system import Factorisation, Solid, factorise, factorise_sparse, nodal_sum
 
 TOLERANCE = 1e-9  # residual over contact force
 FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
@@ -119,8 +119,7 @@ def evaluate(
     model = problem.model
     energy, internal = model.solid.energy_and_force(displacement)
     contact = problem.contact(displacement, depth_mm, bound, share)
-    external = np.zeros_like(internal)
-    np.add.at(external, model.surface.nodes.ravel(), contact.force.reshape(-1, 3))
+    external = nodal_sum(contact.force, model.surface.nodes, len(internal))
     residual = model.solid.gather(internal - external)
     normal = -float(external.sum(axis=0) @ problem.frame[:, 0])
     target = problem.mesh_force_n
@@ -178,9 +177,8 @@ def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: 
     """
     here = evaluate(problem, displacement, depth_mm, problem.friction * problem.contact(
         displacement, depth_mm, None, None).pressure if problem.friction > 0 else None)  # fmt: skip
-    moved = (here.contact.stiffness @ np.tile(travel, 9)).reshape(-1, 3)  # dr/dt = -stiffness
-    pushed = np.zeros_like(displacement)
-    np.add.at(pushed, problem.model.surface.nodes.ravel(), moved)
+    moved = (here.contact.stiffness @ np.tile(travel, 9)).reshape(-1, 9, 3)  # dr/dt = -stiffness
+    pushed = nodal_sum(moved, problem.model.surface.nodes, len(displacement))
     force_gap = here.force_gap
     if problem.normal_n is not None:
         force_gap -= float(pushed.sum(axis=0) @ problem.frame[:, 0])
@@ -264,9 +262,8 @@ def border(problem: StepProblem, contact: ContactResponse) -> tuple[Array, Array
     columns = (contact.stiffness @ outward).reshape(-1, 9, 3)
     rows = (outward @ contact.stiffness).reshape(-1, 9, 3)
     model = problem.model
-    nodal_column, nodal_row = (np.zeros_like(model.solid.mesh.points) for _ in range(2))
-    np.add.at(nodal_column, model.surface.nodes.ravel(), columns.reshape(-1, 3))
-    np.add.at(nodal_row, model.surface.nodes.ravel(), rows.reshape(-1, 3))
+    count = len(model.solid.mesh.points)
+    nodal_column, nodal_row = (nodal_sum(part, model.surface.nodes, count) for part in (columns, rows))
     slope = float(columns.reshape(-1, 3).sum(axis=0) @ problem.frame[:, 0])
     return model.solid.gather(nodal_column), model.solid.gather(nodal_row), slope
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensing.simulator import closed_forms, newton
+from sensing.simulator import branch, closed_forms, newton
 from sensing.simulator.contact import ContactResponse, free_memory
 from sensing.simulator.element import Array
 from sensing.simulator.indenter import Indenter
@@ -78,7 +78,7 @@ class Press:
         """
         self.check(target)
         target = lifted(target)
-        here, done, size, halvings, spent, substeps = state, 0.0, 1.0, 0, 0, 0
+        here, done, size, halvings, spent, substeps, switched = state, 0.0, 1.0, 0, 0, 0, False
         while done < 1 - 1e-12:
             share = min(1.0, done + size)
             try:
@@ -92,9 +92,12 @@ class Press:
                 size /= 2
                 continue
             done, substeps = share, substeps + 1
-            spent += here.certificate.iterations if here.certificate else 0
+            assert here.certificate is not None
+            spent += here.certificate.iterations
+            switched |= here.certificate.switched
         assert here.certificate is not None
-        return replace(here, certificate=replace(here.certificate, iterations=spent, substeps=substeps))
+        certificate = replace(here.certificate, iterations=spent, substeps=substeps, switched=switched)
+        return replace(here, certificate=certificate)
 
     def problem(self, state: State, target: Target) -> newton.StepProblem:
         """The step from a state to a target, ready for :func:`sensing.simulator.newton.solve`."""
@@ -125,7 +128,7 @@ class Press:
         guess = max(state.depth_mm, 0.0) + (target.normal_n - state.normal_n) / slope
         return max(guess, FIRST_TOUCH_MM)
 
-    def accept(self, state: State, target: Target, solution: newton.Solution) -> State:
+    def accept(self, state: State, target: Target, solution: newton.Solution, switched: bool = False) -> State:
         """State and certificate of a converged step."""
         here = solution.iterate
         position = self.model.solid.mesh.points + here.displacement
@@ -142,6 +145,7 @@ class Press:
             force_stiffness_n_mm=solution.force_stiffness_n_mm,
             iterations=len(solution.errors) - 1,
             substeps=1,
+            switched=switched,
         )
         return State(
             displacement=here.displacement,
@@ -163,13 +167,14 @@ class Press:
             if apart >= 0:  # between Gauss points: the body comes to the nearest one
                 depth += apart + FIRST_TOUCH_MM
         solution = newton.solve(problem, displacement, depth)
-        if solution.negative_pivots != 0:
+        stable = solution if solution.negative_pivots == 0 else branch.leave(problem, solution)
+        if stable is None:
             raise Refusal(
                 "unstable",
                 f"the tangent has {solution.negative_pivots} negative pivots at depth {solution.iterate.depth_mm:.3f} "
-                "mm: the shell buckles here and this branch cannot be seen in reality",
+                "mm: the shell buckles here, and no stable state was found beside this one",
             )
-        state = self.accept(state, target, solution)
+        state = self.accept(state, target, stable, switched=stable is not solution)
         if state.depth_mm > MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm:
             raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
         return state

@@ -42,6 +42,7 @@ class Certificate:
         force_stiffness_n_mm: slope of normal force by depth; positive means stable under force control too.
         iterations: Newton iterations spent, sub-steps included.
         substeps: sub-steps of the last advance.
+        switched: the shell buckled within it, and the state lies on another branch than the one before.
     """
 
     residual: float
@@ -52,6 +53,7 @@ class Certificate:
     force_stiffness_n_mm: float
     iterations: int
     substeps: int
+    switched: bool = False
 
 
 @dataclass(frozen=True)

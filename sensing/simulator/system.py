@@ -29,9 +29,11 @@ class Solid:
         mesh, law, data: geometry, material, precomputed element data.
         fixed: boolean mask of fixed degrees of freedom (3 n,).
         equation: position of a degree of freedom among the unknowns, -1 where fixed (3 n,).
+        dof: degree of freedom of every unknown (unknowns,).
         slots: position of every element entry in ``pattern.data``, -1 where fixed (e, 81, 81).
         pattern: empty matrix (unknowns, unknowns) in CSC with the union of all element couplings.
         fronts: plan of the factorisation.
+        prestress: second Piola-Kirchhoff stress (e, 27, 3, 3) that stands whatever the strain, or None; MPa.
     """
 
     mesh: HexMesh
@@ -39,9 +41,11 @@ class Solid:
     data: elastic.ElementData
     fixed: NDArray[np.bool_]
     equation: Index
+    dof: Index
     slots: NDArray[np.int32]
     pattern: sparse.csc_matrix
     fronts: tuple[multifrontal.Front, ...]
+    prestress: Array | None = None
 
     @property
     def unknowns(self) -> int:
@@ -51,29 +55,30 @@ class Solid:
     def spread(self, free: Array) -> Array:
         """Free values (unknowns,) as a nodal field (n, 3), zero where fixed."""
         field = np.zeros(self.equation.size)
-        field[~self.fixed] = free[self.equation[~self.fixed]]
+        field[self.dof] = free
         return field.reshape(-1, 3)
 
     def gather(self, field: Array) -> Array:
         """Free part (unknowns,) of a nodal field (n, 3)."""
-        free = np.empty(self.unknowns)
-        free[self.equation[~self.fixed]] = field.ravel()[~self.fixed]
-        return free
+        return np.asarray(field.reshape(-1)[self.dof])
 
     def energy_and_force(self, displacement: Array) -> tuple[float, Array]:
         """Stored energy (mJ) and internal nodal forces (n, 3) of a displacement (n, 3)."""
-        energy, element_force = elastic.energy_and_force(self.law, self.data, displacement[self.mesh.cells])
+        local = displacement[self.mesh.cells]
+        energy, element_force = elastic.energy_and_force(self.law, self.data, local)
+        if self.prestress is not None:
+            more, force = elastic.prestress_energy_and_force(self.prestress, self.data, local)
+            energy, element_force = energy + more, element_force + force
         return energy, self.nodal(element_force)
 
     def nodal(self, element_force: Array) -> Array:
         """Sum of element forces (e, 27, 3) at the nodes (n, 3)."""
-        force = np.zeros_like(self.mesh.points)
-        _scatter_force(element_force, self.mesh.cells, force)
-        return force
+        return nodal_sum(element_force, self.mesh.cells, len(self.mesh.points))
 
     def tangent(self, displacement: Array) -> Array:
         """Consistent element tangents (e, 81, 81) at a displacement (n, 3)."""
-        return elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
+        blocks = elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
+        return blocks if self.prestress is None else blocks + elastic.prestress_tangent(self.prestress, self.data)
 
     def assemble(self, blocks: Array) -> sparse.csc_matrix:
         """Sparse matrix from element matrices (e, 81, 81)."""
@@ -109,7 +114,15 @@ def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -
     equation = np.full(mesh.points.size, -1, dtype=np.int64)
     equation[live] = order
     pattern, slots = _layout(mesh, equation)
-    return Solid(mesh, law, elastic.element_data(mesh), fixed.ravel(), equation, slots, pattern, tuple(fronts))
+    data = elastic.element_data(mesh)
+    return Solid(mesh, law, data, fixed.ravel(), equation, live[np.argsort(order)], slots, pattern, tuple(fronts))
+
+
+def nodal_sum(forces: Array, numbers: Index, count: int) -> Array:
+    """Sum (count, 3) of forces (g, a, 3) at nodes ``numbers`` (g, a)."""
+    total = np.zeros((count, 3))
+    _scatter_force(forces, numbers, total)
+    return total
 
 
 def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisation:
@@ -149,11 +162,11 @@ def _layout(mesh: HexMesh, equation: Index) -> tuple[sparse.csc_matrix, NDArray[
 
 
 @njit(cache=True)
-def _scatter_force(element_force, cells, force):  # type: ignore[no-untyped-def]
-    for e in range(cells.shape[0]):
-        for a in range(27):
+def _scatter_force(forces, numbers, total):  # type: ignore[no-untyped-def]
+    for g in range(numbers.shape[0]):
+        for a in range(numbers.shape[1]):
             for i in range(3):
-                force[cells[e, a], i] += element_force[e, a, i]
+                total[numbers[g, a], i] += forces[g, a, i]
 
 
 @njit(cache=True)

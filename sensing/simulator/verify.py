@@ -9,16 +9,15 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from cad.errors import EndcapError
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
-from sensing.simulator import closed_forms, hard_cases, verify_contact, verify_solid
+from sensing.simulator import closed_forms, hard_cases, verify_contact, verify_levels, verify_solid
 from sensing.simulator.element import Array
-from sensing.simulator.frozen import FrozenPress
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
 from sensing.simulator.mesh import MeshDensity
@@ -26,6 +25,7 @@ from sensing.simulator.press import Press, Target
 from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.state import State
 from sensing.simulator.surface import dot_directions, surface_sampler
+from sensing.simulator.verify_levels import rms, table
 
 HEAD = "# Verification of the simulator\n\nWritten by `python -m sensing.simulator.verify`; do not edit.\n"
 FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
@@ -66,11 +66,6 @@ def _read(path: Path) -> dict[str, str]:
     return {"## " + part.split("\n", 1)[0]: part.split("\n", 1)[1].rstrip("\n") + "\n" for part in parts}
 
 
-def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
-
-
 def _solid(_: Path) -> str:
     _say("solid")
     rows = [("patch test, distorted 2x2x2 mesh", f"relative error {verify_solid.patch_error():.0e}")]
@@ -94,7 +89,7 @@ def _solid(_: Path) -> str:
         law = hyperelastic_law(0.34, poisson)
         tips = [verify_solid.cook_tip_mm(n, law) for n in (2, 4, 8)]
         rows.append((f"Cook's membrane, nu {poisson:g}, 2, 4, 8 elements", ", ".join(f"{t:.4f}" for t in tips) + " mm"))
-    return "## The solid\n\nNo locking: errors hardly depend on Poisson's ratio.\n\n" + _table(("case", "result"), rows)
+    return "## The solid\n\nNo locking: errors hardly depend on Poisson's ratio.\n\n" + table(("case", "result"), rows)
 
 
 def _contact(_: Path) -> str:
@@ -108,7 +103,7 @@ def _contact(_: Path) -> str:
             f"{ball.mindlin_radius_mm:.4f} mm (Cattaneo, Mindlin)",
         ),
     ]
-    text = "## Contact\n\n" + _table(("case", "found", "closed form"), rows)
+    text = "## Contact\n\n" + table(("case", "found", "closed form"), rows)
     text += (
         f"\nRadii are from the area of the Gauss points that touch or stick, a resolution of about 3 %. Single Gauss "
         f"point pressures scatter round Hertz's by {100 * ball.pressure_scatter:.0f} % rms, because there are more "
@@ -123,7 +118,7 @@ def _contact(_: Path) -> str:
         "\nReissner's point load on the open dome. The form holds as T/R goes to 0; the defect falls about in "
         "proportion to T/R, as the membrane compliance that it leaves out:\n\n"
     )
-    return text + _table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), thin)
+    return text + table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), thin)
 
 
 def _march(model: ShellModel, friction: float, tilt: float, forces: tuple[float, ...]) -> list[State]:
@@ -136,12 +131,12 @@ def _march(model: ShellModel, friction: float, tilt: float, forces: tuple[float,
 
 def _shell(out: Path) -> str:
     _say("shell")
-    geometry, table = shell_geometry(130, 8), silicone()
+    geometry, entry = shell_geometry(130, 8), silicone()
     laws: dict[str, HyperelasticLaw] = {
-        "neo-Hooke, nu 0.49": table.neo_hooke(),
-        "Yeoh, nu 0.49": table.yeoh(),
-        "neo-Hooke, nu 0.499": table.neo_hooke(0.499),
-        "neo-Hooke, nu 0.4999": table.neo_hooke(0.4999),
+        "neo-Hooke, nu 0.49": entry.neo_hooke(),
+        "Yeoh, nu 0.49": entry.yeoh(),
+        "neo-Hooke, nu 0.499": entry.neo_hooke(0.499),
+        "neo-Hooke, nu 0.4999": entry.neo_hooke(0.4999),
     }
     dots = dot_directions(geometry)
     curves: dict[str, tuple[Array, Array]] = {}
@@ -156,68 +151,16 @@ def _shell(out: Path) -> str:
         curves[name] = (depths, np.array(FORCES_N))
         worst = max(worst, *(state.certificate.wrench_gap for state in states if state.certificate))
         base = markers["neo-Hooke, nu 0.49"]
-        change = [_rms(a - b) / _rms(b) for a, b in zip(markers[name], base, strict=True)]
+        change = [rms(a - b) / rms(b) for a, b in zip(markers[name], base, strict=True)]
         largest = float(np.linalg.norm(markers[name][-1], axis=1).max())
         rows.append((name, f"{depths[4]:.3f}", f"{depths[-1]:.3f}", f"{largest:.2f}", f"{100 * change[-1]:.2f} %"))
-    plot = _plot(out, curves, geometry_line=closed_forms.point_stiffness_n_mm(geometry, table.neo_hooke()))
+    plot = _plot(out, curves, geometry_line=closed_forms.point_stiffness_n_mm(geometry, entry.neo_hooke()))
     return (
         "## The shell\n\nD = 130, T = 8, Smooth-Sil 950, plane at tilt 30 degrees, friction 0.5, `data` mesh. Contact "
         f"and clamp wrenches differ by at most {worst:.0e} of the load.\n\n"
-        + _table(("law", "depth at 20 N, mm", "at 35 N", "largest marker at 35 N, mm", "marker change at 35 N"), rows)
+        + table(("law", "depth at 20 N, mm", "at 35 N", "largest marker at 35 N, mm", "marker change at 35 N"), rows)
         + f"\n![Force by depth]({plot})\n"
     )
-
-
-def _levels(_: Path) -> str:
-    _say("levels")
-    geometry, law = shell_geometry(130, 8), silicone().neo_hooke()
-    dots = dot_directions(geometry)
-    rows = []
-    for name, half in (("half, press", True), ("whole, circle", False)):
-        model = shell_model(geometry, law, "data", half=half)
-        press = Press(model, Indenter(30.0), 0.5)
-        path = _press_path() if half else _circle_path()
-        sampler = surface_sampler(model, dots)
-        begin = time.process_time()
-        state, exact = press.start(), []
-        for target in path:
-            state = press.advance(state, target)
-            exact.append(state)
-        slow = (time.process_time() - begin) / len(path)
-        for tolerance in (1e-3, 1e-4, 1e-5):
-            fast = FrozenPress(press, tolerance)
-            for _round in range(2):  # the second round has its tangents
-                fast.fast_steps = fast.fallbacks = 0
-                begin = time.process_time()
-                state, found = fast.start(), []
-                for target in path:
-                    state = fast.advance(state, target)
-                    found.append(state)
-            quick = (time.process_time() - begin) / len(path)
-            errors = [
-                _rms(sampler.sample(a.displacement - b.displacement)) / _rms(sampler.sample(b.displacement))
-                for a, b in zip(found, exact, strict=True)
-            ]
-            rows.append(
-                (name, f"{tolerance:.0e}", f"{100 * float(np.mean(errors)):.1e} %", f"{100 * max(errors):.1e} %",
-                 f"{1 / slow:.1f}", f"{1 / quick:.1f}", f"{fast.fallbacks} of {len(path)}")
-            )  # fmt: skip
-    text = (
-        "## Level 2 against level 1\n\nSame mesh (`data`), tilt 30, friction 0.5; tangents stored by an earlier pass "
-        "over the path. Processor time on one core, on a machine shared with others.\n\n"
-    )
-    header = ("path", "tolerance", "mean marker error", "largest", "level 1 states/s", "level 2 states/s", "fall-backs")
-    return text + _table(header, rows)
-
-
-def _press_path() -> list[Target]:
-    return [Target(normal_n=force) for force in (3, 5, 8, 11, 14, 17, 20, 18, 15, 12, 9, 6)]
-
-
-def _circle_path() -> list[Target]:
-    angles = np.linspace(0, 2 * math.pi, 17)[1:]
-    circle = [Target(20.0, None, (float(2 * np.sin(a)), float(2 * (1 - np.cos(a))))) for a in angles]
-    return [Target(normal_n=force) for force in (5, 12, 20)] + circle
 
 
 def _hard(_: Path) -> str:
@@ -229,7 +172,7 @@ def _hard(_: Path) -> str:
     wrong = sum(row[1].startswith("WRONG") for row in rows)
     return (
         f"## Hard cases\n\n{len(rows)} cases on the half model, `data` mesh, tilt 30 and friction 0.5 where not named: "
-        f"{wrong} passed silently wrong.\n\n" + _table(("case", "verdict", "detail"), rows)
+        f"{wrong} passed silently wrong.\n\n" + table(("case", "verdict", "detail"), rows)
     )
 
 
@@ -252,10 +195,6 @@ def _plot(out: Path, curves: dict[str, tuple[Array, Array]], geometry_line: floa
     return "verification_force_depth.png"
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt((values**2).mean()))
-
-
 def _say(what: str) -> None:
     if sys.stderr.isatty():
         print(what, file=sys.stderr)
@@ -265,7 +204,9 @@ SECTIONS: dict[str, Callable[[Path], str]] = {
     "solid": _solid,
     "contact": _contact,
     "shell": _shell,
-    "levels": _levels,
+    "levels": lambda _: verify_levels.level_2_section(),
+    "library": lambda _: verify_levels.level_4_section(),
+    "calculix": lambda _: verify_levels.calculix_section(),
     "hard": _hard,
 }
 

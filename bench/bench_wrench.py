@@ -42,7 +42,9 @@ def main() -> int:
     """Run the studies asked for and write them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("studies", nargs="*", default=["size", "cells", "data", "time", "latency"])
-    parser.add_argument("--train", type=Path, nargs="+", default=[Path("exports/wrench_train")])
+    parser.add_argument(
+        "--train", type=Path, nargs="+", default=[Path("exports/wrench_train"), Path("exports/wrench_motion")]
+    )
     parser.add_argument("--test", type=Path, nargs="+", default=[Path("exports/wrench_test")])
     parser.add_argument("--out", type=Path, default=HERE / "wrench.csv")
     options = parser.parse_args()

@@ -34,16 +34,18 @@ data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=
 	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
 
 WRENCH := exports/wrench_train/small.safetensors
+WRENCH_DATA := exports/wrench_train exports/wrench_motion
 SIMULATE = $(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' --tolerance 1e-3
 train: $(WRENCH) ## a small wrench model of your own: simulated frames, then weights (minutes)
 
 evaluate: $(WRENCH) ## its errors and those of the comparisons, on motions it has never seen
 	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic --out exports/wrench_test
-	@$(BIN)/python -m sensing.evaluate exports/wrench_test --weights $(WRENCH) --train exports/wrench_train $(OPTIONS)
+	@$(BIN)/python -m sensing.evaluate exports/wrench_test --weights $(WRENCH) --train $(WRENCH_DATA) $(OPTIONS)
 
 $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
-	@$(BIN)/python -m sensing.train exports/wrench_train --out $@
+	@$(SIMULATE) --frames 1 --seed 2 --protocol dynamic --out exports/wrench_motion
+	@$(BIN)/python -m sensing.train $(WRENCH_DATA) --out $@
 
 live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camera 0,2,4'] (simulated robot without)
 	@$(BIN)/python -m sensing.live $(OPTIONS)

@@ -11,9 +11,9 @@ from __future__ import annotations
 import argparse
 import asyncio
 import csv
+import subprocess
 import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from sensing.live.run import LiveRun
 from sensing.live.scene import scene_config
 
 HERE = Path(__file__).resolve().parent
-COLUMNS = ("time_s", "memory_mb", "rate_hz", "dropped", "unusable", "p99_ms", "recorded", "cpu_share", "states_seen")
+COLUMNS = ("time_s", "memory_mb", "rate_hz", "dropped", "unusable", "p99_ms", "recorded", "cpu_share")
 
 
 def memory_mb() -> float:
@@ -39,30 +39,46 @@ def memory_mb() -> float:
 
 
 class Viewer:
-    """A browser's share of the work, without its drawing."""
+    """A browser's share of the work, without its drawing, in a process of its own as a browser is."""
 
     def __init__(self, url: str) -> None:
-        self.url, self.seen = url.replace("http", "ws", 1) + "ws", 0
-        threading.Thread(target=lambda: asyncio.run(self._look()), daemon=True).start()
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, "--view", url.replace("http", "ws", 1) + "ws"], stdout=subprocess.PIPE, text=True
+        )
 
-    async def _look(self) -> None:
-        try:
-            async with connect(self.url) as websocket:
-                await websocket.recv()
-                while True:
+    def close(self) -> int:
+        """Number of states seen."""
+        assert self._process.stdout is not None
+        told = self._process.stdout.read()  # it ends with the page
+        self._process.wait()
+        return int(told or 0)
+
+
+async def view(url: str) -> int:
+    """Look at the page until it ends; returns the number of states seen."""
+    seen = 0
+    try:
+        async with connect(url, max_size=None) as websocket:
+            await websocket.recv()
+            await websocket.send('{"do":"show","cap":0}')
+            async for message in websocket:
+                if isinstance(message, str):
+                    seen += 1
                     await websocket.send('{"do":"show","cap":0}')
-                    while isinstance(await websocket.recv(), bytes):
-                        pass
-                    self.seen += 1
-        except ConnectionClosed:
-            return
+    except ConnectionClosed:
+        pass
+    return seen
 
 
 def main() -> int:
     """Runs and writes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the run (60)")
+    parser.add_argument("--view", metavar="URL", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.view:
+        print(asyncio.run(view(options.view)))
+        return 0
     sys.setswitchinterval(0.001)
     config = scene_config()
     run = LiveRun(config, open_caps(config))
@@ -93,11 +109,11 @@ def main() -> int:
                         "p99_ms": max(h.p99_ms for h in health),
                         "recorded": recorded.split()[0],
                         "cpu_share": (time.process_time() - cpu) / step,
-                        "states_seen": viewer.seen,
                     }
                 )
                 print(rows[-1], flush=True)
             page.close()
+            print(f"{viewer.close()} states seen by the viewer")
     with (HERE / "live_soak.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()

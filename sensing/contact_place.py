@@ -81,7 +81,8 @@ def line_of_action(
     norm = float(np.linalg.norm(force))
     if not norm >= LEAST_FORCE_N:
         return PressureCentre(np.full(3, np.nan), float("nan"), float("nan"))
-    foot = np.cross(force, torque) / norm**2 * MM_PER_M
+    (fx, fy, fz), (tx, ty, tz) = force.tolist(), torque.tolist()  # np.cross takes ten times as long
+    foot = np.array([fy * tz - fz * ty, fz * tx - fx * tz, fx * ty - fy * tx]) / norm**2 * MM_PER_M
     reach = float(np.linalg.norm(foot))
     if reach <= radius_mm:
         position, miss = foot - math.sqrt(radius_mm**2 - reach**2) * force / norm, 0.0

@@ -26,10 +26,10 @@ class FitConfig:
 
     components: int = 60
     hidden: int = 64
-    epochs: int = 60
+    epochs: int = 20
     seconds: float = 1e6
     rate: float = 5e-3
-    batch: int = 512
+    batch: int = 1024
     decay: float = 1e-2
     symmetric: bool = True
     seed: int = 0

@@ -1,9 +1,10 @@
 """Labelled states to fields without pictures: what a tracker would have given on made-up sensors. For training only.
 
 Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting tell nothing
-about the next one's. So every loading path is seen by several made-up sensors: camera mounting and focal length
-scattered as hand assembly scatters them, dots painted beside their place or not at all, tracking noise as measured on
-rendered frames (``python bench/bench_wrench.py tracking``). Tests use pictures and the real tracker.
+about the next one's. So every loading path is seen by several made-up sensors: what calibration leaves of camera
+mounting and focal length (:mod:`sensing.nominal_view` takes out the rest), dots painted beside their place or not at
+all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests use pictures and
+the real tracker.
 
 Displacements in mm (endcap frame) and full-size pixels; fields in pixels of the 200 x 200 crop.
 """
@@ -32,15 +33,15 @@ class Scatter:
     """How sensors and their tracking differ (standard deviations).
 
     Attributes:
-        tilt_deg, shift_mm, focal_share: of the camera (E: hand assembly).
+        tilt_deg, shift_mm, focal_share: what calibration leaves of the camera's (E).
         paint_px: of a painted dot from its place (M: docs/optics.md, 1.6 to 2 px). unseen: share of dots not found.
         still_px, moving_px, share: tracking error at rest, of a dot that moves by over a pixel, and as a share of its
             displacement (M: bench/bench_wrench.py tracking).
     """
 
-    tilt_deg: float = 1.5
-    shift_mm: float = 0.5
-    focal_share: float = 0.01
+    tilt_deg: float = 0.3
+    shift_mm: float = 0.15
+    focal_share: float = 0.003
     paint_px: float = 1.8
     unseen: float = 0.03
     still_px: float = 0.015
@@ -74,13 +75,17 @@ class MarkerSensor:
         place = self._pixels(self.rest_mm)
         inside = ((place > BORDER_PX - 0.5) & (place < np.array(FRAME_PX) - BORDER_PX - 0.5)).all(axis=1)
         self._seen = inside & (rng.random(len(place)) >= scatter.unseen)
-        painted = place[self._seen] + scatter.paint_px * rng.standard_normal((int(self._seen.sum()), 2))
-        self.operator: FieldOperator = field_operator(painted, FRAME_PX, shape)
         self._place = place[self._seen]
+        self._beside = scatter.paint_px * rng.standard_normal(self._place.shape)
+        self._gradient = field_operator(self._place, FRAME_PX, (1, 1)).gradient
+        self.operator: FieldOperator = field_operator(self._place + self._beside, FRAME_PX, shape)
 
     def fields(self, moved_mm: NDArray) -> NDArray[np.float32]:
         """(N, 2, H, W) fields of displacements (N, d, 3) of all dots of the pattern."""
         moved = self._pixels(self.rest_mm[self._seen] + moved_mm[:, self._seen]) - self._place
+        slope = np.einsum("kd,ndc->nkc", self._gradient, moved, optimize=True)  # x, then y derivatives at the dots
+        count = len(self._place)
+        moved += self._beside[:, :1] * slope[:, :count] + self._beside[:, 1:] * slope[:, count:]
         far, s = np.linalg.norm(moved, axis=2), self._scatter
         spread = np.sqrt(s.still_px**2 + (s.moving_px * far / (1 + far)) ** 2 + (s.share * far) ** 2)
         moved += spread[:, :, None] * self._rng.standard_normal(moved.shape)

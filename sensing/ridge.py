@@ -45,7 +45,7 @@ def fit_ridge(inputs: Array, wrenches: Array, path: NDArray, side: int) -> tuple
     folds = np.array_split(np.random.default_rng(0).permutation(names), min(FOLDS, len(names)))
     rows = [np.isin(path, fold) for fold in folds]
     parts = [symmetric_moments(inputs[out], wrenches[out], side) for out in rows]
-    gram, moment = sum(part[0] for part in parts), sum(part[1] for part in parts)
+    gram, moment = (np.sum([part[k] for part in parts], axis=0) for k in (0, 1))
     errors = np.zeros(len(SHARES))
     for out, part in zip(rows, parts, strict=True):
         for k, weights in enumerate(_solve(gram - part[0], moment - part[1], SHARES)):

@@ -24,15 +24,17 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
+from sensing.camera_mount import MountedCamera
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.marker_fields import MarkerSensor, Scatter
-from sensing.methods import field_method
+from sensing.methods import DotField, field_method
+from sensing.nominal_view import NominalField
 from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
 from sensing.symmetry import disc_cells
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
 MARKERS = "markers"
-SENSORS, VIEWS = 48, 4  # made-up sensors of a set, and how many see each run
+SENSORS, VIEWS = 32, 4  # made-up sensors of a set, and how many see each run
 ROW_ARRAYS = (
     "fields",
     "valid",
@@ -150,7 +152,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     design = EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
     if not data.shards:
         raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
-    stamp = f"3 {method} {shape} " + " ".join(
+    stamp = f"5 {method} {shape} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
@@ -172,14 +174,21 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
 def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
     """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
-    worker, now = None, None
+    worker, now, camera = None, None, _camera(data.folder)
     for item in data.frames():
         run = (item.path, str(item.labels["azimuth_deg"]))
         if worker is None or run != now:  # a new run: another reference, or the contact jumps
             worker, now = field_method(method, item.reference, shape), run
+            if camera is not None and isinstance(worker, DotField):
+                worker = NominalField(worker.tracker, shape, camera, design)
         field = worker.update(item.frame)
         fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
         yield fields, field.valid, *_label_row(data, item.labels, to_sphere)
+
+
+def _camera(folder: Path) -> MountedCamera | None:
+    """The calibrated camera that lies beside the frames, if one does."""
+    return MountedCamera.load(folder / "camera.json") if (folder / "camera.json").exists() else None
 
 
 def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:

@@ -39,6 +39,7 @@ CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which
 MOUNT_PX = 0.3  # at 480: similarity motion from which the mounting has drifted
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
 LEAST_FRAMES = 3
+LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
 
 
 class ZeroError(EndcapError):
@@ -114,11 +115,13 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
     limit = STILL_PX * min(tracker.size) / 480.0
     moved = []
     for frame in frames:
-        reduction = working_reduction(tracker.size)
-        find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
         tracks = tracker.update(frame)
-        largest = np.percentile(np.linalg.norm(tracks.displacement_px[~tracks.lost], axis=1), 95)
-        if tracks.lost.mean() > 0.3 or largest > limit:
+        if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is told as what it is
+            reduction = working_reduction(tracker.size)
+            find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
+        live = ~tracks.lost
+        largest = np.percentile(np.linalg.norm(tracks.displacement_px[live], axis=1), 95) if live.any() else np.inf
+        if tracks.lost.mean() > LOST_SHARE or largest > limit:
             raise ZeroError(
                 f"{frame.source}: frame {frame.sequence} moved by {largest:.2f} px, at most {limit:.2f} allowed: "
                 "keep the sensor untouched and still, and zero again"

@@ -58,7 +58,8 @@ def endless(jpegs: list[bytes], rate_hz: float = 60.0) -> Callable[[], FrameSour
         count = 0
         while True:
             time.sleep(1 / rate_hz)
-            yield Frame(time.monotonic(), count, "test", jpeg=jpegs[count % len(jpegs)], size=(640, 480))
+            jpeg = bytes(bytearray(jpegs[count % len(jpegs)]))  # memory of its own, as from a camera
+            yield Frame(time.monotonic(), count, "test", jpeg=jpeg, size=(640, 480))
             count += 1
 
     return source

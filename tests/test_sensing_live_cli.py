@@ -88,6 +88,13 @@ def test_photos_each_stand_for_themselves(tmp_path, monkeypatch, capsys):
     assert "endcap_0: 4 frames" in told.err
 
 
+def test_rerun_is_an_option_that_says_how_to_get_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["--photos", str(photos(tmp_path)), "--no-page", "--rerun"]) == 2
+    assert "pip install rerun-sdk" in capsys.readouterr().err
+
+
 def test_a_video_a_recording_of_it_and_its_check(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
     video, mcap = tmp_path / "press.avi", tmp_path / "press.mcap"

@@ -1,13 +1,11 @@
 import asyncio
-import base64
 import contextlib
 import itertools
 import json
 import random
 import re
-import shutil
 import socket
-import subprocess
+import sys
 import threading
 import time
 import urllib.error
@@ -30,8 +28,11 @@ from sensing.live.page import PageServer, parse_request
 from sensing.live.recording import Recording
 from sensing.live.run import LiveRun
 
-STATIC = Path(__file__).resolve().parent.parent / "sensing/live/static"
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts"))
+from live_picture import CHROMIUM, Browser  # noqa: E402
+
+STATIC = ROOT / "sensing/live/static"
 
 
 class Site:
@@ -246,61 +247,31 @@ def test_a_taken_port_is_refused_when_asked_for_and_avoided_when_not(site, tmp_p
         PageServer(site.run, site.recording, "nowhere.invalid", 0)
 
 
+# --- for a while -----------------------------------------------------------------------------------------------
+def memory_mb() -> float:
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
+
+
+def test_a_short_soak_with_viewer_and_recordings_keeps_memory_flat(site):
+    """What an hour would show by hundreds of MB shows here by some: pictures, readings or messages that are kept."""
+
+    def work(rounds: int) -> float:
+        for _ in range(rounds):
+            site.recording.start()
+            frames = site.run.engine.caps[0].stats.frames
+            wait_for(lambda frames=frames: site.run.engine.caps[0].stats.frames > frames + 8)
+            talk(site, *['{"do":"show","cap":1}'] * 6)
+            site.recording.stop()
+        return memory_mb()
+
+    before, counts = work(4), [cap.stats.frames for cap in site.run.engine.caps]
+    after = work(12)
+    told = [cap.stats.frames - count for cap, count in zip(site.run.engine.caps, counts, strict=True)]
+    assert min(told) > 90 and after - before < 12  # 300 pictures of 47 kB alone would be 14 MB
+
+
 # --- in a browser ----------------------------------------------------------------------------------------------
-class Browser:
-    """Headless Chromium over its debugging protocol."""
-
-    def __init__(self, folder: Path, size: tuple[int, int]) -> None:
-        self.process = subprocess.Popen(
-            [
-                CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
-                "--disable-background-networking", "--remote-debugging-port=0", f"--user-data-dir={folder}",
-                f"--window-size={size[0]},{size[1]}", "about:blank",
-            ],
-            stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
-        )  # fmt: skip
-        self.size = size
-        for line in self.process.stderr:
-            if found := re.search(r"ws://127\.0\.0\.1:(\d+)/", line):
-                self.port = int(found[1])
-                break
-        threading.Thread(target=self.process.stderr.read, daemon=True).start()
-
-    async def look(self, url: str, until: str, script: str) -> tuple[object, bytes]:
-        """(value of a script, PNG) of a page, once ``until`` is true."""
-        pages = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{self.port}/json").read())
-        page = next(p for p in pages if p["type"] == "page")
-        async with connect(page["webSocketDebuggerUrl"], max_size=None) as websocket:
-            numbers = itertools.count(1)
-
-            async def call(method: str, **options):
-                number = next(numbers)
-                await websocket.send(json.dumps({"id": number, "method": method, "params": options}))
-                while True:
-                    answer = json.loads(await asyncio.wait_for(websocket.recv(), 30))
-                    if answer.get("id") == number:
-                        return answer["result"]
-
-            async def value(expression: str):
-                found = await call("Runtime.evaluate", expression=expression, returnByValue=True)
-                return found["result"].get("value")
-
-            metrics = {"width": self.size[0], "height": self.size[1], "deviceScaleFactor": 1, "mobile": False}
-            await call("Emulation.setDeviceMetricsOverride", **metrics)
-            await call("Page.navigate", url=url)
-            end = time.monotonic() + 40
-            while not await value(until):
-                assert time.monotonic() < end, "the page shows nothing"
-                await asyncio.sleep(0.1)
-            told = await value(script)
-            shot = await call("Page.captureScreenshot", format="png")
-        return told, base64.b64decode(shot["data"])
-
-    def close(self) -> None:
-        self.process.terminate()
-        self.process.wait(10)
-
-
 LOOK = """JSON.stringify({
   drawn: window.drawn, lamps: document.querySelectorAll(".lamp.touch").length,
   caps: document.querySelectorAll(".cap").length, health: document.getElementById("health").innerText,

@@ -63,6 +63,23 @@ def test_a_recording_computed_again_gives_the_same_bits(recorded):
     assert zeros == [1, 2]
 
 
+def test_frames_from_before_the_restart_are_left_out(press, tmp_path):
+    recorder = Recorder(tmp_path / "x.mcap", config(), {"endcap_0": 1}, lambda _: None)
+    recorder.start()
+    pipe = pipeline()
+    pipe.epoch = 0  # its first reference makes it 1
+    given = frames(press)
+    for frame in given[:6]:
+        recorder.put(pipe.update(frame))
+    pipe.request_restart()
+    for frame in given[6:]:
+        recorder.put(pipe.update(frame))
+    recorder.close()
+    found = list(recorded_frames(recorder.path, "endcap_0"))
+    assert [r.frame.sequence for r in found] == list(range(6, len(given)))
+    assert [r.zero is not None for r in found] == [True] + [False] * (len(given) - 7)
+
+
 def test_the_check_sees_a_bit_that_differs(recorded, monkeypatch):
     told = recorded_wrenches(recorded, CAPS[0])
     told[7] = np.nextafter(told[7], 9)

@@ -18,7 +18,7 @@ from sensing.fit_config import FitConfig  # noqa: E402
 from sensing.fitting import fit  # noqa: E402
 from sensing.ridge import fit_ridge  # noqa: E402
 from sensing.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
-from sensing.wrench_model import load_wrench_model  # noqa: E402
+from sensing.wrench_model import SHIPPED, load_wrench_model  # noqa: E402
 
 SIDE = 6
 PARAMS = EndcapParams(130, 8)
@@ -278,3 +278,18 @@ def test_moments_of_the_symmetric_copies_are_those_of_the_copies(data):
     gram, moment = symmetric_moments(data.inputs, data.wrenches, SIDE)
     copies = [(moved_inputs(data.inputs, k, SIDE), moved_wrenches(data.wrenches, k)) for k in range(COUNT)]
     assert np.allclose(gram, sum(x.T @ x for x, _ in copies)) and np.allclose(moment, sum(x.T @ w for x, w in copies))
+
+
+def test_the_weights_that_ship_are_those_of_their_design_small_and_answer():
+    model = load_wrench_model(EndcapParams(130, 8))
+    assert (SHIPPED / "default_D130_T8.safetensors").stat().st_size < 1e6
+    assert model.shape == (16, 16) and model.method == "dots" and len(model.about["training"]["paths"]) >= 18
+    assert max(model.about["metrics"]["validation_rmse"][:3]) < 1.0  # N, on loading paths left out
+    rest = model.estimate(ShearField(0.0, np.zeros((2, 16, 16), np.float32)))
+    assert not rest.force_n.any() and not rest.torque_nm.any() and not rest.flags
+    y, x = (np.mgrid[0:16, 0:16] - 7.5) / 7.5
+    near = np.exp(-3 * (x**2 + y**2))
+    pressed = model.estimate(ShearField(0.0, (0.8 * near * np.stack([x, y])).astype(np.float32)))  # spread at the tip
+    assert pressed.force_n[2] < -1.0 and np.linalg.norm(pressed.force_n[:2]) < 0.2 * -pressed.force_n[2]
+    with pytest.raises(FileError, match="no weights ship for D140_T8"):
+        load_wrench_model(EndcapParams(140, 8))

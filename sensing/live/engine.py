@@ -40,7 +40,11 @@ class LiveCap:
     @property
     def health(self) -> CapHealth:
         """State now."""
-        return self.stats.health(self.feed.health, self.pipeline.message, self.pipeline.faults)
+        return self.look()
+
+    def look(self, fresh: bool = False) -> CapHealth:
+        """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
+        return self.stats.health(self.feed.health, self.pipeline.message, self.pipeline.faults, fresh)
 
     def process(self, item: Captured) -> CapReading | None:
         """Work on one frame; what goes wrong is told in the cap's message."""
@@ -118,9 +122,9 @@ class Engine:
             thread.join(max(0.0, end_s - time.monotonic()))
         return not any(thread.is_alive() for thread in self._threads)
 
-    def health(self) -> list[CapHealth]:
-        """State of every cap."""
-        return [cap.health for cap in self.caps]
+    def health(self, fresh: bool = False) -> list[CapHealth]:
+        """State of every cap (see :meth:`LiveCap.look`)."""
+        return [cap.look(fresh) for cap in self.caps]
 
     def _work(self, caps: list[LiveCap], wake: threading.Event) -> None:
         while not self._stop.is_set():

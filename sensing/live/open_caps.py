@@ -66,7 +66,7 @@ def open_feed(cap: CapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
         return FileFeed(lambda: folder, Pace(speed)), False
     camera = CameraConfig(rate_hz=rate_hz, exposure=cap.exposure or None)
     opener, live = source_opener(cap.source, camera)
+    opener()  # a camera that is not there, a bad address or a file that cannot be read is told at once
     if live:
         return CameraFeed(opener), True
-    opener()  # a file that cannot be read is told at once
     return FileFeed(opener, Pace(speed)), False

@@ -41,12 +41,7 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, s
         outputs.callback(topics.close)
         run.notes.append(lambda: topics.note)
     if options.rerun:
-        from sensing.live.rerun_view import RerunView
-
-        view = RerunView()
-        view.start()
-        run.engine.add_sink(view)
-        outputs.callback(view.close)
+        _add_rerun(run, outputs)
     if not options.no_page:
         from sensing.live.page import PageServer
 
@@ -54,3 +49,12 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, s
         page.start()
         outputs.callback(page.close)
         print(f"page: {page.url}", file=stream, flush=True)
+
+
+def _add_rerun(run: LiveRun, outputs: ExitStack) -> None:
+    from sensing.live.rerun_view import RerunView
+
+    view = RerunView()
+    view.start()
+    run.engine.add_sink(view)
+    outputs.callback(view.close)

@@ -12,6 +12,7 @@ from sensing.live.run import LiveRun
 from sensing.live.stats import CapHealth
 
 ARROWS = 16  # across the field that is drawn
+UNIT_PX = 0.01  # of its arrows, px of the 200 x 200 crop
 
 
 def hello(run: LiveRun) -> dict[str, Any]:
@@ -65,7 +66,7 @@ def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
 
 
 def _detail(reading: CapReading, selected: int) -> dict[str, Any]:
-    """Dots as [x, y, quality] (quality -1: lost) and field as rows of u, v on a coarse grid, null where invalid."""
+    """Dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
     assert reading.frame.size is not None
     dots: list[list[float]] = []
     if reading.tracks is not None:
@@ -75,11 +76,10 @@ def _detail(reading: CapReading, selected: int) -> dict[str, Any]:
     rows, columns = field.valid.shape
     step = max(1, -(-max(rows, columns) // ARROWS))
     pick = np.s_[step // 2 :: step, step // 2 :: step]
-    u, v, valid = field.channel("u")[pick], field.channel("v")[pick], field.valid[pick]
-    arrows = [
-        [[round(float(a), 2), round(float(b), 2)] if good else None for a, b, good in zip(*row, strict=True)]
-        for row in zip(u, v, valid, strict=True)
-    ]
+    moved = np.nan_to_num(np.stack([field.channel("u")[pick], field.channel("v")[pick]], axis=-1))
+    arrows: list[list[Any]] = np.rint(moved / UNIT_PX).astype(int).tolist()
+    for row, column in np.argwhere(~field.valid[pick]):
+        arrows[row][column] = None
     return {
         "number": selected,
         "sequence": reading.frame.sequence,

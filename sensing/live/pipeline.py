@@ -33,6 +33,7 @@ ZERO_FRAMES = 10  # averaged for a reference
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
 JUMP_S = 0.5  # capture times that go back by more than this, or ahead by a minute, are a clock that was set
 AHEAD_S = 60.0
+_PREPARING = threading.Lock()
 
 
 class CapPipeline:
@@ -148,11 +149,12 @@ class CapPipeline:
             threading.Thread(target=self._prepare, args=(frames,), daemon=True).start()
 
     def _prepare(self, frames: list[Frame]) -> None:
-        """Average the frames and set up the method, beside the running one."""
+        """Average the frames and set up the method, beside the running one; one cap at a time, or all would be slow."""
         try:
-            single = self.zero_frames == 1
-            zero = single_zero(frames[0], self.cap.name) if single else take_zero(frames, self.cap.name)
-            self._prepared = (zero, self._build(zero))
+            with _PREPARING:
+                single = self.zero_frames == 1
+                zero = single_zero(frames[0], self.cap.name) if single else take_zero(frames, self.cap.name)
+                self._prepared = (zero, self._build(zero))
         except EndcapError as error:
             self._prepared = error
 

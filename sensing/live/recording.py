@@ -46,7 +46,8 @@ class Recording:
             if self._recorder is not None and not self._recorder.failed:
                 return
             self._finish()
-            stamp = datetime.datetime.now().strftime("%Y%m%d_%H%M%S")
+            now = datetime.datetime.now()
+            stamp = f"{now:%Y%m%d_%H%M%S}_{now.microsecond // 1000:03d}"
             engine = self._run.engine
             pipelines = {cap.name: cap.pipeline for cap in engine.caps}
             recorder = Recorder(

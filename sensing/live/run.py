@@ -77,7 +77,7 @@ def run_until_stopped(
         for number, handler in before.items():
             signal.signal(number, handler)
     terminal.show(run.engine.health(), run.latest.all(), run.robot(), [])
-    for line in summary(run.engine.health(), time.monotonic() - run.begin_s) + _notes(run):
+    for line in summary(run.engine.health(fresh=True), time.monotonic() - run.begin_s) + _notes(run):
         print(line, file=stream)
 
 

@@ -161,6 +161,8 @@ class LiveSource:
                     self._pump(frames)
                 finally:
                     getattr(frames, "close", lambda: None)()  # generators release their device here
+                if self._stop.is_set():
+                    break
                 if not self._reopen:
                     self._health = replace(self._health, status="ended", message="")
                     break

@@ -100,13 +100,13 @@ function arrows(g, detail, s) {
   const [w, h] = detail.size, side = Math.min(w, h), left = (w - side) / 2, top = (h - side) / 2;
   const [rows, columns, step] = detail.cells, unit = side / CHANNEL_PX;
   let most = 0.2;
-  detail.field.flat().forEach((c) => { if (c) most = Math.max(most, Math.hypot(c[0], c[1])); });
+  detail.field.flat().forEach((c) => { if (c) most = Math.max(most, Math.hypot(c[0], c[1]) / 100); });
   const gain = Math.min(6, 14 / most); // longest arrow: 14 of the 200 px
   g.lineWidth = 2.5; g.strokeStyle = "#ffe14d"; g.fillStyle = "#ffe14d";
   detail.field.forEach((row, i) => row.forEach((cell, j) => {
     if (!cell) return;
     const x = left + ((j * step + Math.floor(step / 2) + 0.5) * side) / columns, y = top + ((i * step + Math.floor(step / 2) + 0.5) * side) / rows;
-    const u = cell[0] * unit * gain, v = cell[1] * unit * gain, size = Math.hypot(u, v);
+    const u = (cell[0] / 100) * unit * gain, v = (cell[1] / 100) * unit * gain, size = Math.hypot(u, v);
     if (size < 1.5) { g.fillRect(x * s - 1, y * s - 1, 2, 2); return; }
     const turn = Math.atan2(v, u), X = (x + u) * s, Y = (y + v) * s, head = Math.min(9, 3 + size * 0.4) * s;
     g.beginPath(); g.moveTo(x * s, y * s); g.lineTo(X, Y);

@@ -28,12 +28,12 @@ const Scene = (() => {
 
   function camera(w, h) {
     const ct = Math.cos(view.turn), st = Math.sin(view.turn), cp = Math.cos(view.tilt), sp = Math.sin(view.tilt);
-    const far = view.size * 4.2, scale = (Math.min(w, h) / 2 / view.size) * 0.92 * view.zoom * far;
+    const far = view.size * 4.2, scale = (Math.min(w, h) / 2 / view.size) * 0.82 * view.zoom * far;
     return (p) => {
       const [x, y, z] = [0, 1, 2].map((i) => p[i] - view.mean[i]);
       const a = ct * x + st * y, b = -st * x + ct * y;
       const depth = far + cp * b - sp * z, up = cp * z + sp * b;
-      return [w / 2 + (scale * a) / depth, h / 2 - (scale * up) / depth, depth];
+      return [w / 2 + (scale * a) / depth, h * 0.46 - (scale * up) / depth, depth];
     };
   }
 
@@ -54,7 +54,7 @@ const Scene = (() => {
     const T = cap.T, R = cap.radius_mm, c = cap.centre_mm, rim = -Math.asin(Math.min(1, c / R));
     const at = (lat, lon) => eye(place(T, [R * Math.cos(lat) * Math.cos(lon), R * Math.cos(lat) * Math.sin(lon), c + R * Math.sin(lat)]));
     const middle = eye(place(T, [0, 0, c])), edge = eye(place(T, [0, 0, c + R]));
-    const radius = (Math.min(g.canvas.width, g.canvas.height) / 2 / view.size) * 0.92 * view.zoom * R * ((view.size * 4.2) / middle[2]);
+    const radius = (Math.min(g.canvas.width, g.canvas.height) / 2 / view.size) * 0.82 * view.zoom * R * ((view.size * 4.2) / middle[2]);
     const glow = g.createRadialGradient(middle[0] - radius / 3, middle[1] - radius / 3, radius / 8, middle[0], middle[1], radius);
     glow.addColorStop(0, touching ? "rgba(255,196,92,.95)" : "rgba(125,190,180,.85)");
     glow.addColorStop(1, touching ? "rgba(140,84,10,.9)" : "rgba(30,72,76,.85)");

@@ -167,7 +167,7 @@ def test_irradiance_matches_closed_form_and_sphere_theorem() -> None:
 
 def test_noise_statistics() -> None:
     light = np.full((200, 200, 3), 0.3, np.float32)
-    normals = np.random.default_rng(0).standard_normal(light.shape, np.float32)
+    normals = np.random.default_rng(0).standard_normal(light.size, np.float32)
     signal = signal_of(light, normals, 1.5, 2.0, 5000.0, 20.0)
     expected = 2.0 * np.sqrt(0.45 / 5000 + (20 / 5000) ** 2)
     assert signal.mean() == pytest.approx(0.9, abs=4 * expected / np.sqrt(light.size))

@@ -63,7 +63,7 @@ def test_levels_agree_and_say_which_answered(simulator: Simulator) -> None:
 
 
 def test_bad_requests_are_refused() -> None:
-    with pytest.raises(ParameterError, match="level=7 is unknown: choose one of 1, 2, 4"):
+    with pytest.raises(ParameterError, match="level=7 is unknown: choose one of 1, 2, 3, 4"):
         Simulator(GEOMETRY, LAW, level=7)
     with pytest.raises(ParameterError, match=r"tolerance=0\.5 outside"):
         Simulator(GEOMETRY, LAW, tolerance=0.5)

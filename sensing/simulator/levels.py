@@ -8,6 +8,7 @@
 ==  ==========================================================  =====================================================
 1   Newton on the full model                                    nothing left out
 2   stored tangents, contact condensed on the patch             nothing; residual below ``tolerance`` instead of 1e-9
+3   50 modes, a tenth of the elements, contact as in 1          what modes cannot show: the report measures it
 4   polynomials fitted to level 2 (a library)                   path, stick and slip; planes only; no contact patch
 ==  ==========================================================  =====================================================
 
@@ -15,7 +16,8 @@ A state that a level cannot certify is answered by the level above it; ``SceneSt
 mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. A caller asks for
 azimuth 0 and turns the result: ``markers`` samples the turned field, :func:`sensing.simulator.surface.turn_wrench`
 turns the wrench. Level 4 answers targets given by normal and tangential force (``Target(normal_n, tangential_n=...)``,
-or :meth:`Simulator.bulk` for many at once); it knows no path, so a fall-back presses and then pulls.
+or :meth:`Simulator.bulk` for many at once); it knows no path, so a fall-back presses and then pulls. Level 3 trains
+itself when it first meets a plane at a tilt (some hundred level 2 states): for many states at few tilts.
 """
 
 from __future__ import annotations
@@ -37,11 +39,13 @@ from sensing.simulator.indenter import Indenter
 from sensing.simulator.library import Library, shell_key
 from sensing.simulator.mesh import Index, MeshDensity
 from sensing.simulator.press import Press, Target
+from sensing.simulator.reduced_basis import ReducedModel
+from sensing.simulator.reduced_press import ReducedPress, trained
 from sensing.simulator.shell import ShellModel, shell_model
-from sensing.simulator.state import Certificate, Patch, State, contact_patch
+from sensing.simulator.state import Certificate, Patch, Refusal, State, contact_patch
 from sensing.simulator.surface import InnerSurface, SurfaceSampler, dot_directions, inner_surface, turn_wrench
 
-LEVELS = (1, 2, 4)
+LEVELS = (1, 2, 3, 4)
 TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
 MAX_SAMPLERS = 64  # azimuths kept ready
@@ -103,7 +107,7 @@ class Simulator:
 
     Args:
         geometry, law: the shell. density: of the mesh.
-        level: 1, 2 or 4 (see the module's text).
+        level: 1 to 4 (see the module's text).
         tolerance: of level 2.
         library: what level 4 answers from (:mod:`sensing.simulator.library_fit`).
 
@@ -137,6 +141,7 @@ class Simulator:
         self._models: dict[bool, ShellModel] = {}
         self._surfaces: dict[bool, InnerSurface] = {}
         self._tangents: dict[tuple[Indenter, bool], list[StoredTangent]] = {}
+        self._reduced: dict[tuple[Indenter, bool], ReducedModel | None] = {}
         self.surface = self._surface(half=True)
         self._samplers = {0.0: self.surface.sampler(dot_directions(geometry))}
         self.library = self._checked(library) if level == 4 else None
@@ -161,17 +166,21 @@ class Simulator:
         """
         press = Press(self._model(half), scene.indenter, scene.friction)
         fast = FrozenPress(press, self.tolerance, self._tangents.setdefault((scene.indenter, half), []))
-        solver = press if self.level == 1 else fast
+        model = self._reduced_model(scene.indenter, half) if self.level == 3 else None
+        reduced = ReducedPress(fast, model) if model is not None else None
+        solver = press if self.level == 1 else reduced or fast
         here = solver.start()
 
         def step(target: Target) -> SceneState:
             nonlocal here
-            before = fast.fallbacks
+            before = fast.fallbacks, reduced.fallbacks if reduced else 0
             if target.tangential_n is None:
                 here = solver.advance(here, target)
             else:
                 here = tangential.reach(solver.advance, here, target, press.frame, scene.friction, half)
-            return self._answer(press, here, 1 if self.level == 1 or fast.fallbacks > before else 2)
+            if reduced is not None and reduced.fallbacks == before[1]:
+                return self._answer(press, here, 3, reduced.error_estimate)
+            return self._answer(press, here, 1 if self.level == 1 or fast.fallbacks > before[0] else 2)
 
         return step
 
@@ -202,7 +211,10 @@ class Simulator:
         return BulkStates(marker, wrench, estimate, level)
 
     def forget(self) -> None:
-        """Drop the stored tangents: what follows depends on nothing that went before (a shard begins so)."""
+        """Drop the stored tangents: what follows depends on nothing that went before (a shard begins so).
+
+        Level 3's models stay: they depend on shell and body alone.
+        """
         self._tangents.clear()
 
     def markers(self, state: SceneState, azimuth_deg: float = 0.0) -> Array:
@@ -271,7 +283,20 @@ class Simulator:
             certificate=None,
         )
 
-    def _answer(self, press: Press, state: State, level: int) -> SceneState:
+    def _reduced_model(self, indenter: Indenter, half: bool) -> ReducedModel | None:
+        """Level 3's model, trained when first asked for; None where level 2 must do: other bodies, or a shell that
+        cannot be followed through the training (a thin one snaps).
+        """
+        if indenter.kind != "plane":
+            return None
+        if (indenter, half) not in self._reduced:
+            try:
+                self._reduced[indenter, half] = trained(self._model(half), indenter)
+            except Refusal:
+                self._reduced[indenter, half] = None
+        return self._reduced[indenter, half]
+
+    def _answer(self, press: Press, state: State, level: int, estimate: float | None = None) -> SceneState:
         patch = contact_patch(press.model, state)
         if press.model.half:
             patch = patch.mirrored()
@@ -286,7 +311,7 @@ class Simulator:
             surface_mm=self._surface(press.model.half).field(state.displacement),
             patch_mm2=patch.area_mm2,
             slip_share=patch.slip_share,
-            error_estimate=0.0 if level == 1 or certificate is None else certificate.residual,
+            error_estimate=estimate or (0.0 if level == 1 or certificate is None else certificate.residual),
             patch=patch,
             certificate=certificate,
         )

@@ -142,8 +142,9 @@ def calculix_section() -> str:
     if shutil.which("ccx") is None:
         return "## CalculiX\n\nNot installed where this report was made (`apt-get install calculix-ccx`).\n"
     rows = []
-    for name, density in (("draft", MeshDensity(4, 7, 1)), ("two layers", MeshDensity(4, 7, 2))):
-        found = verify_calculix.compare(density, depth_mm=3.0, shift_mm=1.5, tilt_deg=20.0, friction=0.4)
+    for density in (MeshDensity(4, 7, 2), MeshDensity(6, 9, 2), MeshDensity(8, 13, 2)):
+        name = f"core {density.core}, rings {density.rings}, layers {density.layers}"
+        found = verify_calculix.compare(density, 3.0, 1.5, tilt_deg=20.0, friction=0.4, increments=4)
         for k, step in enumerate(("press 3 mm", "then pull 1.5 mm")):
             ours, theirs = (" ".join(f"{v:.3f}" for v in w[k][[0, 2]]) for w in (found.ours, found.theirs))
             rows.append(
@@ -151,7 +152,7 @@ def calculix_section() -> str:
             )
     return (
         "## CalculiX\n\nHalf a shell, tilt 20, friction 0.4, the same corner and edge nodes, law and penalties; their "
-        " elements are C3D20R, ours hex27 with linear pressure.\n\n"
+        "elements are C3D20R, ours hex27 with linear pressure, so the gap closes as the mesh gets finer.\n\n"
         + table(("mesh", "step", "our force x z, N", "theirs", "force gap", "marker gap"), rows)
     )
 

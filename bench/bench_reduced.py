@@ -1,0 +1,78 @@
+"""Speed against error of level 3: ``python bench/bench_reduced.py`` writes bench/reduced.csv and .png.
+
+Modes and cubature tolerance, D = 130, T = 8, tilt 30, half model, against level 2 in the same run, on a path and at a
+friction that training has not seen. No estimate is applied: every state is level 3's own.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cad.materials import silicone
+from sensing.simulator.frozen import FrozenPress
+from sensing.simulator.geometry import shell_geometry
+from sensing.simulator.indenter import Indenter
+from sensing.simulator.press import Press
+from sensing.simulator.reduced_basis import FRICTION, STATES, reduced_model, training_states
+from sensing.simulator.shell import shell_model
+from sensing.simulator.verify_reduced import UNSEEN_FRICTION, judge, unseen_path
+
+HERE = Path(__file__).parent
+MODES = (10, 20, 35, 50)
+CUBATURE = (5e-2, 1e-2, 2e-3)
+
+
+def main() -> None:
+    """Train once, judge every setting, write table and plot."""
+    model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), "data", half=True)
+    tilted = Indenter(30.0)
+    states = training_states(FrozenPress(Press(model, tilted, FRICTION)), STATES)
+    rows = []
+    for modes in MODES:
+        for error in CUBATURE:
+            reduced = replace(reduced_model(model, states, modes, error), estimate_factor=0.0)
+            found = judge(Press(model, tilted, UNSEEN_FRICTION), reduced, unseen_path(half=True))
+            rows.append({
+                "modes": modes, "cubature": error, "elements": len(reduced.cells), "answered": len(found.error),
+                "fallbacks": found.fallbacks, "mean": float(found.error.mean()),
+                "p95": float(np.percentile(found.error, 95)), "states_s": found.rate,
+                "level_2_states_s": found.rate_level_2,
+            })  # fmt: skip
+            print(rows[-1], file=sys.stderr)
+    with (HERE / "reduced.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows)
+    plot(rows)
+
+
+def plot(rows: list) -> None:
+    """Error against time a state, one line for each cubature tolerance."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(5.5, 3.4), layout="constrained")
+    for error in CUBATURE:
+        line = [row for row in rows if row["cubature"] == error]
+        axes.loglog(
+            [1000 / r["states_s"] for r in line], [100 * r["p95"] for r in line], "o-", label=f"cubature {error:g}"
+        )
+        for r in line:
+            axes.annotate(f"{r['modes']}/{r['elements']}", (1000 / r["states_s"], 100 * r["p95"]), fontsize=6)
+    axes.axvline(1000 / np.median([r["level_2_states_s"] for r in rows]), color="k", ls=":", label="level 2")
+    axes.set(
+        xlabel="processor ms a state", ylabel="marker error, 95 %, in %", title="Level 3: modes / elements (of 126)"
+    )
+    axes.legend(fontsize=7)
+    figure.savefig(HERE / "reduced.png", dpi=110)
+
+
+if __name__ == "__main__":
+    main()

@@ -148,8 +148,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
         FileError: no such set, or an empty one. ParameterError: unknown method.
     """
     data = LabelledSet(folder)
-    request = data.manifest.get("request", {})
-    design = EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
+    design = data.params
     if not data.shards:
         raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
     stamp = f"5 {method} {shape} " + " ".join(

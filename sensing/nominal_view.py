@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.camera_nominal import nominal_mount
 from sensing.field_operator import field_operator
 from sensing.gelslim import CROP_PX

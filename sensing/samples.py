@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.marker_fields import MarkerSensor, Scatter
 from sensing.methods import DotField, field_method

@@ -7,7 +7,7 @@ import pytest
 
 from cad.dots import dot_pattern
 from cad.params import EndcapParams
-from sensing.camera_model import mount, rotation_matrix
+from sensing.camera_mount import mount, rotation_matrix
 from sensing.camera_nominal import nominal_lens, nominal_mount
 from sensing.field_operator import field_operator
 from sensing.marker_fields import PLAIN, MarkerSensor, Scatter

@@ -1,7 +1,8 @@
 """Fits our network to samples: linear part, principal fields, perceptron, covariance, calibration, range.
 
-Paths are parted three ways: training, validation (which epoch is best), calibration (how wide the covariance must be),
-so that nothing is judged on what it was fitted to. Each axis counts in its own unit (:data:`sensing.ridge.UNITS`).
+Paths are parted three ways: training, validation (which epoch is best), calibration (how wide the covariance must be,
+together with the validation paths: whole paths differ, and few of them tell little), so that nothing is judged on what
+it was fitted to. Each axis counts in its own unit (:data:`sensing.ridge.UNITS`).
 Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
 
 Notes:
@@ -73,7 +74,7 @@ def fit(
     _fit_spread(net, [torch.cat(pair) for pair in zip(parts, more, strict=True)], config, progress, kept)
     net.cpu().eval()
     kept.remove()
-    _calibrate(net, calibration)
+    _calibrate(net, samples.take(np.isin(samples.path, np.union1d(validation.path, calibration.path))))
     about = {
         "training": {
             "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),

@@ -99,7 +99,7 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
         (["--protocol", "dance"], "protocol='dance' is unknown: choose one of static"),
         (["--frames", "0"], "frames=0 outside"),
         (["--tolerance", "0.5"], "tolerance=0.5 outside"),
-        (["--level", "9"], "level=9 is unknown"),
+        (["--level", "4"], "level=4 is unknown: choose one of 1, 2"),
         (["--silicone", "butter"], "silicone='butter' is not in cad/materials.csv"),
         (["--wall", "1"], "wall_mm=1"),
         (["--unpainted", "2"], "Paint.unpainted=2.0 outside"),

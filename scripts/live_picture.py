@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import base64
+import io
 import itertools
 import json
 import re
@@ -21,11 +22,16 @@ import time
 import urllib.request
 from pathlib import Path
 
+from PIL import Image
 from websockets.asyncio.client import connect
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SIZE = (1400, 1080)
-STANDING = "window.drawn > 20 && document.querySelectorAll('.lamp.touch').length === 3"
+STANDING = (
+    "window.drawn > 20 && document.querySelectorAll('.lamp.touch').length === 3"
+    " && document.getElementById('robot').textContent.includes('weight')"
+)
+COLOURS = 256  # of the picture's palette: half the size
 
 
 class Browser:
@@ -112,8 +118,9 @@ def main() -> int:
             browser.close()
             live.send_signal(signal.SIGINT)
             live.wait(20)
-    options.out.write_bytes(png)
-    print(f"{options.out}: {len(png)} bytes")
+    picture = Image.open(io.BytesIO(png)).convert("RGB").quantize(COLOURS)
+    picture.save(options.out, optimize=True)
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
     return 0
 
 

@@ -46,9 +46,9 @@ def recorded(press, tmp_path_factory) -> Path:
     with run.engine:
         wait_for(lambda: len(run.latest.all()) == 2)
         recording.start(path)
-        wait_for(lambda: recording._recorder.frames > 60)
+        wait_for(lambda: recording._recorder.frames > 30)
         run.engine.caps[1].pipeline.request_zero()
-        wait_for(lambda: recording._recorder.frames > 120)
+        wait_for(lambda: recording._recorder.frames > 70)
         recording.stop()
     assert "frames recorded" in recording.note and "lost" not in recording.note
     return path
@@ -58,7 +58,7 @@ def test_a_recording_computed_again_gives_the_same_bits(recorded):
     found = read_config(recorded)
     assert [cap.name for cap in found.caps] == list(CAPS) and found.caps[0].contact_on_n == 2.0
     frames_, different = verify(recorded, found, lambda _: stand_in())
-    assert frames_ > 120 and different == 0
+    assert frames_ > 70 and different == 0
     zeros = [sum(r.zero is not None for r in recorded_frames(recorded, cap)) for cap in CAPS]
     assert zeros == [1, 2]
 

@@ -21,10 +21,12 @@ RATE_HZ = 30.0
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory):
-    """The film, rendered once (9 s); the live node's own cache is left alone."""
+    """A film with shorter ramps and stands, rendered once; the live node's own cache is left alone."""
     folder = tmp_path_factory.mktemp("cache")
-    made = robot_frames.load_film(folder)
     with pytest.MonkeyPatch.context() as patch:
+        for name, ticks in {"REST": 24, "RAMP": 10, "HOLD": 16, "GAP": 8}.items():
+            patch.setattr(robot_frames, name, ticks)
+        made = robot_frames.load_film(folder)
         patch.setattr(scene, "scene_film", lambda: made)
         made.__dict__["folder"] = folder
         yield made
@@ -36,7 +38,7 @@ def frame(film, cap: int, tick: int) -> Frame:
 
 def hold(film, stand: int) -> int:
     """A tick at which the robot stands."""
-    return next(t for t, m in enumerate(film.moments) if m == robot_frames.Moment(stand, robot_frames.RAMP)) + 20
+    return next(t for t, m in enumerate(film.moments) if m == robot_frames.Moment(stand, robot_frames.RAMP)) + 8
 
 
 # --- truth -----------------------------------------------------------------------------------------------------
@@ -137,11 +139,11 @@ def contact_sets(film, model: LiveModel, ticks: range) -> list[tuple[int, tuple,
 def clear(film, tick: int) -> bool:
     """Not at the foot of a ramp, where the load is below any threshold."""
     moment = film.moments[tick]
-    return moment.stand < 0 or moment.step > 6
+    return moment.stand < 0 or moment.step > 0.2 * robot_frames.RAMP
 
 
 def test_the_contact_set_of_six_caps_follows_the_scene(film):
-    sets = contact_sets(film, stand_in(), range(0, film.ticks, 4))
+    sets = contact_sets(film, stand_in(), range(0, film.ticks, 2))
     judged = [(truth, told) for tick, truth, told, _ in sets if clear(film, tick)]
     assert {sum(truth) for truth, _ in judged} == {0, 1, 2, 3}
     assert [truth for truth, _ in judged] == [told for _, told in judged]
@@ -152,7 +154,32 @@ def test_the_default_model_tells_contacts_and_weight_of_the_scene(film):
         model = load_model("default", EndcapParams(130, 8))
     except FileError:
         pytest.skip("no weights ship yet")
-    sets = contact_sets(film, model, range(0, film.ticks, 4))
+    sets = contact_sets(film, model, range(0, film.ticks, 2))
     assert all(truth == told for tick, truth, told, _ in sets if clear(film, tick))
     standing = [s for tick, _, _, s in sets if film.moments[tick] == robot_frames.Moment(2, robot_frames.RAMP)]
-    assert len(standing) > 10 and all(state.consistent for state in standing[3:])
+    assert len(standing) > 6 and all(state.consistent for state in standing[3:])
+
+
+def test_a_calibrated_camera_that_is_turned_tells_the_same_wrench(film, tmp_path):
+    """The picture turned by 180 degrees, and a calibration that says so."""
+    import cv2
+
+    from sensing.camera_mount import mount, rotation_matrix
+    from sensing.camera_nominal import nominal_lens
+
+    params = EndcapParams(130, 8)
+    model = load_model("default", params)
+    path = tmp_path / "camera.json"
+    turned = mount(nominal_lens(), (0.0, 0.0, params.camera_height_mm), rotation_matrix([0.0, 0.0, np.pi]))
+    turned.save(path)
+    forces = {}
+    for name, camera in (("straight", None), ("turned", path)):
+        pipe, tick = CapPipeline(CapConfig("endcap_0", "scene:0", camera=camera), model, zero_frames=1), hold(film, 2)
+        for k, at in enumerate((0, tick - 12, tick)):
+            image = cv2.imdecode(np.frombuffer(film.jpeg(0, at), np.uint8), cv2.IMREAD_COLOR)
+            image = image if camera is None else np.ascontiguousarray(image[::-1, ::-1])
+            reading = pipe.update(Frame(1.0 + k, k, "test", image=image))
+        forces[name] = reading.estimate.force_n
+    truth = film.truth(0, hold(film, 2))[:3]
+    assert np.linalg.norm(forces["straight"] - truth) < 4
+    assert np.linalg.norm(forces["turned"] - forces["straight"]) < 1.5

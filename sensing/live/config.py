@@ -8,6 +8,7 @@
     name = "endcap_0"                   # letters, digits, underscore; names topics and files
     source = "0"                        # camera number, http address, folder, video; "scene:0" for the simulated robot
     zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
+    camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
     T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
@@ -49,6 +50,8 @@ class CapConfig:
         contact_on_n, contact_off_n: force at which contact begins and ends; 0 for the model's own.
         exposure: fixed exposure of a camera in the driver's unit; 0 leaves it automatic.
         rate_hz: frames a second asked of a camera (0: 30), or pictures a second of a folder (0: one, each for itself).
+        camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None
+            for the nominal one.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
 
     Raises:
@@ -64,6 +67,7 @@ class CapConfig:
     contact_off_n: float = 0.0
     exposure: float = 0.0
     rate_hz: float = 0.0
+    camera: Path | None = None
     T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
@@ -194,7 +198,7 @@ def _checked(path: Path, kind: type, told: dict[str, Any]) -> dict[str, Any]:
         raise FileError(f"{path}: a [[cap]] without name or source: give both")
     values: dict[str, Any] = {}
     for key, value in told.items():
-        if key in ("name", "source", "model", "method", "zero", "weights"):
+        if key in ("name", "source", "model", "method", "zero", "camera", "weights"):
             good = isinstance(value, str)
         elif key == "T_robot_endcap":
             good = _is_matrix(value)
@@ -202,7 +206,7 @@ def _checked(path: Path, kind: type, told: dict[str, Any]) -> dict[str, Any]:
             good = isinstance(value, int | float) and not isinstance(value, bool)
         if not good:
             raise FileError(f"{path}: {key} = {value!r} is of the wrong type: see the example in the documentation")
-        if key in ("zero", "weights"):
+        if key in ("zero", "camera", "weights"):
             value = path.parent / value if value else None
         values[key] = value
     return values

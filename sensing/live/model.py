@@ -6,7 +6,6 @@ checkpoint is the authors' and has to be given. Forces in N; wrenches about the 
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -71,11 +70,9 @@ def load_model(name: str, params: EndcapParams, weights: Path | None = None, met
         ParameterError: unknown name. FileError: no weights, or those of another design.
     """
     if name == "default":
-        try:
-            wrench_model = importlib.import_module("sensing.wrench_model")
-        except ImportError:
-            raise FileError("--model default is not in this version of the toolkit: use --model paper") from None
-        model = wrench_model.load_wrench_model(params, weights)
+        from sensing.wrench_model import load_wrench_model
+
+        model = load_wrench_model(params, weights)
         return live_model(name, model, model.shape, method or "dots")
     if name == "paper":
         if weights is None:

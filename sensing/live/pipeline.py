@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from cad.errors import EndcapError
+from sensing.camera_mount import MountedCamera
 from sensing.contact import ContactDetector, ContactState
 from sensing.contact_place import line_of_action
 from sensing.decode import FrameError
@@ -24,6 +25,7 @@ from sensing.live.config import CapConfig
 from sensing.live.model import LiveModel
 from sensing.live.reading import CapReading
 from sensing.methods import DotField, FieldMethod, field_method
+from sensing.nominal_view import NominalField
 from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracker import TrackerConfig
 from sensing.wrench_filter import WrenchFilter
@@ -61,6 +63,7 @@ class CapPipeline:
         self.message, self.faults, self.epoch, self.zero = "", 0, 0, zero
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(cap.params)))
         self._sphere = cap.params.outer_radius_mm, cap.params.centre_height_mm
+        self._camera = None if cap.camera is None else MountedCamera.load(cap.camera)
         self._threshold = model.threshold(cap.contact_on_n, cap.contact_off_n)
         self._method: FieldMethod | None = None
         self._prepared: tuple[Zero, FieldMethod] | EndcapError | None = None
@@ -110,7 +113,7 @@ class CapPipeline:
 
     def restart(self) -> None:
         """Forget the frames before, not the reference."""
-        if isinstance(self._method, DotField):
+        if isinstance(self._method, DotField | NominalField):
             self._method.tracker.restart()
         elif self.zero is not None:
             self._method = self._build(self.zero)
@@ -127,7 +130,9 @@ class CapPipeline:
             method = DotField(zero.frame(), TrackerConfig(shape=self.model.shape))
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.tracker.restart()
-            return method
+            if self._camera is None:
+                return method
+            return NominalField(method.tracker, self.model.shape, self._camera, self.cap.params)
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
     def _use(self, zero: Zero, method: FieldMethod) -> None:
@@ -226,7 +231,7 @@ class CapPipeline:
 
     def _field(self, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField]:
         method = self._method
-        if not isinstance(method, DotField):
+        if not isinstance(method, DotField | NominalField):
             assert method is not None
             field = method.update(frame)
             watch.lap("field")
@@ -235,7 +240,7 @@ class CapPipeline:
         watch.lap("decode")
         tracks = method.tracker.track(gray, frame.time_s)
         watch.lap("track")
-        field = method.tracker.field(tracks)
+        field = method.field(tracks) if isinstance(method, NominalField) else method.tracker.field(tracks)
         watch.lap("field")
         return tracks, field
 

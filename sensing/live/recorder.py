@@ -161,7 +161,7 @@ def about(config: LiveConfig) -> dict:
         {
             "name": cap.name, "source": cap.source, "diameter_mm": cap.diameter_mm, "wall_mm": cap.wall_mm,
             "contact_on_n": cap.contact_on_n, "contact_off_n": cap.contact_off_n,
-            "T_robot_endcap": cap.T_robot_endcap.tolist(),
+            "camera": None if cap.camera is None else str(cap.camera), "T_robot_endcap": cap.T_robot_endcap.tolist(),
         }
         for cap in config.caps
     ]  # fmt: skip
@@ -173,7 +173,10 @@ def about(config: LiveConfig) -> dict:
 
 def configured(told: dict, source: str) -> LiveConfig:
     """The configuration that :func:`about` told, its caps reading from ``source``."""
-    caps = tuple(CapConfig(**{**cap, "source": source}) for cap in told["caps"])
+    caps = tuple(
+        CapConfig(**{**cap, "source": source, "camera": None if cap["camera"] is None else Path(cap["camera"])})
+        for cap in told["caps"]
+    )
     weights = None if told["weights"] is None else Path(told["weights"])
     return LiveConfig(caps, told["model"], weights, told["method"], told["weight_n"])
 

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-.PHONY: help setup molds slice sheet ring data test check bench clean
+.PHONY: help setup molds slice sheet ring coupons data train evaluate live test check bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -32,6 +32,23 @@ ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light 
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
 	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
+
+WRENCH := exports/wrench_train/small.safetensors
+WRENCH_DATA := exports/wrench_train exports/wrench_motion
+SIMULATE = $(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' --tolerance 1e-3
+train: $(WRENCH) ## a small wrench model of your own: simulated frames, then weights (minutes)
+
+evaluate: $(WRENCH) ## its errors and those of the comparisons, on motions it has never seen
+	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic --out exports/wrench_test
+	@$(BIN)/python -m sensing.evaluate exports/wrench_test --weights $(WRENCH) --train $(WRENCH_DATA) $(OPTIONS)
+
+$(WRENCH): $(VENV)/all.stamp
+	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
+	@$(SIMULATE) --frames 1 --seed 2 --protocol dynamic --out exports/wrench_motion
+	@$(BIN)/python -m sensing.train $(WRENCH_DATA) --out $@
+
+live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camera 0,2,4'] (simulated robot without)
+	@$(BIN)/python -m sensing.live $(OPTIONS)
 
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(MAKEOVERRIDES)
@@ -67,7 +84,7 @@ $(VENV)/fab.stamp: pyproject.toml lock.txt scripts/prove_kernel.py | $(VENV)/bin
 
 $(VENV)/all.stamp: $(VENV)/fab.stamp
 	@$(PIP) install -c lock.txt $(TORCH)
-	@$(PIP) install -c lock.txt -e '.[fab,sensing,cluster,download,onnx,dev]'
+	@$(PIP) install -c lock.txt -e '.[fab,sensing,live,cluster,download,onnx,dev]'
 	@$(PIP) install --force-reinstall --no-deps $(OCP)
 	@$(BIN)/python scripts/prove_kernel.py
 	@touch $@

@@ -23,7 +23,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from cad.params import EndcapParams
-from sensing.camera_model import mount, rotation_matrix
+from sensing.camera_mount import mount, rotation_matrix
 from sensing.camera_nominal import nominal_lens
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_settings import LEVELS, Paint, RenderSettings
@@ -32,7 +32,7 @@ HERE = Path(__file__).parent
 PARAMS = EndcapParams(130, 8)
 MOUNTED = mount(nominal_lens(), (0.4, -0.3, PARAMS.camera_height_mm), rotation_matrix([0.03, -0.02, 0.3]))
 PAINT = Paint(clouds=0, specks=0)
-COLUMNS = ("study", "name", "mesh", "texels", "supersample", "frame_ms", "light_error_pct", "dot_shift_px")
+COLUMNS = ("study", "name", "mesh", "texels", "supersample", "cell", "frame_ms", "light_error_pct", "dot_shift_px")
 
 
 def field(points_mm: np.ndarray) -> np.ndarray:
@@ -70,6 +70,19 @@ def dot_centres(light: np.ndarray, near_px: np.ndarray, visible: np.ndarray) -> 
     return centres
 
 
+def cases(base: RenderSettings) -> list[tuple[str, str, RenderSettings]]:
+    """Every level, and each knob alone with the others far better."""
+    rich = {"mesh": 128, "texels": 2048, "supersample": 2, "cell": 1}
+    knobs = {
+        "mesh": (16, 24, 32, 48, 64, 96, 128),
+        "texels": (320, 480, 640, 960, 1280, 2048),
+        "supersample": (1, 2, 3, 4),
+    }
+    found = [("level", name, base.at_level(name)) for name in LEVELS]  # type: ignore[arg-type]
+    found += [(knob, str(n), replace(base, **{**rich, knob: n})) for knob, values in knobs.items() for n in values]
+    return found + [("cell", str(n), replace(base, cell=n)) for n in (1, 2, 4, 8)]
+
+
 def main() -> None:
     """Run the studies and write table and picture."""
     cv2.setNumThreads(1)
@@ -78,30 +91,14 @@ def main() -> None:
     truth = renderer.render(field(renderer.surface_mm))
     centres = dot_centres(reference, truth.dots_px, truth.dots_visible)
     tip = float(np.median(reference[200:280, 280:360, 1]))
-    cases = [("level", name, base.at_level(name)) for name in LEVELS]  # type: ignore[arg-type]
-    cases += [
-        ("mesh", str(n), replace(base, mesh=n, texels=2048, supersample=2)) for n in (16, 24, 32, 48, 64, 96, 128)
-    ]
-    cases += [
-        ("texels", str(n), replace(base, mesh=128, texels=n, supersample=2)) for n in (320, 480, 640, 960, 1280, 2048)
-    ]
-    cases += [("supersample", str(n), replace(base, mesh=128, texels=2048, supersample=n)) for n in (1, 2, 3, 4)]
     rows = []
-    for study, name, settings in cases:
+    for study, name, settings in cases(base):
         light, milliseconds, _ = light_and_time(settings, 3 if name == "reference" else 15)
         shift = np.linalg.norm(dot_centres(light, truth.dots_px, truth.dots_visible) - centres, axis=1)
         error = 100 * float(np.sqrt(np.mean((light - reference) ** 2))) / tip
-        knobs = (settings.mesh, settings.texels, settings.supersample)
-        rows.append(
-            (
-                study,
-                name,
-                *knobs,
-                round(milliseconds, 2),
-                round(error, 3),
-                round(float(np.sqrt(np.nanmean(shift**2))), 4),
-            )
-        )
+        knobs = (settings.mesh, settings.texels, settings.supersample, settings.cell)
+        measured = round(milliseconds, 2), round(error, 3), round(float(np.sqrt(np.nanmean(shift**2))), 4)
+        rows.append((study, name, *knobs, *measured))
         print(*rows[-1])
     with (HERE / "render.csv").open("w", newline="") as stream:
         writer = csv.writer(stream)
@@ -116,11 +113,11 @@ def draw(rows: list[tuple]) -> None:
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
     for study in dict.fromkeys(row[0] for row in rows):
         chosen = [row for row in rows if row[0] == study and not (study == "level" and row[1] == "reference")]
-        for axis, column in zip(axes, (6, 7), strict=True):
-            axis.loglog([row[5] for row in chosen], [row[column] for row in chosen], "o-", label=study)
+        for axis, column in zip(axes, (7, 8), strict=True):
+            axis.loglog([row[6] for row in chosen], [row[column] for row in chosen], "o-", label=study)
             if study == "level":
                 for row in chosen:
-                    axis.annotate(row[1], (row[5], row[column]), textcoords="offset points", xytext=(4, 4))
+                    axis.annotate(row[1], (row[6], row[column]), textcoords="offset points", xytext=(4, 4))
     for axis, label in zip(axes, ("light error, % of the tip's light (rms)", "dot shift, px (rms)"), strict=True):
         axis.set(xlabel="time a frame, ms (one core)", ylabel=label)
         axis.grid(True, which="both", alpha=0.3)

@@ -24,11 +24,11 @@ from cad.interface import build_flange, build_zone
 from cad.params import EndcapParams
 from fab.gyroid import interface_mesh
 from fab.mesh import tessellate
-from fab.slice_3mf import Project, Volume, write_prusa
-from fab.slice_gcode import read_gcode
-from fab.slice_measure import print_figures, zone_figures
-from fab.slice_run import find_slicer, slice_to_gcode
-from fab.slice_settings import ROUNDING_MM, part_settings, zone_region
+from fab.slice.gcode import read_gcode
+from fab.slice.measure import print_figures, zone_figures
+from fab.slice.project_3mf import Project, Volume, write_prusa
+from fab.slice.run import find_slicer, slice_to_gcode
+from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
 
 HERE = Path(__file__).parent
 PARAMS = EndcapParams(100.0, 8.0)
@@ -119,9 +119,9 @@ def draw(rows: list[dict[str, object]]) -> None:
         own = [row for row in rows if row["form"] == form]
         for axis, what in zip(axes, ("fraction_error_points", "open_percent"), strict=True):
             axis.plot([r["slicer_cpu_s"] for r in own], [r[what] for r in own], mark, label=form)
-            for row in own:
-                axis.annotate(str(row["knob"]), (row["slicer_cpu_s"], row[what]), fontsize=6, xytext=(4, 3),
-                              textcoords="offset points")  # fmt: skip
+        for row in own:
+            axes[0].annotate(str(row["knob"]), (row["slicer_cpu_s"], row["fraction_error_points"]), fontsize=6,
+                             xytext=(4, 4), rotation=30, textcoords="offset points")  # fmt: skip
     axes[0].axhspan(-0.5, 0.5, color="0.9")
     axes[0].set_ylabel("printed fraction of the zone, error in points")
     axes[1].axhline(90, color="0.7")
@@ -129,6 +129,8 @@ def draw(rows: list[dict[str, object]]) -> None:
     for axis in axes:
         axis.set_xlabel("processor time of the slicer, s")
         axis.set_xscale("log")
+        axis.set_xticks([5, 10, 20, 40], ["5", "10", "20", "40"])
+        axis.minorticks_off()
     axes[0].legend(fontsize=8)
     figure.savefig(HERE / "slice.png", dpi=110)
 

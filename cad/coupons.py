@@ -77,7 +77,7 @@ TRAYS = (
 
 
 def coupon_parts() -> tuple[Part, ...]:
-    """Every printed part; those with gyroid as their solid portion (the mesh adds it: :mod:`fab.coupons`)."""
+    """Every printed part; those with gyroid as their solid portion (the mesh adds it: :mod:`fab.coupons.__main__`)."""
     makers = (
         ("fit_plate", "PLA", fit_plate()),
         ("fit_tab", "PLA", fit_tab()),

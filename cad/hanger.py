@@ -33,38 +33,24 @@ def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
         )
         for k, seam in enumerate(layout.collar_seams_deg)
     }
-    joints = [
-        ScrewJoint(
-            "hanger_to_interface",
-            "hanger",
-            "screw_m3",
-            CAP_SCREW,
-            "casting",
-            circle,
-            True,
-            "hanger",
-            ("hanger",),
-            "interface",
-            "captured nut",
-        )
-    ]
-    for piece, places in (collar | layout.core_screws_mm).items():
-        joints.append(
-            ScrewJoint(
-                f"hanger_to_{piece}",
-                "hanger",
-                "screw_m3",
-                CAP_SCREW,
-                "casting",
-                places,
-                True,
-                "hanger",
-                ("hanger",),
-                piece,
-                "plastic",
-            )
-        )
-    return tuple(joints)
+    held = {"interface": circle} | collar | layout.core_screws_mm
+    return tuple(_joint(anchor, places) for anchor, places in held.items())
+
+
+def _joint(anchor: str, places: tuple[tuple[float, float], ...]) -> ScrewJoint:
+    return ScrewJoint(
+        name=f"hanger_to_{anchor}",
+        owner="hanger",
+        thread="screw_m3",
+        standard=CAP_SCREW,
+        step="casting",
+        places=places,
+        up=True,
+        seat="hanger",
+        through=("hanger",),
+        anchor=anchor,
+        holder="captured nut" if anchor == "interface" else "plastic",
+    )
 
 
 def hanger_part(layout: MoldLayout) -> Part:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from build123d import Solid
 
+from cad.errors import GeometryError
 from cad.fasteners import ScrewJoint
 from cad.jigsaw import Tab, sector_prisms
 from cad.mold_layout import MoldLayout, rotated
 from cad.outlines import common, disc, polygon, rectangle, upright
 from cad.part import Part
-from cad.solids import cut_holes, drill, one_solid, revolved
+from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
 SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
@@ -22,6 +23,9 @@ PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
 PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
 PIN_DEPTH_MM = 4.5
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
+# Rise over run of the cone under the bowl's skirt. 1 prints without support, as steeper ones do; at some sizes
+# (D=150..160 T=8) the kernel cannot cut that very cone near its axis and gives no shape at all: then the next.
+SKIRT_STEEPNESS = (1.0, 1.04, 1.09, 1.15)
 FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 COLOR = (0.36, 0.56, 0.80)
 
@@ -54,8 +58,8 @@ def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
     return tuple(joints)
 
 
-def bowl_body(layout: MoldLayout) -> Solid:
-    """The lower half before it is cut into segments."""
+def bowl_body(layout: MoldLayout, steepness: float = SKIRT_STEEPNESS[0]) -> Solid:
+    """The lower half before it is cut into segments; ``steepness`` is the rise over run of the cone under the skirt."""
     params, top, seam = layout.params, layout.dam_top_mm, layout.seam_height_mm
     outer, wall = params.outer_radius_mm, layout.bowl_wall_mm
     below = top + layout.bolt_flange_mm
@@ -68,7 +72,7 @@ def bowl_body(layout: MoldLayout) -> Solid:
             (layout.flange_radius_mm, below),
             (layout.dam_radius_mm, below + GUSSET_MM),
             (layout.dam_radius_mm, skirt),
-            (0.0, skirt + layout.dam_radius_mm),
+            (0.0, skirt + steepness * layout.dam_radius_mm),
         ]
     )
     round_wall = common(disc((0.0, seam), outer + wall), rectangle(0.0, outer + wall, seam, stand))
@@ -107,19 +111,33 @@ def collar_body(layout: MoldLayout) -> Solid:
     return one_solid(cut_holes(body, tools), "collar")
 
 
-def cup_parts(layout: MoldLayout, bowl: Solid, collar: Solid) -> list[Part]:
-    """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``."""
-    outer = layout.params.outer_radius_mm
-    on_flange = flange_tab(layout)
-    foot_tab = Tab(along_mm=0.45 * outer, radius_mm=5.0, beyond_mm=3.2)
-    halves = [
-        ("cup_bowl", bowl, layout.bowl_seams_deg, (foot_tab, on_flange)),
-        ("cup_collar", collar, layout.collar_seams_deg, (on_flange,)),
-    ]
+def cup_parts(layout: MoldLayout) -> list[Part]:
+    """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``.
+
+    Raises:
+        GeometryError: the kernel failed at every steepness of the bowl's skirt.
+    """
+    foot_tab = Tab(along_mm=0.45 * layout.params.outer_radius_mm, radius_mm=5.0, beyond_mm=3.2)
+    tabs = (foot_tab, flange_tab(layout))
+    for steepness in SKIRT_STEEPNESS:
+        try:
+            bowl = _segments(layout, "cup_bowl", bowl_body(layout, steepness), layout.bowl_seams_deg, tabs)
+            break
+        except GeometryError:
+            if steepness == SKIRT_STEEPNESS[-1]:
+                raise
+    collar = _segments(layout, "cup_collar", collar_body(layout), layout.collar_seams_deg, tabs[1:])
+    return bowl + collar
+
+
+def _segments(
+    layout: MoldLayout, stem: str, body: Solid, seams_deg: tuple[float, float, float], tabs: tuple[Tab, ...]
+) -> list[Part]:
+    prisms = sector_prisms(layout, seams_deg, tabs)
+    names = [f"{stem}_{k + 1}" for k in range(len(prisms))]
     return [
-        Part(f"{stem}_{k + 1}", "printed", "PLA", one_solid(body.intersect(prism), f"{stem}_{k + 1}"), COLOR)
-        for stem, body, seams, tabs in halves
-        for k, prism in enumerate(sector_prisms(layout, seams, tabs))
+        Part(name, "printed", "PLA", intersected(body, prism, name), COLOR)
+        for name, prism in zip(names, prisms, strict=True)
     ]
 
 

@@ -30,6 +30,19 @@ def cut_holes(body: Shape, tools: Iterable[Solid]) -> Shape:
     return body.cut(*tools) if tools else body
 
 
+def intersected(body: Shape, tool: Solid, name: str) -> Solid:
+    """What two solids share, where that is one solid.
+
+    Raises:
+        GeometryError: none or several solids, or the kernel gave up (it answers with no shape at all).
+    """
+    try:
+        shared = body.intersect(tool)
+    except ValueError as error:
+        raise GeometryError(f"{name}: the CAD kernel cannot intersect two solids ({error}): report D and T") from error
+    return one_solid(shared, name)
+
+
 def fused(body: Solid, others: Iterable[Solid]) -> Solid:
     """Add many solids in one boolean operation."""
     return one_solid(body.fuse(*others), "fuse")

@@ -17,7 +17,7 @@ from cad.hanger import hanger_part
 from cad.interface import build_interface
 from cad.led_ring import led_ring_part
 from cad.mold_core import core_body, core_parts
-from cad.mold_cup import bowl_body, collar_body, cup_parts
+from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
@@ -25,9 +25,12 @@ from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
 from fab.gyroid import InterfaceMesh, interface_mesh, volume_above
 from fab.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
+from fab.self_intersections import self_intersections
 
 Progress = Callable[[str], None]
 PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera")  # what the robot carries
+FINER_MESHES = 6
+FINER_RATIO = 0.7
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
     core = core_body(layout)
     parts = core_parts(layout, core)
     progress("cup")
-    parts = [*cup_parts(layout, bowl_body(layout), collar_body(layout)), *parts, hanger_part(layout)]
+    parts = [*cup_parts(layout), *parts, hanger_part(layout)]
     progress("shell")
     parts.append(shell_part(layout, core))
     progress("interface, base, hardware")
@@ -86,12 +89,26 @@ def build_design(
     pending = workers.submit(interface_mesh, layout.params)
     parts = build_solids(layout, progress)
     progress("meshes")
-    meshes = {name: tessellate(part.solid, tolerance_mm) for name, part in parts.items() if name != "interface"}
+    meshes = {name: _mesh(part, tolerance_mm) for name, part in parts.items() if name != "interface"}
     progress("gyroid")
     gyroid = pending.result()
     meshes["interface"] = gyroid.mesh
     meshes["shell"] = from_manifold(to_manifold(meshes["shell"]) - to_manifold(gyroid.mesh))
     return Design(layout, parts, {name: meshes[name] for name in parts}, gyroid)
+
+
+def _mesh(part: Part, tolerance_mm: float) -> trimesh.Trimesh:
+    """Mesh of a part; pieces of the core finer where facets cross.
+
+    Where the foot of a bump only just meets a joint's wall, the two fans of slivers may cut each other at one tolerance
+    and not at another. What still crosses at the finest is for the gates to refuse.
+    """
+    mesh = tessellate(part.solid, tolerance_mm)
+    for attempt in range(1, FINER_MESHES):
+        if not part.name.startswith("core_") or self_intersections(mesh) == 0:
+            break
+        mesh = tessellate(part.solid, tolerance_mm * FINER_RATIO**attempt)
+    return mesh
 
 
 def mesh_volume_mm3(design: Design, name: str) -> float:

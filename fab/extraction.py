@@ -21,7 +21,7 @@ from cad.dots import DENT_DEPTH_MM, dot_pattern
 from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm
 from cad.mold_layout import MoldLayout
 from fab.cavity import cavity_faces
-from fab.mesh import to_manifold
+from fab.mesh import TOLERANCE_MM, to_manifold
 
 STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
 SEARCH_MM = 0.25  # gaps beyond this are not told apart
@@ -207,8 +207,16 @@ def _molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _draft_deg(mesh: trimesh.Trimesh, faces: np.ndarray, leg: Leg) -> float:
-    """Least angle by which the faces open along a leg: below 0 is an undercut."""
-    opening = -(mesh.face_normals[faces] @ np.array(leg.direction))
+    """Least angle by which the faces open along a leg: below 0 is an undercut.
+
+    A facet whose undercut is less deep than the mesh is true to its surface counts as parallel (0): at the sphere's
+    equator, where the true draft is 0, slivers beside a seam lean by up to that much either way.
+    """
+    direction = np.array(leg.direction)
+    opening = -(mesh.face_normals[faces] @ direction)
+    reach = np.ptp(mesh.triangles[faces] @ direction, axis=1)  # of each facet along the way
+    shallow = (opening < 0) & (-opening * reach < 2 * TOLERANCE_MM)
+    opening[shallow] = 0.0
     return float(np.degrees(np.arcsin(np.clip(opening.min(), -1.0, 1.0))))
 
 

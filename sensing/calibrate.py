@@ -22,15 +22,8 @@ from scipy.optimize import least_squares
 
 from cad.params import EndcapParams
 from sensing.calibrate_dots import NOISE_PX, CalibrationError, assign_dots, pattern_points
-from sensing.camera_model import (
-    Array,
-    FisheyeCamera,
-    MountedCamera,
-    monotonic_half_angle_deg,
-    mount,
-    radial,
-    rotation_matrix,
-)
+from sensing.camera_model import Array, FisheyeCamera, monotonic_half_angle_deg, radial
+from sensing.camera_mount import MountedCamera, mount, rotation_matrix
 from sensing.camera_nominal import K, nominal_mount
 
 NAMES = (

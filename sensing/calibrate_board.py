@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from cad.errors import FileError
 from sensing.calibrate_dots import CalibrationError
-from sensing.camera_model import Array, FisheyeCamera, monotonic_half_angle_deg, radial, rotation_matrix
+from sensing.camera_model import Array, FisheyeCamera, monotonic_half_angle_deg, radial
+from sensing.camera_mount import rotation_matrix
 
 GOOD_PX = 1.0  # no other start is tried below this residual
 MIN_VIEWS = 3

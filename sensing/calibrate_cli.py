@@ -11,7 +11,7 @@ from sensing.calibrate import calibrate_from_dots
 from sensing.calibrate_board import BoardView, calibrate_from_board, find_board, read_views
 from sensing.calibrate_dots import CalibrationError, find_dots, read_dots
 from sensing.calibrate_picture import draw_fit, read_image, write_image
-from sensing.camera_model import MountedCamera, mount
+from sensing.camera_mount import MountedCamera, mount
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -23,7 +23,8 @@ from scipy.spatial import cKDTree
 from cad.dots import dot_pattern, dot_position_mm
 from cad.errors import EndcapError, FileError
 from cad.params import EndcapParams
-from sensing.camera_model import Array, MountedCamera
+from sensing.camera_model import Array
+from sensing.camera_mount import MountedCamera
 
 REFERENCE_HEIGHT_PX = 480  # blob sizes below are for a dot of 14 px at this image height
 BLUR_PX = 1.0

@@ -17,21 +17,16 @@ NumPy only.
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cad.errors import FileError, ParameterError
+from cad.errors import ParameterError
 
 Array = NDArray[np.float64]
 PARAMETER_NAMES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "k4")
-FILE_FORMAT = "endcap-camera-1"
 _POWERS = np.array([3, 5, 7, 9])
 
 
@@ -66,12 +61,12 @@ class FisheyeCamera:
     def __post_init__(self) -> None:
         object.__setattr__(self, "k", tuple(float(c) for c in self.k))
         for name in ("width_px", "height_px", "fx_px", "fy_px"):
-            _require(math.isfinite(getattr(self, name)) and getattr(self, name) > 0, name, getattr(self, name), "> 0")
+            require(math.isfinite(getattr(self, name)) and getattr(self, name) > 0, name, getattr(self, name), "> 0")
         for name in ("cx_px", "cy_px"):
-            _require(math.isfinite(getattr(self, name)), name, getattr(self, name), "finite")
-        _require(len(self.k) == 4 and all(map(math.isfinite, self.k)), "k", self.k, "four finite numbers")
+            require(math.isfinite(getattr(self, name)), name, getattr(self, name), "finite")
+        require(len(self.k) == 4 and all(map(math.isfinite, self.k)), "k", self.k, "four finite numbers")
         angle = self.max_half_angle_deg
-        _require(0 < angle < 180, "max_half_angle_deg", angle, "between 0 and 180")
+        require(0 < angle < 180, "max_half_angle_deg", angle, "between 0 and 180")
         limit = monotonic_half_angle_deg(self.k)
         if angle > limit:
             raise ParameterError(
@@ -97,7 +92,7 @@ class FisheyeCamera:
 
     def project(self, points_camera_mm: ArrayLike) -> Array:
         """Pixels (..., 2) of points (..., 3) in the camera frame; ``nan`` beyond the view and at the pupil itself."""
-        points = _points(points_camera_mm, 3)
+        points = points_array(points_camera_mm, 3)
         rho = np.hypot(points[..., 0], points[..., 1])
         theta = np.arctan2(rho, points[..., 2])
         scale = np.divide(self.radius(theta), rho, out=np.zeros_like(rho), where=rho > 0)
@@ -116,7 +111,7 @@ class FisheyeCamera:
         Returns:
             (..., 2, 3) by the point (px/mm) and (..., 2, 8) by :data:`PARAMETER_NAMES`.
         """
-        points = _points(points_camera_mm, 3)
+        points = points_array(points_camera_mm, 3)
         x, y, z = np.moveaxis(points, -1, 0)
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
@@ -151,7 +146,7 @@ class FisheyeCamera:
 
         The radius is inverted by a table, then Newton steps held inside the table's interval (round trip 1e-12).
         """
-        pixels = _points(pixels, 2)
+        pixels = points_array(pixels, 2)
         x = (pixels[..., 0] - self.cx_px) / self.fx_px
         y = (pixels[..., 1] - self.cy_px) / self.fy_px
         r = np.hypot(x, y)
@@ -192,84 +187,6 @@ class FisheyeCamera:
         return FisheyeCamera(**{**asdict(self), "width_px": width_px, "height_px": height_px, **changes})
 
 
-@dataclass(frozen=True)
-class MountedCamera:
-    """A camera and where it sits in the endcap: what calibration finds and what tracking and rendering need.
-
-    Attributes:
-        camera: intrinsics.
-        T_camera_endcap: 4x4 rigid transform that takes endcap coordinates (mm) to camera coordinates (mm).
-
-    Raises:
-        ParameterError: a matrix that is not a rigid transform (rotation orthonormal to 1e-6, determinant +1).
-    """
-
-    camera: FisheyeCamera
-    T_camera_endcap: Array
-
-    def __post_init__(self) -> None:
-        matrix = np.array(self.T_camera_endcap, dtype=float)
-        good = matrix.shape == (4, 4) and np.isfinite(matrix).all() and np.allclose(matrix[3], [0, 0, 0, 1])
-        good = good and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6)
-        good = good and np.linalg.det(matrix[:3, :3]) > 0
-        _require(bool(good), "T_camera_endcap", "matrix", "a 4x4 rigid transform (rotation and translation)")
-        matrix.setflags(write=False)
-        object.__setattr__(self, "T_camera_endcap", matrix)
-
-    def to_camera(self, points_endcap_mm: ArrayLike) -> Array:
-        """Points (..., 3) from the endcap frame to the camera frame."""
-        return _points(points_endcap_mm, 3) @ self.T_camera_endcap[:3, :3].T + self.T_camera_endcap[:3, 3]
-
-    def project(self, points_endcap_mm: ArrayLike) -> Array:
-        """Pixels (..., 2) of points (..., 3) in the endcap frame; ``nan`` beyond the view."""
-        return self.camera.project(self.to_camera(points_endcap_mm))
-
-    @property
-    def pupil_endcap_mm(self) -> Array:
-        """The entrance pupil in the endcap frame, shape (3,)."""
-        return -self.T_camera_endcap[:3, :3].T @ self.T_camera_endcap[:3, 3]
-
-    def rays_endcap(self, pixels: ArrayLike) -> Array:
-        """Unit rays (..., 3) of pixels (..., 2) in the endcap frame; they start at :attr:`pupil_endcap_mm`."""
-        return self.camera.unproject(pixels) @ self.T_camera_endcap[:3, :3]
-
-    def save(self, path: str | Path) -> None:
-        """Write JSON under a temporary name, then rename.
-
-        Raises:
-            FileError: the folder cannot be written.
-        """
-        record: dict[str, Any] = {"format": FILE_FORMAT, "camera": asdict(self.camera)}
-        record["T_camera_endcap"] = self.T_camera_endcap.tolist()
-        path = Path(path)
-        temporary = path.with_name(path.name + ".part")
-        try:
-            temporary.write_text(json.dumps(record, indent=1) + "\n")
-            os.replace(temporary, path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
-
-    @classmethod
-    def load(cls, path: str | Path) -> MountedCamera:
-        """Read what :meth:`save` wrote.
-
-        Raises:
-            FileError: a file that is missing, is no such JSON, or holds numbers that make no camera.
-        """
-        try:
-            record = json.loads(Path(path).read_text())
-            if record["format"] != FILE_FORMAT:
-                raise ValueError(f"format={record['format']!r}")
-            return cls(FisheyeCamera(**record["camera"]), np.array(record["T_camera_endcap"], dtype=float))
-        except OSError as error:
-            raise FileError(f"{path}: cannot read ({error.strerror}); make one with sensing.calibrate") from error
-        except (ValueError, KeyError, TypeError) as error:
-            raise FileError(
-                f"{path}: not a camera file of format {FILE_FORMAT} ({error}); make one with sensing.calibrate"
-            ) from error
-
-
 def radial(theta: Array, k: Array) -> tuple[Array, Array]:
     """The module's r(theta) and its derivative, both in the shape of ``theta``."""
     square = theta * theta
@@ -289,36 +206,19 @@ def monotonic_half_angle_deg(k: ArrayLike) -> float:
     return min(180.0, math.degrees(math.sqrt(squares.min()))) if len(squares) else 180.0
 
 
-def rotation_matrix(rotation_vector: ArrayLike) -> Array:
-    """Rotation (3, 3) about ``rotation_vector`` by its length in radians (Rodrigues)."""
-    vector = np.asarray(rotation_vector, dtype=float)
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-300:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+def points_array(values: ArrayLike, size: int) -> Array:
+    """Points (..., size) as an array.
 
-
-def mount(camera: FisheyeCamera, pupil_endcap_mm: ArrayLike, rotation: ArrayLike | None = None) -> MountedCamera:
-    """A camera at a pupil position in the endcap frame; ``rotation`` (3, 3) takes endcap to camera axes.
-
-    Without a rotation the camera looks along +z at the tip, image x along the endcap's x.
+    Raises:
+        ParameterError: another last axis.
     """
-    R = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-    T = np.eye(4)
-    T[:3, :3] = R
-    T[:3, 3] = -R @ np.asarray(pupil_endcap_mm, dtype=float)
-    return MountedCamera(camera, T)
-
-
-def _points(values: ArrayLike, size: int) -> Array:
     points = np.asarray(values, dtype=float)
     if points.ndim == 0 or points.shape[-1] != size:
         raise ParameterError(f"points of shape {points.shape}: the last axis must have {size} numbers")
     return points
 
 
-def _require(condition: bool, name: str, value: object, accepted: str) -> None:
+def require(condition: bool, name: str, value: object, accepted: str) -> None:
+    """Refuse a parameter with what would be accepted."""
     if not condition:
         raise ParameterError(f"{name}={value} is not valid: must be {accepted}", name=name, value=value)

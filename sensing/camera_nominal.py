@@ -8,7 +8,8 @@ and pupil height go together (-3.1 px per mm): with another height, another foca
 from __future__ import annotations
 
 from cad.params import EndcapParams
-from sensing.camera_model import FisheyeCamera, MountedCamera, mount
+from sensing.camera_model import FisheyeCamera
+from sensing.camera_mount import MountedCamera, mount
 
 FOCAL_PER_ROW = 247.0 / 480  # px per radian and image row, 4:3 frame
 K = (-0.033, -0.007, 0.0, 0.0)

@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.frames import MM_PER_M, T_sphere_endcap, wrench_in
 from sensing.gelslim import CROP_PX, divergence
 from sensing.records import ShearField, Wrench
@@ -57,25 +58,37 @@ class Friction:
 
 
 def pressure_centre(wrench: Wrench, params: EndcapParams) -> PressureCentre:
-    """Centre of pressure of a wrench in the endcap frame.
+    """Centre of pressure of a wrench in the endcap or sphere frame.
+
+    Raises:
+        ParameterError: a wrench in any other frame.
 
     Notes:
         About the sphere's centre, torque t of a force f at r is r x f. The line's foot is r0 = f x t / |f|^2, and r =
         r0 - sqrt(R^2 - |r0|^2) f / |f| is where it enters: a push points inward, f.r < 0. Flattening by a depth d moves
         the true centre inward by about d along r.
     """
-    about = wrench_in(wrench, T_sphere_endcap(params), "sphere")
-    force, torque = about.force_n, about.torque_nm
+    if wrench.frame not in ("endcap", "sphere"):
+        raise ParameterError(f"frame={wrench.frame!r}: give a wrench in the endcap or sphere frame", name="frame")
+    about = wrench if wrench.frame == "sphere" else wrench_in(wrench, T_sphere_endcap(params), "sphere")
+    return line_of_action(about.force_n, about.torque_nm, params.outer_radius_mm, params.centre_height_mm)
+
+
+def line_of_action(
+    force: NDArray[np.float64], torque: NDArray[np.float64], radius_mm: float, centre_height_mm: float
+) -> PressureCentre:
+    """Where the line of a force (3,) N and torque (3,) N m about the sphere's centre enters the sphere."""
     norm = float(np.linalg.norm(force))
     if not norm >= LEAST_FORCE_N:
         return PressureCentre(np.full(3, np.nan), float("nan"), float("nan"))
-    foot = np.cross(force, torque) / norm**2 * MM_PER_M
-    reach, radius = float(np.linalg.norm(foot)), params.outer_radius_mm
-    if reach <= radius:
-        position, miss = foot - math.sqrt(radius**2 - reach**2) * force / norm, 0.0
+    (fx, fy, fz), (tx, ty, tz) = force.tolist(), torque.tolist()  # np.cross takes ten times as long
+    foot = np.array([fy * tz - fz * ty, fz * tx - fx * tz, fx * ty - fy * tx]) / norm**2 * MM_PER_M
+    reach = float(np.linalg.norm(foot))
+    if reach <= radius_mm:
+        position, miss = foot - math.sqrt(radius_mm**2 - reach**2) * force / norm, 0.0
     else:
-        position, miss = foot * (radius / reach), reach - radius
-    return PressureCentre(position + np.array([0, 0, params.centre_height_mm]), miss, float(force @ torque) / norm)
+        position, miss = foot * (radius_mm / reach), reach - radius_mm
+    return PressureCentre(position + np.array([0, 0, centre_height_mm]), miss, float(force @ torque) / norm)
 
 
 def friction_use(

@@ -5,7 +5,7 @@
     for item in data.frames(train):
         item.frame, item.reference, item.wrench, item.contact, item.dots_px
 
-A folder holds ``manifest.json`` (what was asked for), ``camera.json`` (:mod:`sensing.camera_model`), ``dots.npz``
+A folder holds ``manifest.json`` (what was asked for), ``camera.json`` (:mod:`sensing.camera_mount`), ``dots.npz``
 (positions at rest, mm, endcap frame) and ``shards/NNNNN.npz``. A shard's columns (:data:`COLUMNS`) have one row a
 frame; ``jpeg`` and ``reference_jpeg`` hold all its pictures end to end, picture i ending at ``jpeg_end[i]``. Units are
 in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at the origin of the endcap frame.
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
 from sensing.records import Frame, Wrench
 
 FORMAT = 2
@@ -101,6 +102,21 @@ class LabelledSet:
         self.manifest = read_manifest(self.folder)
         self.phases: tuple[str, ...] = tuple(self.manifest["phases"])
         self.shards = sorted((self.folder / "shards").glob("[0-9]*.npz"))
+
+    @property
+    def params(self) -> EndcapParams:
+        """The design that was simulated.
+
+        Raises:
+            FileError: a manifest that does not say it.
+        """
+        try:
+            request = self.manifest["request"]
+            return EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileError(
+                f"{self.folder / 'manifest.json'}: no design in it ({error}): write the set again"
+            ) from error
 
     def column(self, name: str) -> NDArray:
         """One column over all shards, in the order of :meth:`frames`.

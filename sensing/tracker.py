@@ -24,7 +24,7 @@ from sensing.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operat
 from sensing.gelslim import CROP_PX
 from sensing.patch_kernels import smooth_into, smoothed
 from sensing.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
-from sensing.records import DotTracks, Frame, ShearField
+from sensing.records import DotTracks, Frame, Image, ShearField
 from sensing.recovery import recover, regrow
 
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
@@ -105,11 +105,18 @@ class DotTracker:
         self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
         self._all = np.arange(len(self.dots))
         self._reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
-        self._patience = RETRY_EVERY - 1
         self.restart()
 
     def update(self, frame: Frame) -> DotTracks:
         """Tracks of one frame.
+
+        Raises:
+            FrameError: the frame cannot be decoded or has another size than the reference.
+        """
+        return self.track(self.decode(frame), frame.time_s)
+
+    def decode(self, frame: Frame) -> Image:
+        """The frame as :meth:`track` takes it: gray, of the working size.
 
         Raises:
             FrameError: the frame cannot be decoded or has another size than the reference.
@@ -121,6 +128,10 @@ class DotTracker:
                 f"{frame.source}: frame of {got[0]}x{got[1]} px, the reference has {self.size[0]}x{self.size[1]}: "
                 "take a new reference at this size"
             )
+        return gray
+
+    def track(self, gray: Image, time_s: float) -> DotTracks:
+        """Tracks of a decoded frame captured at ``time_s``."""
         smooth_into(gray, self._image)
         fit = self._follow(self._image)
         self._last = fit
@@ -128,7 +139,7 @@ class DotTracker:
         if lost.any():
             fit.quality[lost], fit.stretch[lost] = 0.0, np.nan
         return DotTracks(
-            time_s=frame.time_s,
+            time_s=time_s,
             ids=self._all,
             reference_px=self.reference_px,
             position_px=self.reference_px + fit.moved * self.reduction,
@@ -145,8 +156,9 @@ class DotTracker:
         return ShearField(tracks.time_s, channels, valid=self.operator.valid(~tracks.lost))
 
     def restart(self) -> None:
-        """Forget the previous frame."""
+        """Forget the frames before: the next answers are those of a new tracker, to the bit."""
         count = len(self.dots)
+        self._patience = RETRY_EVERY - 1
         self._last = _Fit(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(count, bool))
 
     def _follow(self, image: NDArray[np.float32]) -> _Fit:

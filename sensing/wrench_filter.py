@@ -80,8 +80,8 @@ class WrenchFilter:
     def update(self, wrench: Wrench) -> Wrench:
         """Take one estimate; returns the filtered wrench at its capture time.
 
-        An estimate that is not finite is passed over (the answer is predicted and flagged "missing"); one that is not
-        newer than the last changes nothing (flagged "late").
+        An estimate that is not finite or flagged "missing" is passed over (the answer is predicted and so flagged); one
+        that is not newer than the last changes nothing (flagged "late").
 
         Raises:
             ParameterError: an estimate in another frame than those before, or without a finite time.
@@ -90,8 +90,9 @@ class WrenchFilter:
             raise ParameterError(f"time_s={wrench.time_s}: an estimate needs its capture time", name="time_s")
         measured = np.concatenate([wrench.force_n, wrench.torque_nm])
         variance = self._variance(wrench.covariance)
+        usable = bool(np.isfinite(measured).all()) and "missing" not in wrench.flags
         if self._last is None:
-            return self._start(wrench, measured, variance) if np.isfinite(measured).all() else _flagged(wrench)
+            return self._start(wrench, measured, variance) if usable else _flagged(wrench)
         if wrench.frame != self._last.frame:
             raise ParameterError(
                 f"frame={wrench.frame!r}, before it was {self._last.frame!r}: use a filter for each frame", name="frame"
@@ -100,7 +101,7 @@ class WrenchFilter:
         if step <= 0:
             self.late += 1
             return self._told(self._last.time_s, wrench.flags | {"late"})
-        if not np.isfinite(measured).all():
+        if not usable:
             return self._predicted(wrench.time_s, wrench.flags | {"missing"})
         if step > self.config.gap_s:
             return self._start(wrench, measured, variance)

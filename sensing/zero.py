@@ -18,6 +18,7 @@ import hashlib
 import json
 import os
 import tempfile
+import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -38,6 +39,7 @@ CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which
 MOUNT_PX = 0.3  # at 480: similarity motion from which the mounting has drifted
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
 LEAST_FRAMES = 3
+LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
 
 
 class ZeroError(EndcapError):
@@ -113,11 +115,13 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
     limit = STILL_PX * min(tracker.size) / 480.0
     moved = []
     for frame in frames:
-        reduction = working_reduction(tracker.size)
-        find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
         tracks = tracker.update(frame)
-        largest = np.percentile(np.linalg.norm(tracks.displacement_px[~tracks.lost], axis=1), 95)
-        if tracks.lost.mean() > 0.3 or largest > limit:
+        if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is told as what it is
+            reduction = working_reduction(tracker.size)
+            find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
+        live = ~tracks.lost
+        largest = np.percentile(np.linalg.norm(tracks.displacement_px[live], axis=1), 95) if live.any() else np.inf
+        if tracks.lost.mean() > LOST_SHARE or largest > limit:
             raise ZeroError(
                 f"{frame.source}: frame {frame.sequence} moved by {largest:.2f} px, at most {limit:.2f} allowed: "
                 "keep the sensor untouched and still, and zero again"
@@ -130,6 +134,19 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
     date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     exposure = float(np.mean(known)) if known else float("nan")
     return Zero(image, sensor, date, len(frames), noise, _brightness(Frame(0.0, 0, sensor, image=image)), exposure)
+
+
+def single_zero(frame: Frame, sensor: str = "endcap") -> Zero:
+    """One picture as a reference, where no interval is to be had (a folder of photos); its noise is unknown.
+
+    Raises:
+        FrameError: the picture cannot be decoded.
+    """
+    image = decode_bgr(frame)
+    date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    brightness = _brightness(Frame(0.0, 0, sensor, image=image))
+    exposure = float("nan") if frame.exposure is None else frame.exposure
+    return Zero(image, sensor, date, 1, np.zeros(0), brightness, exposure)
 
 
 def save_zero(zero: Zero, path: Path | str) -> None:
@@ -166,7 +183,7 @@ def load_zero(path: Path | str) -> Zero:
         zero = Zero(image=image, noise_px=noise, **about)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
-    except (ValueError, KeyError, TypeError, EOFError) as error:
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: no reference file ({type(error).__name__}): zero the sensor again") from None
     if zero.digest != digest:
         raise FileError(f"{path}: the picture does not match its digest: the file is damaged, zero the sensor again")

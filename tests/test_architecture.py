@@ -19,7 +19,7 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
-SHARED_WITH_SIMULATOR = ("sensing.camera_model", "sensing.camera_nominal", "sensing.records")  # prefixes
+SHARED_WITH_SIMULATOR = ("sensing.camera", "sensing.records")  # prefixes: camera_model, records_labelled and so on
 PACKAGES = ("cad", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
 KERNEL = ("OCP", "build123d", "cadquery")

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from cad.errors import FileError
-from fab.bond_files import Record, read_record
-from fab.bond_results import Specimen, compare, evaluate, holm, initial_peak, mean_interval, mean_peel, summarize
-from fab.bond_tests import main
+from fab.bond_tests.__main__ import main
+from fab.bond_tests.files import Record, read_record
+from fab.bond_tests.results import Specimen, compare, evaluate, holm, initial_peak, mean_interval, mean_peel, summarize
 
 HEADER = ['"Specimen label : A1"', '"Failure type : material"', "", "Time,Extension,Load", "(s),(mm),(N)"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,14 +15,17 @@ from cad.dots import dot_pattern
 from cad.errors import FileError
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from fab import build_sheet as command
-from fab.build_sheet_blocks import Document, Heading, Paragraph, Picture, Step, Table
-from fab.build_sheet_content import lowers
-from fab.build_sheet_dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
-from fab.build_sheet_html import write_html
-from fab.build_sheet_pdf import write_pdf
-from fab.build_sheet_pictures import fill_depth_mm, poured_mesh
-from fab.slice_projects import Export
+from fab.build_sheet import __main__ as command
+from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.casting import lowers
+from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.html import write_html
+from fab.build_sheet.lighting import led_ring, ring_checks
+from fab.build_sheet.pdf import write_pdf
+from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
+from fab.led_ring.driver import fitted_driver
+from fab.led_ring.light import dome_light
+from fab.slice.projects import Export
 
 PARAMS = EndcapParams(130.0, 8.0)
 
@@ -131,3 +135,20 @@ def test_slices_of_another_design_are_refused(tmp_path):
     file.write_text(json.dumps({"digest": "other", "projects": []}))
     with pytest.raises(FileError, match="another design"):
         command.read_slices(export)
+
+
+def test_the_ring_of_the_sheet_is_the_ring_that_is_made(tmp_path):
+    blocks = led_ring(PARAMS, tmp_path / "none.png")
+    text = next(block.text for block in blocks if isinstance(block, Paragraph))
+    driver = fitted_driver()
+    assert f"R_set = {driver.r_set_ohm:g} ohm" in text and f"draws {1e3 * driver.input_a:.0f} mA" in text
+    table = next(block for block in blocks if isinstance(block, Table))
+    light = dome_light(PARAMS, 6)
+    assert table.rows[0] == ("6", f"{100 * light.ripple:.0f} %", f"{light.darkest:.2f}", f"{light.brightest:.2f}")
+    assert all(check.ok for check in ring_checks(PARAMS))
+
+
+def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
+    wrong = replace(fitted_driver(), r_set_ohm=4.7)
+    monkeypatch.setattr("fab.build_sheet.lighting.fitted_driver", lambda: wrong)
+    assert any(not check.ok for check in ring_checks(PARAMS))

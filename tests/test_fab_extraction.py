@@ -13,7 +13,7 @@ from cad.dots import DENT_DEPTH_MM, dot_pattern
 from cad.mold_core import REMOVAL_ORDER, bump, core_profile
 from cad.solids import one_solid, revolved
 from fab.bumps import bump_checks
-from fab.extraction import SEARCH_MM, Leg, core_path, depth_in_cast, extract_core, extract_cup, least_gap_mm
+from fab.extraction import SEARCH_MM, Leg, _draft_deg, core_path, depth_in_cast, extract_core, extract_cup, least_gap_mm
 from fab.gates import extraction_checks
 from fab.mesh import tessellate
 
@@ -189,3 +189,15 @@ def test_a_core_without_bumps_fails(released_mold):
     layout = released_mold[0]
     ball = tessellate(revolved(core_profile(layout)), 0.02)
     assert [(c.name, c.ok) for c in bump_checks(layout, [ball])] == [("bumps.count", False)]
+
+
+@pytest.mark.parametrize(("lean_deg", "reach_mm", "expected"), [(-0.3, 1.0, 0.0), (-0.3, 10.0, -0.3), (0.5, 1.0, 0.5)])
+def test_draft_forgives_only_what_the_mesh_cannot_show(lean_deg, reach_mm, expected):
+    lean = math.radians(lean_deg)
+    up, wall = (math.sin(-lean), 0.0, math.cos(lean)), (0.0, 1.0, 0.0)
+    corners = np.array([(0, 0, 0), np.multiply(up, reach_mm), np.multiply(wall, 5.0)])
+    mesh = trimesh.Trimesh(corners, [(0, 1, 2)], process=False)
+    away = np.sign(mesh.face_normals[0][0])
+    faces = mesh if away < 0 else trimesh.Trimesh(corners, [(0, 2, 1)], process=False)
+    found = _draft_deg(faces, np.array([0]), Leg((0.0, 0.0, 1.0), 1.0))
+    assert found == pytest.approx(expected, abs=1e-6)

@@ -16,12 +16,12 @@ from cad.errors import FileError
 from cad.led_placement import placements
 from cad.led_ring import BOARD_THICKNESS_MM, led_ring_part
 from cad.params import EndcapParams
-from fab.led_circuit import PINS
-from fab.led_copper import PADS, Track, Via, board_face, build_copper
-from fab.led_gerber import board_files, read_archive, regions, write_archive
-from fab.led_light import dome_light, irradiance
-from fab.led_ring import main
-from fab.led_rules import edge_distance_mm, rule_checks
+from fab.led_ring.__main__ import main
+from fab.led_ring.circuit import PINS
+from fab.led_ring.copper import PADS, Track, Via, board_face, build_copper
+from fab.led_ring.gerber import board_files, read_archive, regions, write_archive
+from fab.led_ring.light import dome_light, irradiance
+from fab.led_ring.rules import edge_distance_mm, rule_checks
 
 
 @pytest.fixture(scope="module")
@@ -192,8 +192,8 @@ def test_command_writes_a_whole_folder_or_nothing(tmp_path, capsys):
 
 
 def test_a_wrong_resistor_in_the_table_stops_the_command(tmp_path, monkeypatch, capsys):
-    import fab.led_ring as command
-    from fab.led_driver import choose_driver
+    import fab.led_ring.__main__ as command
+    from fab.led_ring.driver import choose_driver
 
     monkeypatch.setattr(command, "fitted_driver", lambda count: replace(choose_driver(count), r_set_ohm=15.0))
     assert main([f"exports={tmp_path}"]) == 1

@@ -11,10 +11,10 @@ from cad.errors import ParameterError
 from cad.led_parts import led_part
 from cad.led_placement import led_azimuths_deg, placements
 from cad.params import EndcapParams
-from fab.led_bom import ring_bom
-from fab.led_budget import driver_checks, temperatures_c, thermal_checks
-from fab.led_circuit import PINS, circuit_checks, netlist
-from fab.led_driver import F_SWITCH, Driver, choose_driver, fitted_driver, losses_w, sense_resistor_ohm
+from fab.led_ring.bom import ring_bom
+from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks
+from fab.led_ring.circuit import PINS, circuit_checks, netlist
+from fab.led_ring.driver import F_SWITCH, Driver, choose_driver, fitted_driver, losses_w, sense_resistor_ohm
 
 
 def failed(checks) -> set[str]:

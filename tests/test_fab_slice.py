@@ -16,15 +16,16 @@ import trimesh
 
 from cad.errors import FileError, GeometryError, ParameterError
 from cad.params import EndcapParams
-from fab import slice as command
-from fab.slice_3mf import Project, Volume, write_orca, write_prusa
-from fab.slice_gcode import read_gcode
-from fab.slice_measure import empty_layers, floating_starts, print_figures, zone_figures
-from fab.slice_pose import laid_down
-from fab.slice_projects import Export, read_export, read_part
-from fab.slice_result import slice_project
-from fab.slice_run import NAMES, SlicerMissingError, find_slicer, model_info, slice_to_gcode
-from fab.slice_settings import LAYER_MM, Region, filament, native_density_percent, part_settings, zone_region
+from fab.slice import __main__ as command
+from fab.slice.filaments import filament
+from fab.slice.gcode import read_gcode
+from fab.slice.measure import empty_layers, floating_starts, print_figures, zone_figures
+from fab.slice.pose import laid_down
+from fab.slice.project_3mf import Project, Volume, write_orca, write_prusa
+from fab.slice.projects import Export, read_export, read_part
+from fab.slice.result import slice_project
+from fab.slice.run import NAMES, SlicerMissingError, find_slicer, model_info, slice_to_gcode
+from fab.slice.settings import LAYER_MM, Region, native_density_percent, part_settings, zone_region
 
 SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
 needs_slicer = pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")
@@ -276,14 +277,14 @@ def test_a_part_beside_the_bed_shows_in_the_moves(tmp_path):
     ],
 )
 def test_bad_input_gets_one_line_and_status_2(words, expected, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("fab.slice_run.shutil.which", lambda name: f"/bin/{name}")
+    monkeypatch.setattr("fab.slice.run.shutil.which", lambda name: f"/bin/{name}")
     assert command.main([*words, f"exports={tmp_path}"]) == 2
     err = capsys.readouterr().err
     assert len(err.splitlines()) == 1 and expected in err and list(tmp_path.iterdir()) == []
 
 
 def test_without_the_slicer_the_command_says_how_to_get_it(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("fab.slice_run.shutil.which", lambda name: None)
+    monkeypatch.setattr("fab.slice.run.shutil.which", lambda name: None)
     assert command.main([f"exports={tmp_path}"]) == 2
     assert "apt-get install" in capsys.readouterr().err
     with pytest.raises(SlicerMissingError):
@@ -310,12 +311,12 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
 
     bad = SimpleNamespace(checks=[Check("base.empty_layers", 2, high=0)])
     export = SimpleNamespace(folder=tmp_path, params=SMALL)
-    monkeypatch.setattr("fab.slice_run.find_slicer", lambda: "slicer")
-    monkeypatch.setattr("fab.slice_projects.read_export", lambda *_: export)
-    monkeypatch.setattr("fab.slice_projects.project_names", lambda _: ["base"])
+    monkeypatch.setattr("fab.slice.run.find_slicer", lambda: "slicer")
+    monkeypatch.setattr("fab.slice.projects.read_export", lambda *_: export)
+    monkeypatch.setattr("fab.slice.projects.project_names", lambda _: ["base"])
     monkeypatch.setattr(command, "_slice_one", lambda *_: bad)
     monkeypatch.setattr(command, "ProcessPoolExecutor", lambda *_: Inline())
-    monkeypatch.setattr("fab.slice_result.summary", lambda _: "")
+    monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
     assert command.main(["D=100", f"exports={tmp_path}"]) == 1
     assert "base.empty_layers = 2, wanted <= 0" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -15,7 +15,8 @@ from sensing.calibrate import MountPrior, calibrate_from_dots
 from sensing.calibrate_board import BoardView, _grouped_jacobian, calibrate_from_board
 from sensing.calibrate_cli import main
 from sensing.calibrate_dots import CalibrationError, find_dots, pattern_points, read_dots
-from sensing.camera_model import FisheyeCamera, MountedCamera, mount, rotation_matrix
+from sensing.camera_model import FisheyeCamera
+from sensing.camera_mount import MountedCamera, mount, rotation_matrix
 from sensing.camera_nominal import nominal_lens, nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_cli import main as render
@@ -102,7 +103,8 @@ def test_photo_to_camera_file(tmp_path, capsys) -> None:
 
 
 def test_finder_is_sub_pixel_on_clean_dots() -> None:
-    clean = Paint(smeared=0, specks=0, jitter_mm=0, roughness=0, seams=False, unevenness=0)
+    ink = {"smeared": 0, "roughness": 0, "unevenness": 0, "overflow": 0, "radius_scale": 1, "size_spread": 0}
+    clean = Paint(specks=0, jitter_mm=0, seams=False, **ink)
     frame = DomeRenderer(PARAMS, nominal_mount(PARAMS), RenderSettings(mesh=64, texels=1024, paint=clean)).render()
     found = find_dots(frame.image_bgr)
     whole = frame.dots_visible & ((frame.dots_px > 12) & (frame.dots_px < [627, 467])).all(1)

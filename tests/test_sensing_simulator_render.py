@@ -11,7 +11,7 @@ import pytest
 from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import mount, rotation_matrix
+from sensing.camera_mount import mount, rotation_matrix
 from sensing.camera_nominal import nominal_lens, nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_cli import main
@@ -22,7 +22,8 @@ from sensing.simulator.render_sensor import pixel_values, signal_of, tone_table
 from sensing.simulator.render_settings import Lamp, Optics, Paint, RenderSettings, Sensor
 
 PARAMS = EndcapParams(130, 8)
-CLEAN = Paint(smeared=0, specks=0, jitter_mm=0, roughness=0, seams=False, unevenness=0, clouds=0)
+ROUND = {"smeared": 0, "roughness": 0, "unevenness": 0, "overflow": 0, "radius_scale": 1, "size_spread": 0}
+CLEAN = Paint(specks=0, jitter_mm=0, seams=False, clouds=0, **ROUND)
 PLAIN = RenderSettings(seed=3, mesh=64, texels=1024, paint=CLEAN)
 
 
@@ -112,6 +113,34 @@ def test_interpolation_is_third_order() -> None:
     assert (orders > 2.6).all()
 
 
+def test_tracing_in_cells_costs_little_and_the_lens_edge_is_whole() -> None:
+    exact = DomeRenderer(PARAMS, nominal_mount(PARAMS), replace(PLAIN, mesh=96, cell=1))
+    truth = exact.radiance(bulge(exact.surface_mm))
+    errors = []
+    for cell in (2, 4, 8, 32):
+        made = DomeRenderer(PARAMS, nominal_mount(PARAMS), replace(PLAIN, mesh=96, cell=cell))
+        errors.append(np.sqrt(((made.radiance(bulge(made.surface_mm)) - truth) ** 2).mean()) / np.median(truth))
+    assert 0 < errors[0] < errors[1] < errors[2] < 2e-3  # not zero: the cells were used
+    assert errors[2] > 2 * errors[1] > 4 * errors[0]
+    assert errors[3] == 0  # the surface ends inside such cells: traced at every pixel instead
+
+
+def test_a_turned_load_is_the_load_at_another_azimuth(renderer: DomeRenderer) -> None:
+    """Turning the displacement by the renderer against giving it the field of the turned bulge."""
+    for azimuth in (37.0, 200.0):
+        turn = rotation_matrix([0, 0, np.radians(azimuth)])
+        direct = bulge(renderer.surface_mm @ turn) @ turn.T
+        a, b = renderer.render(bulge(renderer.surface_mm), azimuth_deg=azimuth), renderer.render(direct)
+        assert np.abs(a.dots_px - b.dots_px)[a.dots_visible].max() < 0.02
+        gap = np.abs(a.pixels_bgr.astype(int) - b.pixels_bgr).mean()
+        still = renderer.render(bulge(renderer.surface_mm))
+        assert np.abs(a.pixels_bgr.astype(int) - still.pixels_bgr).mean() > 4 * gap  # measured: 0.91 against 0.12
+    moved = bulge(renderer.surface_mm)
+    first = renderer.render(moved).dots_px
+    moved *= 0.5  # the same array, changed: nothing stale may come back
+    assert np.nanmax(np.abs(renderer.render(moved).dots_px - first)) > 1
+
+
 def test_light_is_linear_and_adds_up(renderer: DomeRenderer) -> None:
     base = renderer.radiance()
     twice = renderer.radiance(settings=replace(PLAIN, lamp=Lamp(brightness=2.0)))
@@ -138,7 +167,7 @@ def test_irradiance_matches_closed_form_and_sphere_theorem() -> None:
 
 def test_noise_statistics() -> None:
     light = np.full((200, 200, 3), 0.3, np.float32)
-    normals = np.random.default_rng(0).standard_normal(light.shape, np.float32)
+    normals = np.random.default_rng(0).standard_normal(light.size, np.float32)
     signal = signal_of(light, normals, 1.5, 2.0, 5000.0, 20.0)
     expected = 2.0 * np.sqrt(0.45 / 5000 + (20 / 5000) ** 2)
     assert signal.mean() == pytest.approx(0.9, abs=4 * expected / np.sqrt(light.size))

@@ -1,5 +1,7 @@
 """The filter against an independent batch solution, closed-form signals, its own statistics, and abuse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -121,6 +123,8 @@ def test_late_missing_stale_and_gaps_are_said():
     assert "late" in tracker.update(wrench(np.full(6, 99.0), 0.9)).flags and tracker.late == 1
     missing = tracker.update(wrench([np.inf, 0, 0, 0, 0, 0], 1.03))
     assert "missing" in missing.flags and np.allclose(missing.force_n, 1)
+    zeros = replace(wrench(np.zeros(6), 1.04), flags=frozenset({"missing"}))  # what a model without dots answers
+    assert np.allclose(tracker.update(zeros).force_n, 1)
     assert "stale" not in tracker.at(1.1).flags and "stale" in tracker.at(1.3).flags
     far = tracker.update(wrench(np.full(6, 5.0), 3.0))
     assert np.allclose(far.force_n, 5.0) and np.isnan(tracker.nis)  # started anew

@@ -1,50 +1,25 @@
-"""The data writer: reproducible, resumable, readable, on one process, several, or a cluster; its command line."""
+"""What the data writer writes: frames with their labels, as asked for on the command line."""
 
 from __future__ import annotations
 
-import os
-import resource
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from small_data import short_path, small_request
 
 from cad.dots import dot_pattern
-from cad.errors import FileError, ParameterError
-from sensing.camera_model import MountedCamera
+from sensing.camera_mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
-from sensing.simulator import data_request, dataset, protocols
+from sensing.simulator import data_request, protocols
 from sensing.simulator.__main__ import main
 from sensing.simulator.data_frames import shard_arrays
-from sensing.simulator.data_request import DataRequest
-from sensing.simulator.dataset import shard_path, write_dataset
-from sensing.simulator.loading import LoadPath, Waypoint, timed
+from sensing.simulator.dataset import write_dataset
+from sensing.simulator.loading import Waypoint
 from sensing.simulator.press import Target
 from sensing.simulator.surface import turn_wrench
-
-ROOT = Path(__file__).resolve().parent.parent
-
-
-def short_path(_: int, number: int, azimuths: int) -> LoadPath:
-    """Three states in the mirror plane, so that the tests stay quick."""
-    points = [
-        Waypoint("approach", None, 2.0),
-        Waypoint("load", Target(normal_n=8.0 + number)),
-        Waypoint("drag", Target(normal_n=8.0, shift_mm=(0.5, 0.0))),
-    ]
-    return LoadPath(number, 20.0, 0.5, tuple(30.0 * (k + 1) for k in range(azimuths)), timed(points))
-
-
-def small_request() -> DataRequest:
-    """Two shards of one path each; needs :func:`short_path` under its name."""
-    protocols.PROTOCOLS["short"] = short_path
-    data_request.PATHS_PER_SHARD = 1
-    return DataRequest(frames=12, density="draft", protocol="short", azimuths=2, render="draft")
 
 
 @pytest.fixture(autouse=True)
@@ -60,20 +35,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert write_dataset(small_request(), folder) == 2
     data_request.PATHS_PER_SHARD = kept
     return folder
-
-
-def same(first: Path, second: Path) -> bool:
-    a, b = ([shard_path(folder, k).read_bytes() for k in range(2)] for folder in (first, second))
-    return [content(x) for x in a] == [content(x) for x in b]
-
-
-def content(data: bytes) -> dict[str, bytes]:
-    """Members of a zip by name (its time stamps may differ)."""
-    import io
-    import zipfile
-
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
 
 
 def test_frames_are_their_states_turned_and_seen(made: Path) -> None:
@@ -113,74 +74,6 @@ def test_pose_puts_plane_and_force_where_they_belong(made: Path) -> None:
         assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
 
 
-def test_a_killed_run_goes_on_and_ends_the_same(made: Path, tmp_path: Path) -> None:
-    run = subprocess.run([sys.executable, __file__, "kill", str(tmp_path)], cwd=ROOT, env=environment())
-    assert run.returncode == -signal.SIGKILL
-    assert shard_path(tmp_path, 0).exists() and not shard_path(tmp_path, 1).exists()
-    assert list(tmp_path.rglob("*.part"))  # killed while it wrote
-    assert len(list(LabelledSet(tmp_path).frames())) == 6
-    assert write_dataset(small_request(), tmp_path) == 1
-    assert same(tmp_path, made) and not list(tmp_path.rglob("*.part"))
-    assert write_dataset(small_request(), tmp_path) == 0
-
-
-def test_a_full_disk_is_one_line_and_what_was_written_stays(made: Path, tmp_path: Path) -> None:
-    run = subprocess.run(
-        [sys.executable, __file__, "full", str(tmp_path)], cwd=ROOT, env=environment(), capture_output=True, text=True
-    )
-    assert run.returncode == 2, run.stderr
-    assert run.stderr.count("\n") == 1 and "cannot be written (File too large)" in run.stderr
-    assert len(list(LabelledSet(tmp_path).frames())) == 6 and not list(tmp_path.rglob("*.part"))
-
-
-def test_a_corrupt_shard_is_named_and_made_again(made: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    assert write_dataset(small_request(), tmp_path) == 2
-    path = shard_path(tmp_path, 1)
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0xFF  # one byte of a picture
-    path.write_bytes(data)
-    with pytest.raises(FileError, match=r"00001\.npz: not a whole shard"):
-        list(LabelledSet(tmp_path).frames())
-    assert write_dataset(small_request(), tmp_path) == 1
-    assert "00001.npz: corrupt shard" in capsys.readouterr().err
-    assert same(tmp_path, made)
-
-
-def test_two_processes_give_the_same_shards(made: Path, tmp_path: Path) -> None:
-    assert write_dataset(small_request(), tmp_path, workers=2) == 2
-    assert same(tmp_path, made)
-
-
-def test_a_dask_cluster_gives_the_same_shards(made: Path, tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
-    ) as cluster:
-        assert write_dataset(small_request(), tmp_path, scheduler=cluster.scheduler_address) == 2
-    assert same(tmp_path, made)
-
-
-def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed")
-    monkeypatch.setattr(dataset, "CONNECT_S", 1)
-    with pytest.raises(ParameterError, match=r"no Dask scheduler answers there"):
-        write_dataset(small_request(), tmp_path, scheduler="tcp://127.0.0.1:9")
-
-
-def test_a_set_grows_but_is_never_mixed(made: Path, tmp_path: Path) -> None:
-    request = small_request()
-    assert write_dataset(replace(request, frames=6), tmp_path) == 1
-    assert write_dataset(request, tmp_path) == 1
-    assert same(tmp_path, made)
-    with pytest.raises(FileError, match="holds a set made with seed=0"):
-        write_dataset(replace(request, seed=1), tmp_path)
-    with dataset._locked(tmp_path), pytest.raises(FileError, match="another run is writing"):
-        write_dataset(request, tmp_path)
-    (tmp_path / "manifest.json").write_text("{")
-    with pytest.raises(FileError, match="not the manifest"):
-        write_dataset(request, tmp_path)
-
-
 def test_refused_states_are_listed_and_the_rest_stands() -> None:
     points = (*short_path(0, 0, 1).waypoints[:2], Waypoint("load", Target(normal_n=-1.0)), Waypoint("clear", None, 1.0))
     path = replace(short_path(0, 0, 1), waypoints=points)
@@ -206,7 +99,7 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
         (["--protocol", "dance"], "protocol='dance' is unknown: choose one of static"),
         (["--frames", "0"], "frames=0 outside"),
         (["--tolerance", "0.5"], "tolerance=0.5 outside"),
-        (["--level", "9"], "level=9 is unknown"),
+        (["--level", "4"], "level=4 is unknown: choose one of 1, 2"),
         (["--silicone", "butter"], "silicone='butter' is not in cad/materials.csv"),
         (["--wall", "1"], "wall_mm=1"),
         (["--unpainted", "2"], "Paint.unpainted=2.0 outside"),
@@ -224,39 +117,3 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
 def test_the_press_command_prints_a_certificate(capsys: pytest.CaptureFixture) -> None:
     assert main(["press", "--density", "draft", "--normal", "5", "--tilt", "20"]) == 0
     assert "certificate residual" in capsys.readouterr().out
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT)}
-
-
-def kill_in_second_shard(folder: str) -> None:
-    """SIGKILL after the second shard's bytes are in its temporary file."""
-    plain, calls = os.fsync, []
-
-    def fsync(number: int) -> None:
-        calls.append(number)
-        if len(calls) == 4:  # dots, manifest, first shard, second
-            os.kill(os.getpid(), signal.SIGKILL)
-        plain(number)
-
-    os.fsync = fsync
-    write_dataset(small_request(), Path(folder))
-
-
-def fill_disk_in_second_shard(folder: str) -> int:
-    """A file size limit that the second shard exceeds, through the command line's handling of errors."""
-    request = small_request()
-    write_dataset(replace(request, frames=6), Path(folder))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-    try:
-        write_dataset(request, Path(folder))
-    except FileError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    mode, where = sys.argv[1:]
-    sys.exit(kill_in_second_shard(where) if mode == "kill" else fill_disk_in_second_shard(where))

@@ -104,6 +104,7 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
     tangent = np.einsum("gak,fai->fgik", grad, mesh.points[nodes])
     area = np.linalg.norm(np.cross(tangent[..., 0], tangent[..., 1]), axis=-1) * rule
     normal = ratio * young_mpa / wall_mm
+    nodes = np.ascontiguousarray(nodes)  # one memory layout: kernels have one signature (tests/test_kernels.py)
     return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal)
 
 

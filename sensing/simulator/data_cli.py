@@ -6,9 +6,8 @@ import argparse
 from dataclasses import fields
 from pathlib import Path
 
-from sensing.simulator.data_request import LAMPS, RENDERERS, DataRequest
+from sensing.simulator.data_request import LAMPS, PATH_LEVELS, RENDERERS, DataRequest
 from sensing.simulator.dataset import refusals, shard_path, write_dataset
-from sensing.simulator.levels import LEVELS
 from sensing.simulator.mesh import DENSITIES
 from sensing.simulator.protocols import PROTOCOLS
 
@@ -47,7 +46,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
     option("seed", int, "seed of the paths")
     option("azimuths", int, "labelled azimuths of every solved state")
-    option("level", int, "of the mechanics, 1 is the full model", choices=tuple(LEVELS))
+    option("level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
     option("density", str, "mesh", choices=tuple(DENSITIES))
     option("tolerance", float, "residual over load at level 2")
     option("render", str, "quality of the pictures", choices=RENDERERS)

@@ -153,7 +153,9 @@ def _picture(
     """Dots and JPEG of a state; without a renderer the dots as the camera model sees their nominal places."""
     begin, end = state.begin.surface_mm, state.end.surface_mm
     simulator = tools.simulator
-    moved = (simulator.markers(state.begin, azimuth_deg) + simulator.markers(state.end, azimuth_deg)) / 2
+    moved = simulator.markers(state.end, azimuth_deg)
+    if state.begin is not state.end:
+        moved = (simulator.markers(state.begin, azimuth_deg) + moved) / 2
     if tools.renderer is None:
         pixels = request.mounted.project(rest_arrays(request)["dots_mm"] + moved)
         camera = request.mounted.camera

@@ -15,7 +15,7 @@ wall, and shadows of the surface on itself. Folds are hidden correctly.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -25,11 +25,12 @@ from scipy.sparse import csr_matrix
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import Array, MountedCamera
+from sensing.camera_model import Array, monotonic_half_angle_deg
+from sensing.camera_mount import MountedCamera
 from sensing.camera_nominal import nominal_mount
 from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance
 from sensing.simulator.render_mesh import interpolation_matrix, surface_mesh, vertex_normals
-from sensing.simulator.render_raster import interpolate, rasterise
+from sensing.simulator.render_raster import draw, interpolate, rasterise
 from sensing.simulator.render_sensor import (
     AMBIENT_TINT,
     BRONZE,
@@ -49,6 +50,7 @@ from sensing.simulator.surface import turn_about_axis
 
 Interpolation = Callable[[Array], csr_matrix]
 NOISE_TABLE = 1 << 23  # standard normals kept for frames without fresh noise
+BEYOND_DEG = 12.0  # past the lens's edge, so that cells which it cuts have all their corners
 KEPT_AZIMUTHS = 16  # dot interpolations kept
 HIDDEN_MM = 1.0  # a dot this far behind the surface seen at its pixel is hidden
 
@@ -110,9 +112,12 @@ class DomeRenderer:
         self._interpolation = interpolation or partial(interpolation_matrix, params, self.surface_mm)
         self._to_mesh = None if surface_mm is None else self._interpolation(self._mesh.vertices_mm)
         self._dot_matrices: dict[float, csr_matrix] = {}
+        self._last: tuple[Array, float, tuple[Array, Array, bool]] | None = None  # the last surface deformed
         camera, factor = self.mounted.camera, self.settings.supersample
         fine = camera.resized(camera.width_px * factor, camera.height_px * factor)
         self._fine = MountedCamera(fine, self.mounted.T_camera_endcap)
+        limit = min(camera.max_half_angle_deg + BEYOND_DEG, monotonic_half_angle_deg(camera.k))
+        self._wide = MountedCamera(replace(fine, max_half_angle_deg=limit), self.mounted.T_camera_endcap)
         self._transmission = lens_transmission(fine, self.settings.optics)
         edge = np.nan_to_num(pixel_angles(camera) / (np.pi / 2), nan=1.0) ** 2
         self._edge_weight = np.clip(edge, 0, 1).astype(np.float32)
@@ -141,7 +146,8 @@ class DomeRenderer:
         """
         settings = settings or self.settings
         end = self._displacement(displacement_mm)
-        radiance = self.radiance(displacement_mm, start_mm=start_mm, azimuth_deg=azimuth_deg, settings=settings)
+        self._last = None
+        radiance = self._light(end, start_mm, azimuth_deg, settings)
         sensor = settings.sensor
         signal = signal_of(
             radiance,
@@ -165,8 +171,10 @@ class DomeRenderer:
         settings: RenderSettings | None = None,
     ) -> Floats:
         """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear."""
-        settings = settings or self.settings
-        end = self._displacement(displacement_mm)
+        self._last = None  # the caller may have changed the same array
+        return self._light(self._displacement(displacement_mm), start_mm, azimuth_deg, settings or self.settings)
+
+    def _light(self, end: Array, start_mm: ArrayLike | None, azimuth_deg: float, settings: RenderSettings) -> Floats:
         if start_mm is None:
             light = self._sharp(end, azimuth_deg, settings)
         else:
@@ -180,26 +188,46 @@ class DomeRenderer:
 
     def _sharp(self, displacement: Array, azimuth_deg: float, settings: RenderSettings) -> Floats:
         """Light at the rasteriser's resolution, before the lens's blur."""
-        lamp, vertices = settings.lamp, self._vertices(displacement, azimuth_deg)
+        lamp = settings.lamp
+        vertices, normals, unfolded = self._deformed(displacement, azimuth_deg)
         leds, brightness = led_positions_mm(lamp)
         tip = tip_irradiance(lamp, self.params.centre_height_mm + self.params.inner_radius_mm)
-        normals = vertex_normals(vertices, self._mesh.triangles)
         lit = shade(vertices, normals, self.mounted.pupil_endcap_mm, leds, brightness / tip)
         disc = self._mesh.disc @ turn_about_axis(azimuth_deg)[:2, :2].T
         values = np.concatenate([disc.astype(np.float32), lit], 1)
-        owner, corners, _ = self._trace(self._fine, vertices)
-        seen = interpolate(owner, corners, values, self._mesh.triangles)
         ambient = float(brightness.sum()) * lamp.ambient * AMBIENT_TINT
         weights = np.stack([ambient, np.full(3, lamp.gloss), lamp.ink_gloss * BRONZE]).astype(np.float32)
         same = settings.optics == self.settings.optics
         passed = self._transmission if same else lens_transmission(self._fine.camera, settings.optics)
-        passed = np.where(owner >= 0, passed, np.float32(0))
-        return radiance_image(seen, self._skin.texture, self._skin.extent, passed, weights)
+        skin, triangles = self._skin, self._mesh.triangles
+        cell = self.settings.cell
+        if cell > 1 and unfolded:
+            height, width = passed.shape
+            size = -(-height // cell) + 1, -(-width // cell) + 1
+            depth = np.linalg.norm(vertices - self.mounted.pupil_endcap_mm, axis=1)
+            owner, corners, _ = rasterise(self._wide.project(vertices) / cell, depth, triangles, *size)
+            seen = interpolate(owner, corners, values, triangles)
+            light, ends = draw(owner, seen, cell, skin.texture, skin.extent, passed, weights)
+            if not ends:
+                return light
+        owner, corners, _ = self._trace(self._fine, vertices)
+        seen = interpolate(owner, corners, values, triangles)
+        return radiance_image(seen, skin.texture, skin.extent, np.where(owner >= 0, passed, np.float32(0)), weights)
 
-    def _vertices(self, displacement: Array, azimuth_deg: float) -> Array:
-        """Deformed vertices: the whole mesh is turned with the displacement, for one interpolation at any azimuth."""
-        moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
-        return np.ascontiguousarray((self._mesh.vertices_mm + moved) @ turn_about_axis(azimuth_deg).T)
+    def _deformed(self, displacement: Array, azimuth_deg: float) -> tuple[Array, Array, bool]:
+        """Vertices and normals, and whether all of the surface faces the camera, so that nothing can hide anything.
+
+        The whole mesh is turned with the displacement, for one interpolation at any azimuth.
+        """
+        if self._last is None or self._last[0] is not displacement or self._last[1] != azimuth_deg:
+            moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
+            turn = turn_about_axis(azimuth_deg)
+            vertices = np.ascontiguousarray((self._mesh.vertices_mm + moved) @ turn.T)
+            normals = vertex_normals(vertices, self._mesh.triangles)
+            facing = (normals * (self.mounted.pupil_endcap_mm - vertices)).sum(1) > 0
+            unfolded = bool(facing[self._inner].all())
+            self._last = (displacement, azimuth_deg, (vertices, normals, unfolded))
+        return self._last[2]
 
     def _trace(self, mounted: MountedCamera, vertices: Array) -> tuple[NDArray[np.int32], Floats, Floats]:
         """The triangle that each pixel sees, where in it, and how far from the pupil."""
@@ -214,9 +242,9 @@ class DomeRenderer:
         pixels, camera = self.mounted.project(points), self.mounted.camera
         inside = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(1)
         visible = inside & self._skin.painted
-        vertices, pupil = self._vertices(displacement, azimuth_deg), self.mounted.pupil_endcap_mm
-        facing = (vertex_normals(vertices, self._mesh.triangles) * (pupil - vertices)).sum(1) > 0
-        if not facing[self._inner].all():  # otherwise nothing can hide anything
+        vertices, _, unfolded = self._deformed(displacement, azimuth_deg)
+        if not unfolded:
+            pupil = self.mounted.pupil_endcap_mm
             nearest = self._trace(self.mounted, vertices)[2]
             columns, rows = np.round(pixels[visible]).astype(int).T
             distance = np.linalg.norm(points[visible] - pupil, axis=1)

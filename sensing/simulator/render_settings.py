@@ -29,7 +29,9 @@ class Paint:
         seams: draw the seams of the segmented core.
         jitter_mm: hand-painting scatter of the ink's centre about the dent (M: 0.3, 1 px on the photos).
         roughness: waviness of the ink's edge, fraction of the dot radius.
-        radius_scale: ink radius over dent radius.
+        overflow: fraction of dots whose ink ran over the dent's edge, more of them toward the rim (M: photos).
+        radius_scale: ink radius over dent radius (M: median area of the dots on the photos).
+        size_spread: standard deviation of that radius from dot to dot, relative (M: likewise).
         unevenness: how much the ink's tone varies inside a dot and between dots, 1 as on the photos.
         clouds: faint large-scale variation of the silicone's reflectance (E).
     """
@@ -43,7 +45,9 @@ class Paint:
     seams: bool = True
     jitter_mm: float = 0.2
     roughness: float = 0.06
-    radius_scale: float = 1.0
+    overflow: float = 0.5
+    radius_scale: float = 1.12
+    size_spread: float = 0.07
     unevenness: float = 1.0
     clouds: float = 0.012
 
@@ -104,7 +108,7 @@ class Sensor:
         exposure: factor on the light collected.
         gain: factor on the signal after the noise of the light.
         full_well_e: electrons at signal 1.
-        read_noise_e: electrons, Gaussian.
+        read_noise_e: electrons, Gaussian (M: the black corners of the photos are that quiet).
         gamma: signal to the power 1/gamma is the pixel value.
         black: pixel value of no light.
         sharpen: amount of the camera's unsharp mask, which leaves the pale halo round the dots (M: photos).
@@ -114,7 +118,7 @@ class Sensor:
     exposure: float = 1.0
     gain: float = 1.0
     full_well_e: float = 20000.0
-    read_noise_e: float = 12.0
+    read_noise_e: float = 3.0
     gamma: float = 2.2
     black: float = 7.0
     sharpen: float = 0.9
@@ -130,6 +134,8 @@ class RenderSettings:
         mesh: grid cells across the surface.
         texels: width of the painted texture.
         supersample: rendered pixels per image pixel and axis.
+        cell: pixels between the points at which the surface is traced (1: at every pixel); folds are always traced at
+            every pixel.
         blur_frames: images averaged over the exposure when there is motion.
         fresh_noise: draw every frame's noise anew; otherwise read it at a random place of a table (faster).
         paint: see :class:`Paint`.
@@ -145,6 +151,7 @@ class RenderSettings:
     mesh: int = 96
     texels: int = 1280
     supersample: int = 1
+    cell: int = 8
     blur_frames: int = 4
     fresh_noise: bool = False
     paint: Paint = field(default_factory=Paint)
@@ -169,10 +176,10 @@ class RenderSettings:
 
 
 LEVELS: dict[str, dict[str, int | bool]] = {
-    "draft": {"mesh": 48, "texels": 640, "supersample": 1, "blur_frames": 2, "fresh_noise": False},
-    "data": {"mesh": 96, "texels": 1280, "supersample": 1, "blur_frames": 4, "fresh_noise": False},
-    "fine": {"mesh": 128, "texels": 2048, "supersample": 2, "blur_frames": 6, "fresh_noise": True},
-    "reference": {"mesh": 256, "texels": 4096, "supersample": 4, "blur_frames": 16, "fresh_noise": True},
+    "draft": {"mesh": 48, "texels": 640, "supersample": 1, "cell": 8, "blur_frames": 2, "fresh_noise": False},
+    "data": {"mesh": 96, "texels": 1280, "supersample": 1, "cell": 8, "blur_frames": 4, "fresh_noise": False},
+    "fine": {"mesh": 128, "texels": 2048, "supersample": 2, "cell": 4, "blur_frames": 6, "fresh_noise": True},
+    "reference": {"mesh": 256, "texels": 4096, "supersample": 4, "cell": 1, "blur_frames": 16, "fresh_noise": True},
 }
 
 _RANGES: dict[str, tuple[float, float]] = {
@@ -180,6 +187,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "mesh": (8, 1024),
     "texels": (64, 8192),
     "supersample": (1, 8),
+    "cell": (1, 32),
     "blur_frames": (1, 256),
     "unpainted": (0, 1),
     "missing": (0, 1),
@@ -188,7 +196,9 @@ _RANGES: dict[str, tuple[float, float]] = {
     "specks": (0, 10000),
     "jitter_mm": (0, 5),
     "roughness": (0, 0.5),
+    "overflow": (0, 1),
     "radius_scale": (0.2, 2),
+    "size_spread": (0, 0.3),
     "unevenness": (0, 2),
     "clouds": (0, 0.2),
     "count": (1, 360),

@@ -101,6 +101,7 @@ class LiveSource:
         silent_s: no frame for this long is a fault.
         retry_s: pause before opening again.
         reopen: False for a source that ends, such as a file.
+        notify: called after every frame, and at the end, from the source's thread; must not wait.
     """
 
     def __init__(
@@ -110,7 +111,9 @@ class LiveSource:
         silent_s: float = 1.0,
         retry_s: float = 0.5,
         reopen: bool = True,
+        notify: Callable[[], None] = lambda: None,
     ) -> None:
+        self._notify = notify
         self._open, self._silent_s, self._retry_s, self._reopen = open_source, silent_s, retry_s, reopen
         self._queue = NewestQueue(length)
         self._health = Health()
@@ -158,6 +161,8 @@ class LiveSource:
                     self._pump(frames)
                 finally:
                     getattr(frames, "close", lambda: None)()  # generators release their device here
+                if self._stop.is_set():
+                    break
                 if not self._reopen:
                     self._health = replace(self._health, status="ended", message="")
                     break
@@ -168,6 +173,7 @@ class LiveSource:
                 self._fault(f"{type(error).__name__}: {error}")
             self._stop.wait(self._retry_s)
         self._queue.close()
+        self._notify()
 
     def _fault(self, message: str) -> None:
         self._health = replace(
@@ -195,6 +201,7 @@ class LiveSource:
                 message=f"size is now {frame.size}: take a new reference" if changed else self._clean_message(),
             )
             self._queue.put(replace(frame, sequence=self._health.frames - 1))
+            self._notify()
 
     def _clean_message(self) -> str:
         return self._health.message if self._health.message.startswith("size is now") else ""

@@ -1,0 +1,1 @@
+"""Load-displacement files of bond tests to statistics and plots."""

@@ -1,0 +1,157 @@
+"""`python -m fab.bond_tests DIR`: bond strengths from the files of a testing machine, as the paper reports them."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+
+from cad.errors import EndcapError, FileError
+from fab.bond_tests.files import read_record
+from fab.bond_tests.results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
+
+HELP = """\
+DIR holds one folder for each test and bonding method, with one CSV file for each specimen:
+
+  DIR/tensile/mechanical/*.csv    DIR/tensile/sil-poxy/*.csv
+  DIR/peel/mechanical/*.csv       DIR/peel/sil-poxy/*.csv
+
+Files are raw data as the machine exports them (Instron Bluehill and alike): load and displacement, units in the
+header; a row "Failure type : material" (adhesive, cohesive, material or mixed) above the numbers marks the failure.
+Tensile: largest load. Peel: mean load over 127 mm of bond after the initial peak (ASTM D1876).
+
+writes bond_specimens.csv, bond_tests.json and bond_tests.png
+exit status: 0 written; 2 bad input, named by file and line
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m fab.bond_tests",
+        description="Bond strengths from load-displacement files: statistics, tests and box plots.",
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of tests, see below")
+    parser.add_argument("--out", type=Path, help="where to write (default: DIR)")
+    arguments = parser.parse_args(argv)
+    try:
+        specimens = read_folder(arguments.folder)
+        groups, comparisons = summarize(specimens), compare(specimens)
+        write_results(specimens, groups, comparisons, arguments.out or arguments.folder)
+    except EndcapError as error:
+        print(f"bond_tests: {error}", file=sys.stderr)
+        return 2
+    print(report(groups, comparisons))
+    return 0
+
+
+def read_folder(folder: Path) -> list[Specimen]:
+    """Every specimen of a folder, by test, method and file name.
+
+    Raises:
+        FileError: no files, or one that is refused.
+    """
+    specimens = []
+    for kind in KINDS:
+        methods = sorted(path for path in (folder / kind).glob("*") if path.is_dir()) if folder.is_dir() else []
+        for method in methods:
+            specimens += [evaluate(read_record(path), kind, method.name) for path in sorted(method.glob("*.csv"))]
+    if not specimens:
+        raise FileError(
+            f"{folder}: no files like tensile/METHOD/*.csv or peel/METHOD/*.csv: sort your exports that way"
+        )
+    return specimens
+
+
+def report(groups: Sequence[Group], comparisons: Sequence[Comparison]) -> str:
+    """Results in words."""
+    lines = []
+    for g in groups:
+        failures = ", ".join(f"{count} {mark}" for mark, count in g.failures.items())
+        notes = "; ".join(filter(None, [failures, f"{g.incomplete} peeled less than 127 mm" if g.incomplete else ""]))
+        lines.append(
+            f"{g.kind:8} {g.group:14} n={g.count}  mean {g.mean_n:.1f} N [{g.low_n:.1f}, {g.high_n:.1f}]  "
+            f"s {g.deviation_n:.1f}  median {g.median_n:.1f}" + (f"  ({notes})" if notes else "")
+        )
+    for c in comparisons:
+        lines.append(
+            f"{c.kind:8} {c.first} against {c.second}: {c.ratio:.2f} times, {c.difference_n:+.1f} N "
+            f"[{c.low_n:.1f}, {c.high_n:.1f}], p={c.p_mean_holm:.2g} (means, Welch), {c.p_rank:.2g} (ranks), "
+            f"{c.p_spread:.2g} (spread)"
+        )
+    return "\n".join(lines)
+
+
+def write_results(
+    specimens: Sequence[Specimen], groups: Sequence[Group], comparisons: Sequence[Comparison], folder: Path
+) -> None:
+    """Write table, statistics and box plots; each appears whole.
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow([field.name for field in fields(Specimen)])
+    writer.writerows([list(asdict(s).values()) for s in specimens])
+    content = {"groups": [asdict(g) for g in groups], "comparisons": [asdict(c) for c in comparisons]}
+    text = json.dumps(_plain(content), indent=1, allow_nan=False)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, data in (("bond_specimens.csv", table.getvalue()), ("bond_tests.json", text + "\n")):
+            draft = folder / f".{name}.partial"
+            draft.write_text(data)
+            draft.replace(folder / name)
+        draft = folder / ".bond_tests.partial.png"
+        draw_boxes(specimens, draft)
+        draft.replace(folder / "bond_tests.png")
+    except OSError as error:
+        raise FileError(f"{folder}: {error.strerror or error}: name a folder you may write with --out") from error
+
+
+def draw_boxes(specimens: Sequence[Specimen], path: Path) -> None:
+    """The paper's figure: box plots of largest tensile and mean peel force, every specimen as a dot."""
+    from matplotlib.figure import Figure
+
+    kinds = [kind for kind in KINDS if any(s.kind == kind for s in specimens)]
+    figure = Figure(figsize=(4.6 * len(kinds), 4.2), layout="constrained")
+    marks = {"": "o", "adhesive": "o", "cohesive": "s", "material": "^", "mixed": "D"}
+    labels = {"tensile": "max tensile force, N", "peel": "mean peel force, N"}
+    for k, kind in enumerate(kinds):
+        axes = figure.add_subplot(1, len(kinds), k + 1)
+        names = list(dict.fromkeys(s.group for s in specimens if s.kind == kind))
+        forces = [[s.force_n for s in specimens if (s.kind, s.group) == (kind, name)] for name in names]
+        axes.boxplot(forces, tick_labels=names, widths=0.5, showfliers=False, medianprops={"color": "tab:red"})
+        for place, name in enumerate(names, start=1):
+            members = [s for s in specimens if (s.kind, s.group) == (kind, name)]
+            for j, s in enumerate(members):
+                shift = 0.16 * ((j + 0.5) / len(members) - 0.5)
+                seen = axes.get_legend_handles_labels()[1]
+                label = s.failure if s.failure and s.failure not in seen else None
+                axes.plot(place + shift, s.force_n, marks[s.failure], ms=5, color="0.25", alpha=0.8, label=label)
+        axes.set_ylabel(labels[kind])
+        axes.set_ylim(0, None)
+        axes.set_title(f"({'ab'[k]}) {kind}")
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(title="failure", fontsize=8)
+    figure.savefig(path, dpi=120, metadata={"Software": None})
+
+
+def _plain(value: object) -> object:
+    """The same with null for NaN, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and value != value else value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

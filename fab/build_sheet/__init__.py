@@ -1,0 +1,1 @@
+"""Build sheet as HTML and PDF: words, tables, step pictures."""

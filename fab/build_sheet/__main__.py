@@ -1,0 +1,198 @@
+"""`python -m fab.build_sheet D=130 T=8`: everything a person needs to print, buy, cast, assemble and test, on paper."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cad.errors import EndcapError, FileError
+from cad.materials import DEFAULT_SILICONE, silicones
+from cad.params import EndcapParams
+from fab.molds import ROOT, ChecksFailedError, Progress, parse_length, parse_options
+
+if TYPE_CHECKING:
+    from fab.build_sheet.data import SheetData
+    from fab.build_sheet.pictures import Workshop
+    from fab.slice.projects import Export
+
+DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports"), "material": DEFAULT_SILICONE}
+FOLDER = "sheet"
+FIGURES = 6
+HELP = """\
+options, as NAME=VALUE:
+  D=130 T=8        the design; `make molds` with the same numbers must have run, `make slice` should have
+  exports=DIR      folder that holds D130_T8/ (default: exports/)
+  material=NAME    silicone: {materials}
+
+Writes D130_T8/sheet/: build_sheet.html, build_sheet.pdf, bom.csv and sheet.json, whole, after every gate has held.
+exit status: 0 written; 1 a gate failed; 2 bad input or no export; 130 interrupted
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="make sheet",
+        usage="make sheet [D=MM] [T=MM] [exports=DIR] [material=NAME]",
+        description="Write the build sheet of an exported endcap.",
+        epilog=HELP.format(materials=", ".join(silicones())),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
+    arguments, unknown = parser.parse_known_args(argv)
+    try:
+        options = parse_options([*arguments.options, *unknown], DEFAULTS)
+        params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
+        return make_sheet(params, Path(options["exports"]), options["material"])
+    except EndcapError as error:
+        print(f"make sheet: {error}", file=sys.stderr)
+        return 1 if isinstance(error, ChecksFailedError) else 2
+    except KeyboardInterrupt:
+        print("make sheet: interrupted; nothing was left behind", file=sys.stderr)
+        return 130
+
+
+def make_sheet(params: EndcapParams, exports: Path, material: str = DEFAULT_SILICONE) -> int:
+    """Write the build sheet.
+
+    Args:
+        params: the two numbers.
+        exports: folder that holds ``params.label``.
+        material: a silicone of ``cad/materials.csv``.
+
+    Returns:
+        0.
+
+    Raises:
+        ChecksFailedError: a screw does not clamp, a line is missing, or the pot life is too short.
+        FileError: no export, or a file cannot be read or written.
+        ParameterError: an unknown material.
+    """
+    from cad.materials import silicone
+    from fab.bom import bom_csv
+    from fab.build_sheet.content import build_document
+    from fab.build_sheet.html import write_html
+    from fab.build_sheet.pdf import write_pdf
+    from fab.exports import whole_folder
+    from fab.slice.projects import read_export
+
+    silicone(material)
+    export = read_export(params, exports)
+    sliced = read_slices(export)
+    progress = Progress()
+    try:
+        with whole_folder(export.folder / FOLDER) as folder, tempfile.TemporaryDirectory(prefix="sheet-") as scratch:
+            data, own = _collect(export, sliced, material, Path(scratch), progress)
+            document = build_document(data)
+            progress("HTML and PDF")
+            write_html(document, folder / "build_sheet.html")
+            write_pdf(document, folder / "build_sheet.pdf")
+            (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
+            (folder / "sheet.json").write_text(json.dumps(own, indent=1) + "\n", encoding="utf-8")
+    finally:
+        progress.end()
+    note = "" if sliced else " (without print times: run make slice)"
+    print(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
+    return 0
+
+
+def read_slices(export: Export) -> dict[str, Any] | None:
+    """What ``make slice`` wrote for this export, or ``None``.
+
+    Raises:
+        FileError: it is there but cannot be read, or belongs to another design.
+    """
+    path = export.folder / "slice" / "slice.json"
+    if not path.exists():
+        return None
+    again = f"run `make slice D={export.params.diameter_mm:g} T={export.params.wall_mm:g}` again"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        matches = record["digest"] == export.params.digest
+        [(project["cost_usd"], project["own_settings"]) for project in record["projects"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
+    if not matches:
+        raise FileError(f"{path}: belongs to another design: {again}")
+    return dict(record)
+
+
+def _collect(
+    export: Export, sliced: dict[str, Any] | None, material: str, folder: Path, progress: Progress
+) -> tuple[SheetData, dict[str, Any]]:
+    """Measure, gate and draw; returns the sheet's data and its own record."""
+    from fab.bom import all_joints, bom_checks, bom_lines
+    from fab.build_sheet.data import SheetData
+    from fab.build_sheet.lighting import draw_ring_light, ring_checks
+    from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
+    from fab.check import Check
+    from fab.recipe import recipe, shell_volume_mm3
+
+    progress("parts and screws")
+    shop = open_workshop(export)
+    mix = recipe(shell_volume_mm3(export.manifest), material)
+    lines = bom_lines(export.manifest, shop.fits, mix, sliced)
+    poured = mix.cast_volume_mm3 * (1 + mix.surplus)
+    depth = fill_depth_mm(shop.layout, poured)
+    spare = mix.silicone.pot_life_min - mix.timeline[-1].end_min
+    checks = [
+        *bom_checks(export.manifest, all_joints(shop.layout), shop.fits, lines),
+        Check("recipe.pot_life_to_spare_min", spare, low=0.0),
+        Check("recipe.poured_below_seam_mm", depth, low=0.0),
+        *ring_checks(export.params),
+    ]
+    failed = [check for check in checks if not check.ok]
+    for check in failed:
+        print(f"make sheet: gate failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
+    if failed:
+        raise ChecksFailedError(
+            f"{len(failed)} of {len(checks)} gates failed at {export.params.label}; nothing was written"
+        )
+    pictures = step_pictures(shop, depth, folder, progress)
+    pictures |= {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
+    pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
+    pictures["ring_light"] = draw_ring_light(export.params, folder)
+    records = [{"name": c.name, "value": float(f"{c.value:.{FIGURES}g}"), "limit": c.limit, "ok": c.ok} for c in checks]
+    every = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
+    data = SheetData(shop.layout, export.manifest, sliced, mix, shop.fits, lines, every, depth, pictures)
+    return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
+
+
+def open_workshop(export: Export) -> Workshop:
+    """Meshes of all parts: made ones from their checked STL files, bought ones from their envelopes."""
+    from cad.camera import camera_part
+    from cad.led_ring import led_ring_part
+    from cad.mold_layout import MoldLayout
+    from fab.bom import fit_joints
+    from fab.build_sheet.pictures import Workshop
+    from fab.mesh import tessellate
+    from fab.slice.projects import read_part
+
+    meshes, colors = {}, part_colors(export)
+    for part in export.manifest["parts"]:
+        if part["role"] != "bought":
+            meshes[part["name"]] = read_part(export, part["name"])
+    for make in (led_ring_part, camera_part):
+        bought = make(export.params)
+        meshes[bought.name], colors[bought.name] = tessellate(bought.solid), bought.color
+    layout = MoldLayout(export.params)
+    return Workshop(layout, meshes, colors, fit_joints(layout, meshes))
+
+
+def part_colors(export: Export) -> dict[str, tuple[float, float, float]]:
+    """The parts' own colours, as in the assembly."""
+    from cad import hanger, interface, mold_core, mold_cup, shell
+
+    stems = {"cup_": mold_cup.COLOR, "core_": mold_core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}
+    stems |= {"shell": shell.COLOR, "base": (0.30, 0.33, 0.38), "ring_spacer": (0.96, 0.84, 0.36)}
+    names = [part["name"] for part in export.manifest["parts"] if part["role"] != "bought"]
+    return {name: next((c for stem, c in stems.items() if name.startswith(stem)), (0.7, 0.7, 0.7)) for name in names}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""What a build sheet is made of: plain records that :mod:`fab.build_sheet.html` and :mod:`fab.build_sheet.pdf` print.
+
+Texts are plain words; each printer escapes them for itself. Lengths of drawings in mm of paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading; level 1 starts a new page on paper."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Running text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture file with what it shows; ``width_ratio`` of the text's width."""
+
+    path: Path
+    caption: str
+    width_ratio: float = 1.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text or pictures under a header; numbers are text already. ``widths`` are relative."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str | Path, ...], ...]
+    widths: tuple[float, ...]
+    is_small: bool = False
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of work: what to do, and how it looks."""
+
+    number: str
+    title: str
+    lines: tuple[str, ...]
+    picture: Path | None = None
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawing at true size, as SVG text in millimetres."""
+
+    svg: str
+    width_mm: float
+    height_mm: float
+    caption: str = ""
+
+
+Block = Heading | Paragraph | Picture | Table | Step | Drawing
+
+
+@dataclass(frozen=True)
+class Document:
+    """A whole sheet."""
+
+    title: str
+    subtitle: str
+    blocks: tuple[Block, ...]

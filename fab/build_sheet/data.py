@@ -1,0 +1,40 @@
+"""What a build sheet prints, before words are made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cad.fasteners import BomLine
+from cad.mold_layout import MoldLayout
+from fab.recipe import Recipe
+from fab.screw_fit import ScrewFit
+
+
+@dataclass(frozen=True)
+class SheetData:
+    """Everything that a sheet prints.
+
+    Attributes:
+        layout: sizes.
+        manifest: of the export.
+        sliced: ``slice.json``, or ``None``.
+        recipe: of the cast.
+        fits: screws.
+        lines: bill of materials.
+        checks: gates of manifest, slices and sheet, as records ``name, value, limit, ok``.
+        fill_depth_mm: how far below the bowl's seam the poured silicone stands.
+        pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover``, ``section``, ``ring_light``.
+    """
+
+    layout: MoldLayout
+    manifest: Mapping[str, Any]
+    sliced: Mapping[str, Any] | None
+    recipe: Recipe
+    fits: Sequence[ScrewFit]
+    lines: Sequence[BomLine]
+    checks: Sequence[Mapping[str, Any]]
+    fill_depth_mm: float
+    pictures: Mapping[str, Path]

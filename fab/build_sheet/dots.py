@@ -1,0 +1,119 @@
+"""Drawings of the dots: gores at true size for painting, and what the camera should see. SVG in millimetres or pixels.
+
+A gore is the strip of the inner surface between two meridians: along its middle, lengths from the tip are true; across,
+lengths on each parallel are true. Cut out and laid into the dome from the tip it meets its dots.
+
+Notes:
+    The camera's picture is the equidistant fisheye r = f theta with its disc of 331 px at 90 degrees (facts.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from cad.dots import DOT_RADIUS_MM, Dot, dot_pattern, dot_position_mm
+from cad.params import EndcapParams
+from fab.build_sheet.blocks import Drawing
+
+MARGIN_MM = 4.0
+DISC_PX = 331.0  # M: radius of the shell in a 640 x 480 frame
+FRAME_PX = (640.0, 480.0)
+SQUARE_PX = 480.0  # P: centre square of the released pipeline
+SPLIT = 6  # gores at the least
+WIDEST_MM = 86.0  # two gores side by side on A4
+
+
+def gores(params: EndcapParams) -> list[Drawing]:
+    """Gores that together have every dot once, in order of azimuth."""
+    radius = params.inner_radius_mm
+    count = max(SPLIT, math.ceil(2 * math.pi * radius / WIDEST_MM))
+    dots = dot_pattern(params)
+    end = math.radians(max(dot.polar_deg for dot in dots)) + (DOT_RADIUS_MM + 2.0) / radius
+    width = 2 * math.pi * radius / count + 2 * MARGIN_MM
+    height = radius * end + 2 * MARGIN_MM
+    sheets = []
+    for number in range(count):
+        middle = 360.0 / count * number
+        own = [dot for dot in dots if gore_of(dot, count) == number]
+        svg = _gore(params, own, middle, count, end, width, height)
+        caption = f"gore {number + 1} of {count}: {len(own)} dots about {middle:g}°"
+        sheets.append(Drawing(svg, width, height, caption))
+    return sheets
+
+
+def gore_of(dot: Dot, count: int) -> int:
+    """The gore that has a dot: the nearest middle meridian; the dot at the tip is in the first."""
+    return round(dot.azimuth_deg * count / 360.0 + 1e-9) % count if dot.ring else 0
+
+
+def camera_pixels(params: EndcapParams) -> list[tuple[float, float]]:
+    """Where the dots should appear (x right, y down, frame of 640 x 480), for the ones before the 180 degree plane."""
+    pixels = []
+    for dot in dot_pattern(params):
+        x, y, z = dot_position_mm(params, dot)
+        off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
+        reach, azimuth = DISC_PX * off_axis / (math.pi / 2), math.atan2(y, x)
+        pixels.append((FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 - reach * math.sin(azimuth)))
+    return pixels
+
+
+def dots_in(pixels: Sequence[tuple[float, float]], width: float, height: float) -> int:
+    """How many points lie in a centred rectangle of the frame."""
+    return sum(abs(x - FRAME_PX[0] / 2) <= width / 2 and abs(y - FRAME_PX[1] / 2) <= height / 2 for x, y in pixels)
+
+
+def first_light(params: EndcapParams) -> Drawing:
+    """What the camera should show: the shell's disc, the dots, the centre square."""
+    width, height = FRAME_PX
+    scale = 110.0 / width
+    shapes = [
+        f'<rect x="0" y="0" width="{width:g}" height="{height:g}" fill="#eef1f3" stroke="#20242a"/>',
+        f'<circle cx="{width / 2:g}" cy="{height / 2:g}" r="{DISC_PX:g}" '
+        'fill="none" stroke="#2f6f6a" stroke-width="2"/>',
+        f'<rect x="{(width - SQUARE_PX) / 2:g}" y="{(height - SQUARE_PX) / 2:g}" width="{SQUARE_PX:g}" '
+        f'height="{SQUARE_PX:g}" fill="none" stroke="#c05a1c" stroke-width="1.5" stroke-dasharray="6 4"/>',
+        f'<path d="M{width / 2 - 8} {height / 2}h16M{width / 2} {height / 2 - 8}v16" stroke="#2f6f6a"/>',
+    ]
+    shapes += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="#20242a"/>' for x, y in camera_pixels(params)]
+    svg = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * scale:g}mm" height="{height * scale:g}mm" '
+        f'viewBox="0 0 {width:g} {height:g}">{"".join(shapes)}</svg>'
+    )
+    return Drawing(svg, width * scale, height * scale)
+
+
+def ruler() -> Drawing:
+    """A hundred millimetres, to see whether the printer scales."""
+    ticks = "".join(f'<path d="M{2 + x} 8v-{4 if x % 50 == 0 else 2.5 if x % 10 == 0 else 1.2}"/>' for x in range(101))
+    svg = (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="104mm" height="10mm" viewBox="0 0 104 10">'
+        f'<g stroke="#20242a" stroke-width="0.2" fill="none"><path d="M2 8h100"/>{ticks}</g></svg>'
+    )
+    return Drawing(svg, 104.0, 10.0, "100 mm: if this measures otherwise, print again at 100 %")
+
+
+def _gore(
+    params: EndcapParams, dots: Sequence[Dot], middle: float, count: int, end: float, width: float, height: float
+) -> str:
+    """One gore, tip at the top."""
+    radius = params.inner_radius_mm
+
+    def place(polar: float, azimuth_deg: float) -> tuple[float, float]:
+        across = (azimuth_deg - middle + 180.0) % 360.0 - 180.0
+        x = radius * math.sin(polar) * math.radians(across) if polar else 0.0
+        return width / 2 + x, MARGIN_MM + radius * polar
+
+    half = 180.0 / count
+    steps = [end * k / 40 for k in range(41)]
+    edge = [place(polar, middle - half) for polar in steps] + [place(polar, middle + half) for polar in reversed(steps)]
+    outline = "M" + "L".join(f"{x:.2f} {y:.2f}" for x, y in edge) + "Z"
+    shapes = [f'<path d="{outline}" fill="none" stroke="#20242a" stroke-width="0.25"/>']
+    for dot in dots:
+        x, y = place(math.radians(dot.polar_deg), dot.azimuth_deg)
+        shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{DOT_RADIUS_MM:g}" fill="#20242a"/>')
+        shapes.append(f'<text x="{x + 2.6:.2f}" y="{y + 1:.2f}" font-size="2.6" fill="#5a626c">{dot.ring}</text>')
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.2f}mm" height="{height:.2f}mm" '
+        f'viewBox="0 0 {width:.2f} {height:.2f}" font-family="DejaVu Sans">{"".join(shapes)}</svg>'
+    )

@@ -1,0 +1,111 @@
+"""Painting, assembly and first light: words and steps of the build sheet."""
+
+from __future__ import annotations
+
+from cad.dots import dot_pattern, ring_count
+from fab.bom import screw_name
+from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
+from fab.build_sheet.data import SheetData
+from fab.build_sheet.dots import DISC_PX, FRAME_PX, SQUARE_PX, camera_pixels, dots_in, first_light, gores, ruler
+from fab.build_sheet.steps import screws, steps
+
+
+def painting(data: SheetData) -> list[Block]:
+    """Which dots to paint, and gores to cut out."""
+    params = data.layout.params
+    dots = dot_pattern(params)
+    pixels = camera_pixels(params)
+    rings = sorted({dot.ring for dot in dots})
+    inside = {
+        ring: dots_in([p for p, dot in zip(pixels, dots, strict=True) if dot.ring == ring], SQUARE_PX, SQUARE_PX)
+        for ring in rings
+    }
+    rows = tuple(
+        (
+            str(ring),
+            str(ring_count(ring)),
+            f"{next(d.polar_deg for d in dots if d.ring == ring):.1f}°",
+            str(inside[ring]),
+        )
+        for ring in rings
+    )
+    return [
+        Heading("Paint the dots", 1),
+        *steps(data, "P", [
+            ("Fill every dent with ink",
+             ("Wipe the inside with alcohol. Touch each dent with the marker, from the tip outward, ring by ring.",
+              f"Paint all {len(dots)}: {sum(inside.values())} of them lie in the camera's centre square.",
+              "The dots at azimuth 0 of all rings form one line: begin there."), "dots"),
+        ]),
+        Table(("ring", "dots", "angle from the tip", "in the centre square"), rows, (1, 1, 2, 2)),
+        Heading("Gores, 1:1"),
+        Paragraph("Print this page at 100 % and measure:"),
+        ruler(),
+        Paragraph("Cut out, lay into the dome from the tip: every dot meets its dent. Numbers are rings."),
+        *gores(params),
+    ]  # fmt: skip
+
+
+def assembling(data: SheetData) -> list[Block]:
+    """Camera, ring, base; every screw as measured."""
+    return [
+        Heading("Assemble", 1),
+        *steps(data, "A", [
+            ("Camera into the base",
+             ("Cable through the slot first. Board into its pocket, lens up.",
+              f"{screws(data, 'camera_to_base')} into the plastic; stop when they bear."), "camera"),
+            ("Spacer and LED ring",
+             ("A drop of glue at two places of the recess, spacer in, notch over the cable's side.",
+              "Ring on the spacer, plug in the notch; its wires leave beside the camera's."), "ring"),
+            ("Base to endcap",
+             ("Base under the interface; the ring goes through the bore. Turn until the holes meet the nuts.",
+              f"{screws(data, 'base_to_interface')} from below, crosswise, until the heads bear.",
+              "Other silicones and walls of the same D fit the same base."), "base"),
+        ]),
+        Heading("Screws, as measured on the parts"),
+        Table(
+            ("joint", "screw", "grip", "held by the shortest", "wanted", "room before the tip"),
+            tuple(
+                (fit.joint.name, f"{len(fit.joint.places)} x {screw_name(fit)}", f"{fit.grip_mm:.2f}",
+                 f"{fit.engagement_mm:.2f}", f"{fit.needed_mm:.2f}",
+                 "through" if fit.tip_room_mm > 100 else f"{fit.tip_room_mm:.2f}")
+                for fit in data.fits
+            ),
+            (2.4, 1.3, 0.8, 1.4, 0.8, 1.4), is_small=True,
+        ),
+    ]  # fmt: skip
+
+
+def light_check(data: SheetData) -> list[Block]:
+    """What the first frame should show."""
+    pixels = camera_pixels(data.layout.params)
+    frame, square = dots_in(pixels, *FRAME_PX), dots_in(pixels, SQUARE_PX, SQUARE_PX)
+    return [
+        Heading("First light", 1),
+        Paragraph(
+            "Plug the camera in and look at a frame of 640 x 480 with nothing touching the dome. Compare with "
+            "the drawing: "
+            "dots black, the shell's disc green, the centre square dashed."
+        ),
+        first_light(data.layout.params),
+        Table(
+            ("look at", "good", "if not"),
+            (
+                ("disc of the shell", f"centre within 10 px of the frame's, radius about {DISC_PX:g} px",
+                 "camera not flat on its four pads, or another lens"),
+                ("dots in the whole frame", f"about {frame} by an equidistant lens; the released sensor: 92",
+                 "ink missing, or lamps too dark"),
+                ("dots in the centre square", f"about {square} by the same; the released sensor: 75 to 80",
+                 "camera not centred"),
+                ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
+                "fixed by hand"),
+                ("dots of the common meridian", "one straight line to the right", "turn the picture, not the camera"),
+            ),
+            (1.4, 2.2, 2),
+        ),
+        Paragraph(
+            "Then save the frame as a.jpg and run: python -m sensing.calibrate --photo a.jpg --out camera.json "
+            "--picture "
+            "fit.png. Its fit shows the same dots with circles on them."
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,126 @@
+"""A build sheet as PDF, through Typst: A4, page numbers, drawings at true size."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+from cad.errors import FileError
+from fab.build_sheet.blocks import Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
+
+_HEAD = """\
+#set document(title: {title}, date: none)
+#set page(paper: "a4", margin: (x: 15mm, top: 16mm, bottom: 17mm), numbering: "1 / 1",
+  header: context if counter(page).get().first() > 1 [#text(8pt, fill: rgb("#5a626c"), {title})])
+#set text(font: "DejaVu Sans", size: 9.5pt, fill: rgb("#20242a"), lang: "en")
+#set par(leading: 0.62em)
+#show heading.where(level: 1): it => {{ pagebreak(weak: true); text(15pt, it.body); v(-2mm)
+  line(length: 100%, stroke: 1.2pt + rgb("#2f6f6a")) }}
+#show heading.where(level: 2): it => {{ v(2mm); text(11.5pt, it.body); v(1mm) }}
+#text(24pt, weight: "bold", {title})
+
+#text(fill: rgb("#5a626c"), {subtitle})
+"""
+
+
+def write_pdf(document: Document, path: Path) -> None:
+    """Write the document.
+
+    Raises:
+        FileError: Typst is missing or refuses the document.
+    """
+    try:
+        import typst
+    except ImportError as error:
+        raise FileError("the PDF needs the Python package typst: run `make setup` again") from error
+    with tempfile.TemporaryDirectory(prefix="sheet-") as scratch:
+        root = Path(scratch)
+        printer = _Printer(root)
+        body = "\n".join(printer.block(block) for block in document.blocks)
+        head = _HEAD.format(title=_text(document.title), subtitle=_text(document.subtitle))
+        source = root / "sheet.typ"
+        source.write_text(head + body, encoding="utf-8")
+        try:
+            path.write_bytes(typst.compile(str(source), root=str(root), font_paths=[_fonts()]))
+        except RuntimeError as error:
+            raise FileError(f"{path.name}: Typst refused the sheet: {str(error).splitlines()[0]}") from error
+
+
+class _Printer:
+    """Blocks as Typst source; pictures are copied beside it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.count = 0
+
+    def block(self, block: Block) -> str:
+        """One block."""
+        if isinstance(block, Heading):
+            return f"#heading(level: {block.level}, {_text(block.text)})"
+        if isinstance(block, Paragraph):
+            return f"#par({_text(block.text)})"
+        if isinstance(block, Picture):
+            image = self.image(block.path, f"width: {100 * block.width_ratio:g}%")
+            caption = f'text(8.5pt, fill: rgb("#5a626c"), {_text(block.caption)})'
+            return f"#block(breakable: false, align(center, stack(spacing: 2mm, {image}, {caption})))"
+        if isinstance(block, Table):
+            return self.table(block)
+        if isinstance(block, Step):
+            return self.step(block)
+        if isinstance(block, Drawing):
+            name = self.name("svg")
+            (self.root / name).write_text(block.svg, encoding="utf-8")
+            size = f"width: {block.width_mm:g}mm, height: {block.height_mm:g}mm"
+            return f'#box(stack(spacing: 1mm, image("{name}", {size}), text(8pt, {_text(block.caption)})))'
+        raise TypeError(f"no way to print {type(block).__name__}")
+
+    def table(self, table: Table) -> str:
+        """A table that repeats its header on every page."""
+        columns = ", ".join(f"{width:g}fr" for width in table.widths)
+        size = "6.8pt" if table.is_small else "8pt"
+        head = ", ".join(f"strong({_text(cell)})" for cell in table.header)
+        cells = ", ".join(
+            self.image(cell, "height: 15mm") if isinstance(cell, Path) else _text(cell)
+            for row in table.rows
+            for cell in row
+        )
+        inset = "1.1mm" if table.is_small else "1.5mm"
+        return (
+            f"#[#set text({size})\n#table(columns: ({columns}), inset: (x: 1.5mm, y: {inset}), align: horizon + left, "
+            f'stroke: (x, y) => (bottom: 0.5pt + rgb("#d5dade")), table.header({head}), {cells})]'
+        )
+
+    def step(self, step: Step) -> str:
+        """Words at the left, picture at the right, on one page."""
+        lines = ", ".join(f"[#{_text(line)}]" for line in step.lines)
+        words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
+        picture = self.image(step.picture, "width: 100%") if step.picture else "[]"
+        return (
+            '#block(breakable: false, width: 100%, above: 2mm, stroke: (top: 0.5pt + rgb("#d5dade")), '
+            f"inset: (y: 2.5mm), grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {picture}))"
+        )
+
+    def image(self, path: Path, size: str) -> str:
+        """A picture's call."""
+        name = self.name(path.suffix[1:])
+        shutil.copyfile(path, self.root / name)
+        return f'image("{name}", {size})'
+
+    def name(self, suffix: str) -> str:
+        """A fresh file name."""
+        self.count += 1
+        return f"f{self.count}.{suffix}"
+
+
+def _text(words: str) -> str:
+    """A Typst string: JSON's escapes are Typst's for all we print."""
+    return json.dumps(words, ensure_ascii=False)
+
+
+def _fonts() -> str:
+    """Folder of the DejaVu fonts that come with matplotlib: the same letters on every machine."""
+    import matplotlib
+
+    return str(Path(matplotlib.get_data_path()) / "fonts" / "ttf")

@@ -1,0 +1,1 @@
+"""Fit and bond coupons: files, meshes, checks."""

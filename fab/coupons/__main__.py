@@ -1,0 +1,175 @@
+"""`python -m fab.coupons` (make coupons): fit and bond coupons, meshed, checked and written like the molds. mm."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
+from cad.errors import EndcapError
+from cad.materials import DEFAULT_SILICONE, silicone
+from fab.molds import DEFAULTS as MOLD_DEFAULTS
+from fab.molds import parse_options
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from cad.part import Part
+    from fab.check import Check
+
+DEFAULTS = {"exports": MOLD_DEFAULTS["exports"], "material": DEFAULT_SILICONE}
+IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray": "peel_tpu"}
+HELP = f"""\
+options, as NAME=VALUE:
+  exports=DIR      folder that receives coupons/ (default: exports/)
+  material=NAME    silicone of the bond specimens (default: {DEFAULT_SILICONE})
+
+fit_plate, fit_tab: push the tab into the sockets from above; the first that slides by hand without play is yours.
+  Notches count the step: {", ".join(f"{k + 1} = {gap:.2f}" for k, gap in enumerate(CLEARANCES_MM))} mm a side.
+  Then: make molds D=130 T=8 joint_clearance=0.20
+fit_nuts: pockets of {", ".join(f"{width:.2f}" for width in NUT_WIDTHS_MM)} mm for the M3 square nut.
+  The second is the interface's.
+tensile_*, peel_*: bond specimens and their trays; evaluate with python -m fab.bond_tests DIR
+
+writes STL, STEP, 3MF, coupons.png, coupons.json; the folder appears whole, after every check, or not at all
+exit status: 0 written; 1 a check failed; 2 bad input or no place to write
+"""
+
+
+class CouponChecksError(EndcapError):
+    """A check of a coupon did not hold, so the folder was not written."""
+
+
+@dataclass(frozen=True)
+class CouponLine:
+    """One line of the BOM: what a print or a pour of the coupons needs for one specimen each.
+
+    Attributes:
+        item: part, or the tray that is filled.
+        material: filament or silicone.
+        volume_mm3: solid volume, or silicone in the tray.
+        mass_g: of the silicone; None for prints, whose mass the slicer tells.
+    """
+
+    item: str
+    material: str
+    volume_mm3: float
+    mass_g: float | None
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="make coupons",
+        usage="make coupons [exports=DIR] [material=NAME]",
+        description="Make the coupons that tell the joint clearance of your printer and the strength of your bond.",
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
+    arguments, unknown = parser.parse_known_args(argv)
+    try:
+        options = parse_options([*arguments.options, *unknown], DEFAULTS)
+        return make_coupons(Path(options["exports"]), options["material"])
+    except EndcapError as error:
+        print(f"make coupons: {error}", file=sys.stderr)
+        return 1 if isinstance(error, CouponChecksError) else 2
+
+
+def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
+    """Build, check and write every coupon.
+
+    Args:
+        exports: folder that receives ``coupons``.
+        material: silicone of the bond specimens, a row of materials.csv.
+
+    Returns:
+        0.
+
+    Raises:
+        ParameterError: no such silicone.
+        CouponChecksError: a check failed; nothing is left.
+        FileError: the folder cannot be written.
+    """
+    from cad.coupons import coupon_parts
+    from fab.coupons.mesh import coupon_meshes
+    from fab.exports import whole_folder
+    from fab.render import PictureItem, render_parts
+
+    density = silicone(material).density_g_cm3
+    parts = {part.name: part for part in coupon_parts()}
+    meshes, walls = coupon_meshes(parts)
+    with whole_folder(exports / "coupons") as folder:
+        write_parts(parts, meshes, folder)
+        checks, volumes = checked(parts, folder)
+        items = [PictureItem(name, meshes[name], part.color, part.material) for name, part in parts.items()]
+        render_parts(items, folder / "coupons.png")
+        lines = coupon_bom({name: part.material for name, part in parts.items()}, volumes, material, density)
+        content = {
+            "clearances_mm": CLEARANCES_MM,
+            "nut_pockets_mm": NUT_WIDTHS_MM,
+            "gyroid_wall_mm": {name: round(wall, 5) for name, wall in walls.items()},
+            "bom": [vars(line) for line in lines],
+            "checks": [
+                {"name": c.name, "value": float(f"{c.value:.9g}"), "limit": c.limit, "ok": c.ok} for c in checks
+            ],
+        }
+        (folder / "coupons.json").write_text(json.dumps(content, indent=1) + "\n")
+    print(f"{exports / 'coupons'}: {len(parts)} parts, all {len(checks)} checks passed")
+    return 0
+
+
+def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh], folder: Path) -> None:
+    """Write STL, STEP and 3MF of every part."""
+    from build123d import export_step
+
+    from cad.step_file import canonical_step
+    from fab.exports import write_3mf
+    from fab.mesh import write_stl
+
+    for name, part in parts.items():
+        write_stl(folder / f"{name}.stl", meshes[name])
+        write_3mf(meshes[name], name, folder / f"{name}.3mf")
+        step = folder / f"{name}.step"
+        export_step(part.solid, step)
+        step.write_text(canonical_step(step.read_text()))
+
+
+def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[str, float]]:
+    """Every check of the written folder, and the volumes (mm3) of its meshes.
+
+    Raises:
+        CouponChecksError: a check failed.
+    """
+    from fab.coupons.checks import coupon_checks, solid_checks
+    from fab.mesh import read_stl
+
+    read = {name: read_stl(folder / f"{name}.stl") for name in parts}
+    checks = [*solid_checks(parts), *coupon_checks(parts, read)]
+    failed = [f"{c.name} = {c.value:.6g}, wanted {c.limit}" for c in checks if not c.ok]
+    if failed:
+        raise CouponChecksError(
+            f"{len(failed)} of {len(checks)} checks failed; nothing was written: {'; '.join(failed)}"
+        )
+    return checks, {name: float(mesh.volume) for name, mesh in read.items()}
+
+
+def coupon_bom(
+    materials: Mapping[str, str], volumes_mm3: Mapping[str, float], silicone_name: str, density_g_cm3: float
+) -> list[CouponLine]:
+    """Prints by volume, pours by volume and mass, one of each."""
+    lines = [CouponLine(name, material, volumes_mm3[name], None) for name, material in materials.items()]
+    for tray in TRAYS:
+        inside = volumes_mm3.get(IN_TRAY[tray.name], 0.0)
+        volume = cast_volume_mm3(tray.name, inside)
+        lines.append(CouponLine(f"{tray.name} filled", silicone_name, volume, 1e-3 * volume * density_g_cm3))
+    return lines
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""LED ring board: circuit, budget, copper, files, light."""

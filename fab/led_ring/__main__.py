@@ -1,0 +1,155 @@
+"""`python -m fab.led_ring`: circuit, board files, pictures and checks of the LED ring, from the LED count."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cad.errors import EndcapError
+from cad.led_placement import LED_COUNT, LED_RANGE, placements
+from cad.params import EndcapParams
+from fab.check import Check
+from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
+from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
+from fab.led_ring.circuit import circuit_checks, netlist
+from fab.led_ring.driver import Driver, fitted_driver, losses_w
+from fab.molds import parse_length, parse_options
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+DEFAULTS = {"D": "130", "T": "8", "leds": str(LED_COUNT), "exports": str(ROOT / "exports")}
+HELP = f"""\
+options, as NAME=VALUE:
+  D=130 T=8        the endcap whose dome the ring lights (light and temperatures alone depend on it)
+  leds={LED_COUNT}           LEDs in the string, {LED_RANGE[0]} to {LED_RANGE[1]}
+  exports=DIR      folder that receives led_ring/ (default: exports/)
+
+writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.png,
+led_ring-light.png and led_ring.json (values, budget, checks); the folder appears whole or not at all
+exit status: 0 written; 1 a check failed; 2 bad input or no place to write
+"""
+
+
+class RingChecksError(EndcapError):
+    """A check of the ring did not hold, so the folder was not written."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="make ring",
+        usage="make ring [D=MM] [T=MM] [leds=N] [exports=DIR]",
+        description="Make the files from which a board house makes and fits the LED ring.",
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
+    arguments, unknown = parser.parse_known_args(argv)
+    try:
+        options = parse_options([*arguments.options, *unknown], DEFAULTS)
+        diameter, wall, count = (parse_length(name, options[name]) for name in ("D", "T", "leds"))
+        return make_ring(EndcapParams(diameter, wall), count, Path(options["exports"]))
+    except EndcapError as error:
+        print(f"make ring: {error}", file=sys.stderr)
+        return 1 if isinstance(error, RingChecksError) else 2
+
+
+def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
+    """Make, check and write the ring.
+
+    Args:
+        params: the endcap it lights.
+        led_count: LEDs in the string.
+        exports: folder that receives ``led_ring``.
+
+    Returns:
+        0.
+
+    Raises:
+        ParameterError: LED count outside what the board takes.
+        RingChecksError: a check failed; nothing is left.
+        FileError: the folder cannot be written.
+    """
+    from fab.exports import whole_folder
+    from fab.led_ring.copper import build_copper
+    from fab.led_ring.gerber import board_files, read_archive, write_archive
+    from fab.led_ring.light import dome_light, light_checks
+    from fab.led_ring.picture import draw_board, draw_light
+    from fab.led_ring.rules import rule_checks
+
+    places, count = placements(led_count), int(led_count)
+    driver = fitted_driver(count)
+    copper, light = build_copper(count), dome_light(params, count)
+    with whole_folder(exports / "led_ring") as folder:
+        write_archive(board_files(copper), folder / "led_ring-gerber.zip")
+        layers, holes = read_archive(folder / "led_ring-gerber.zip")
+        checks = [
+            *driver_checks(driver),
+            *thermal_checks(driver, params),
+            *circuit_checks(netlist(count), count),
+            *rule_checks(layers, holes, copper.pads, places),
+            *light_checks(light),
+        ]
+        require_passed(checks)
+        (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))
+        (folder / "led_ring-placement.csv").write_text(placement_csv(count))
+        draw_board(layers, holes, places, folder / "led_ring.png")
+        draw_light(light, f"D={params.diameter_mm:g} T={params.wall_mm:g}, {count} LEDs", folder / "led_ring-light.png")
+        report = ring_report(driver, params, checks)
+        (folder / "led_ring.json").write_text(json.dumps(report, indent=1) + "\n")
+    print(
+        f"{exports / 'led_ring'}: {count} LEDs, {1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency "
+        f"{driver.efficiency:.0%}, all {len(checks)} checks passed"
+    )
+    return 0
+
+
+def require_passed(checks: Sequence[Check]) -> None:
+    """Stop where a check failed.
+
+    Raises:
+        RingChecksError: it names each one, its value and limit.
+    """
+    failed = [f"{check.name} = {check.value:.6g}, wanted {check.limit}" for check in checks if not check.ok]
+    if failed:
+        raise RingChecksError(
+            f"{len(failed)} of {len(checks)} checks failed; nothing was written: " + "; ".join(failed)
+        )
+
+
+def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -> dict[str, object]:
+    """Values, budget and checks of the ring for manifest and sheet."""
+    return {
+        "parameters": {"diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "leds": driver.led_count},
+        "circuit": {
+            "r_set_ohm": driver.r_set_ohm,
+            "inductance_h": driver.inductance_h,
+            "c_in_f": driver.c_in_f,
+            "c_out_f": driver.c_out_f,
+            "c_comp_f": driver.c_comp_f,
+            "led_a": driver.led_a,
+            "string_v": driver.v_out,
+            "duty": _figures(driver.duty),
+            "peak_a": _figures(driver.peak_a),
+            "input_a": _figures(driver.input_a),
+            "efficiency": _figures(driver.efficiency),
+        },
+        "losses_w": {name: _figures(loss) for name, loss in losses_w(driver).items()},
+        "temperatures_c_in_a_room_of_25": {
+            name: _figures(value) for name, value in temperatures_c(driver, params, 25.0).items()
+        },
+        "warmest_room_for_a_pla_spacer_c": _figures(warmest_room_c(driver, params)),
+        "bom": [vars(line) for line in ring_bom(driver.led_count)],
+        "nets": {name: [f"{ref}.{pin}" for ref, pin in pins] for name, pins in netlist(driver.led_count).items()},
+        "checks": [{"name": c.name, "value": _figures(c.value), "limit": c.limit, "ok": c.ok} for c in checks],
+    }
+
+
+def _figures(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,243 @@
+"""Copper of the LED ring: pads, tracks, vias and the ground plane, as polygons in the board plane.
+
+Millimetres, endcap x and y seen from the dome. Two layers: parts and tracks on top; the bottom is a ground plane that
+leaves out the plug's supply. Tracks are drawn unrolled (:mod:`cad.led_placement`), radius up, and bent onto the board.
+
+Land patterns: SOT-23-6, SOD-123 and chips after IPC-7351 nominal; 3030, 4018 and JST SH estimated (E) from the parts'
+outlines, the SH's shortened by 0.3 mm at both ends to stay on the ring.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from shapely import LineString, Point, Polygon, unary_union
+from shapely.geometry.base import BaseGeometry
+
+from cad.led_placement import LED_COUNT, MIDDLE_RADIUS_MM, Placement, placements, unrolled
+from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from fab.led_ring.circuit import netlist
+
+VIA_PAD_MM = 0.7
+VIA_DRILL_MM = 0.3
+PLANE_GAP_MM = 0.3  # plane to other copper
+PLANE_EDGE_MM = 0.4  # plane to the board's edge
+SPOKE_MM = 0.5  # thermal relief of ground pads in the plane
+STEP_DEG = 0.5  # chord of a bent track: 0.3 um off its circle
+CIRCLE_SEGMENTS = 16  # of a quarter
+# Pads of each kind: pin -> (x, y, width, height) in the part's own drawing.
+_CHIP = {"0603": (0.80, 0.80, 0.95), "0805": (0.95, 1.00, 1.45), "1206": (1.475, 1.15, 1.80)}
+_SOT_X, _SOT_W, _SOT_H, _SOT_PITCH = 1.1375, 1.325, 0.60, 0.95
+PADS: dict[str, dict[str, tuple[float, float, float, float]]] = {
+    "driver": {
+        **{str(k + 1): (-_SOT_X, (1 - k) * _SOT_PITCH, _SOT_W, _SOT_H) for k in range(3)},
+        **{str(k + 4): (_SOT_X, (k - 1) * _SOT_PITCH, _SOT_W, _SOT_H) for k in range(3)},
+    },
+    "inductor": {"1": (1.5, 0.0, 1.2, 3.6), "2": (-1.5, 0.0, 1.2, 3.6)},
+    "diode": {"K": (-1.65, 0.0, 0.9, 1.2), "A": (1.65, 0.0, 0.9, 1.2)},
+    "plug": {
+        "1": (0.5, 1.8375, 0.6, 1.225),
+        "2": (-0.5, 1.8375, 0.6, 1.225),
+        "M1": (1.8, -1.7125, 1.2, 1.475),
+        "M2": (-1.8, -1.7125, 1.2, 1.475),
+    },
+    "led": {"A": (1.13, 0.0, 0.8, 2.5), "K": (-0.52, 0.0, 1.6, 2.5)},
+    **{
+        kind: {"1": (-_CHIP[size][0], 0.0, *_CHIP[size][1:]), "2": (_CHIP[size][0], 0.0, *_CHIP[size][1:])}
+        for kind, size in (("c_in", "0805"), ("c_out", "1206"), ("c_comp", "0603"), ("r_set", "0603"))
+    },
+}
+
+
+@dataclass(frozen=True)
+class Pad:
+    """A land: centre, size and turn on the board (degrees counter-clockwise, seen from the dome)."""
+
+    reference: str
+    pin: str
+    net: str
+    side: str
+    centre: tuple[float, float]
+    width: float
+    height: float
+    turn_deg: float
+
+    @property
+    def shape(self) -> Polygon:
+        """Its rectangle."""
+        angle = math.radians(self.turn_deg)
+        cos, sin = math.cos(angle), math.sin(angle)
+        half = [(sx * self.width / 2, sy * self.height / 2) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return Polygon([(self.centre[0] + x * cos - y * sin, self.centre[1] + x * sin + y * cos) for x, y in half])
+
+
+@dataclass(frozen=True)
+class Track:
+    """A line of copper with round ends along board points."""
+
+    net: str
+    side: str
+    points: tuple[tuple[float, float], ...]
+    width: float
+
+    @property
+    def shape(self) -> BaseGeometry:
+        """Its area."""
+        return LineString(self.points).buffer(self.width / 2, quad_segs=CIRCLE_SEGMENTS)
+
+
+@dataclass(frozen=True)
+class Via:
+    """A plated hole with a round pad on both sides."""
+
+    net: str
+    centre: tuple[float, float]
+
+    @property
+    def shape(self) -> BaseGeometry:
+        """Its pad."""
+        return Point(self.centre).buffer(VIA_PAD_MM / 2, quad_segs=CIRCLE_SEGMENTS)
+
+
+@dataclass(frozen=True)
+class Copper:
+    """Everything on the board.
+
+    Attributes:
+        pads, tracks, vias: drawn copper.
+        plane: ground plane on the bottom.
+    """
+
+    pads: tuple[Pad, ...]
+    tracks: tuple[Track, ...]
+    vias: tuple[Via, ...]
+    plane: BaseGeometry
+
+
+def board_face() -> Polygon:
+    """The board's face."""
+    return _ring(BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM)
+
+
+def build_copper(led_count: int = LED_COUNT) -> Copper:
+    """All copper of a ring.
+
+    Raises:
+        ParameterError: LED count outside what the board takes.
+    """
+    nets = {pin: name for name, pins in netlist(led_count).items() for pin in pins}
+    pads = tuple(pad for place in placements(led_count) for pad in _pads(place, nets))
+    tracks, vias = driver_tracks(led_count) + string_tracks(led_count), driver_vias()
+    plane = _plane(pads, tracks, vias)
+    grounds = [pad for pad in pads if pad.side == "bottom" and pad.net == "GND"]
+    spokes = tuple(spoke for pad in grounds for spoke in _spokes(pad, plane))
+    return Copper(pads, tracks + spokes, vias, plane)
+
+
+def _pads(place: Placement, nets: dict[tuple[str, str], str]) -> list[Pad]:
+    made = []
+    for pin, (x, y, width, height) in PADS[place.kind].items():
+        net = nets[(place.reference, pin)]
+        at = place.on_board(x, y)
+        made.append(Pad(place.reference, pin, net, place.side, at, width, height, place.rotation_deg))
+    return made
+
+
+def driver_tracks(led_count: int) -> tuple[Track, ...]:
+    """Tracks of the boost converter and on to both ends of the string, drawn unrolled (s clockwise, t outward)."""
+    leds = [place.s_mm for place in placements(led_count) if place.kind == "led"]
+    turn = 2 * math.pi * MIDDLE_RADIUS_MM
+    first, last = leds[0] + PADS["led"]["A"][0], leds[-1] % turn + PADS["led"]["K"][0]
+    top = [
+        ("VIN", 1.0, [(-3.2, 1.5), (-0.95, 1.9), (-0.05, 2.2)]),
+        ("VIN", 0.6, [(-1.4, 1.5), (-0.24, 0.45), (-0.24, -0.5)]),
+        ("SW", 1.0, [(-5.95, -1.5), (-3.2, -1.5)]),
+        ("SW", 0.6, [(-3.2, -1.5), (-0.24, -1.45)]),
+        ("VOUT", 1.0, [(-9.25, -1.5), (-9.25, 1.5)]),
+        ("VOUT", 0.6, [(-9.25, 0.0), (first, 0.0)]),
+        ("COMP", 0.3, [(2.04, -0.5), (4.2, -0.5)]),
+        ("FB", 0.3, [(2.04, 0.45), (3.2, 0.45), (3.8, 1.25), (4.2, 1.25)]),
+        ("FB", 0.4, [(4.2, 1.25), (4.2, 2.3), (9.6, 2.3), (10.6, 0.9), (11.0, 0.0), (last, 0.0)]),
+        ("GND", 0.6, [(-6.12, 1.5), (-6.12, 2.75)]),
+        ("GND", 0.6, [(-6.12, 1.5), (-6.12, 0.1)]),
+        ("GND", 0.5, [(2.04, -1.45), (2.04, -2.5)]),
+        ("GND", 0.5, [(2.04, -2.5), (1.0, -2.6)]),
+        ("GND", 0.5, [(1.85, 2.2), (3.1, 1.75)]),
+        ("GND", 0.4, [(5.8, -0.5), (5.8, 1.25)]),
+        ("GND", 0.4, [(5.8, 0.4), (7.0, 0.4)]),
+    ]
+    bottom = [("VIN", 0.5, [(-1.0, 2.55), (0.0, 2.75), (4.6, 2.75), (5.61, 1.3)])]
+    return tuple(
+        Track(net, side, _bent(points), width)
+        for side, tracks in (("top", top), ("bottom", bottom))
+        for net, width, points in tracks
+    )
+
+
+def driver_vias() -> tuple[Via, ...]:
+    """Holes of the boost converter; the output capacitor and the switch have two to the ground plane."""
+    places = [
+        ("VIN", (-1.0, 2.55)),
+        ("GND", (-6.12, 2.75)),
+        ("GND", (-6.12, 0.1)),
+        ("GND", (2.04, -2.5)),
+        ("GND", (1.0, -2.6)),
+        ("GND", (3.1, 1.75)),
+        ("GND", (7.0, 0.4)),
+    ]
+    return tuple(Via(net, unrolled(*place)) for net, place in places)
+
+
+def string_tracks(led_count: int) -> tuple[Track, ...]:
+    """From each LED's cathode to the next one's anode, along the middle circle."""
+    leds = [place for place in placements(led_count) if place.kind == "led"]
+    tracks = []
+    for k, (here, there) in enumerate(pairwise(leds)):
+        start, end = here.s_mm + PADS["led"]["K"][0], there.s_mm + PADS["led"]["A"][0]
+        turn = 2 * math.pi * MIDDLE_RADIUS_MM
+        end -= turn * math.ceil((end - start) / turn)  # onward, counter-clockwise
+        tracks.append(Track(f"N{k + 1}", "top", _bent([(start, 0.0), (end, 0.0)]), 1.0))
+    return tuple(tracks)
+
+
+def _bent(points: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Board points of an unrolled line, in steps that follow the circle."""
+    bent = [unrolled(*points[0])]
+    for (s0, t0), (s1, t1) in pairwise(points):
+        count = max(1, math.ceil(abs(math.degrees((s1 - s0) / MIDDLE_RADIUS_MM)) / STEP_DEG))
+        bent += [unrolled(s0 + (s1 - s0) * i / count, t0 + (t1 - t0) * i / count) for i in range(1, count + 1)]
+    return tuple(bent)
+
+
+def _spokes(pad: Pad, plane: BaseGeometry) -> list[Track]:
+    """Bridges from a ground pad to the plane, on its four sides where there is plane.
+
+    They are thermal relief: the pad can be soldered by hand.
+    """
+    spokes = []
+    for quarter in range(4):
+        angle = math.radians(pad.turn_deg + 90.0 * quarter)
+        reach = (pad.height if quarter % 2 else pad.width) / 2 + PLANE_GAP_MM + SPOKE_MM / 2
+        end = (pad.centre[0] + reach * math.cos(angle), pad.centre[1] + reach * math.sin(angle))
+        if plane.contains(Point(end).buffer(SPOKE_MM / 2)):
+            spokes.append(Track(pad.net, pad.side, (pad.centre, end), SPOKE_MM))
+    return spokes
+
+
+def _plane(pads: tuple[Pad, ...], tracks: tuple[Track, ...], vias: tuple[Via, ...]) -> BaseGeometry:
+    """Ground on the bottom: the face less its edge and less the surroundings of other nets and of soldered pads."""
+    face = _ring(BOARD_INNER_RADIUS_MM + PLANE_EDGE_MM, BOARD_OUTER_RADIUS_MM - PLANE_EDGE_MM)
+    others = [p.shape for p in pads if p.side == "bottom"]
+    others += [t.shape for t in tracks if t.side == "bottom" and t.net != "GND"]
+    others += [v.shape for v in vias if v.net != "GND"]
+    plane = face - unary_union(others).buffer(PLANE_GAP_MM, quad_segs=CIRCLE_SEGMENTS)
+    return plane.buffer(-0.1).buffer(0.1)  # no necks under 0.2 mm
+
+
+def _ring(inner: float, outer: float) -> Polygon:
+    """Annulus; its circles are polygons of 720 corners (1 um)."""
+    turn = [math.radians(a / 2) for a in range(720)]
+    rings = [[(r * math.cos(a), r * math.sin(a)) for a in turn] for r in (outer, inner)]
+    return Polygon(rings[0], [rings[1]])

@@ -1,0 +1,194 @@
+"""Design rules of the LED ring, checked on the fabrication files as read back: nets, clearances, edges, holes, legend.
+
+Millimetres. The nets are found from copper and plated holes alone and compared with the circuit: one island of copper
+for each net, one net for each island. The limits are those of a plain two-layer board (0.15 mm, edge 0.3 mm), with some
+room.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from shapely import Point, Polygon, STRtree, box, union_all
+from shapely.affinity import rotate, translate
+from shapely.geometry.base import BaseGeometry
+
+from cad import ring_spacer
+from cad.led_placement import Placement
+from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from fab.check import Check
+from fab.led_ring.copper import Pad
+
+CLEARANCE_MM = 0.2
+WIDTH_MM = 0.2
+EDGE_MM = 0.3
+RIM_MM = 0.15  # copper round a hole
+DRILL_MM = 0.3
+MASK_WEB_MM = 0.1
+PART_GAP_MM = 0.15  # between the bodies of two parts
+NECK_MM2 = 1e-3  # copper that an opening by the least width may lose: corners of turned pads
+AREA_RATIO = 1e-4  # board in the files against the CAD part
+
+Layers = dict[str, BaseGeometry]
+Holes = Sequence[tuple[float, float, float]]
+
+
+@dataclass(frozen=True)
+class Island:
+    """Copper that hangs together on one side.
+
+    Attributes:
+        side: ``top`` or ``bottom``.
+        shape: its area.
+        node: number of the conductor it belongs to, through plated holes.
+    """
+
+    side: str
+    shape: Polygon
+    node: int
+
+
+def rule_checks(layers: Layers, holes: Holes, pads: Sequence[Pad], places: Sequence[Placement]) -> list[Check]:
+    """All design rules.
+
+    Args:
+        layers, holes: as read back.
+        pads: lands with the nets they should be on.
+        places: parts with their envelopes.
+    """
+    islands = conductors(layers, holes)
+    face = layers["Edge_Cuts"]
+    wanted = math.pi * (BOARD_OUTER_RADIUS_MM**2 - BOARD_INNER_RADIUS_MM**2)
+    return [
+        Check("ring.board_area_error_ratio", abs(face.area / wanted - 1), high=AREA_RATIO),
+        *net_checks(islands, pads),
+        Check("ring.clearance_mm", least_clearance_mm(islands), low=CLEARANCE_MM),
+        Check("ring.thin_copper_mm2", sum(_lost(island.shape) for island in islands), high=NECK_MM2 * len(islands)),
+        Check("ring.copper_to_edge_mm", min(edge_distance_mm(i.shape, face) for i in islands), low=EDGE_MM),
+        *hole_checks(layers, holes, face),
+        *legend_checks(layers, pads),
+        Check("ring.parts_gap_mm", least_part_gap_mm(places), low=PART_GAP_MM),
+        Check("ring.plug_outside_notch_mm2", plug_outside_notch_mm2(pads), high=0),
+    ]
+
+
+def conductors(layers: Layers, holes: Holes) -> list[Island]:
+    """Islands of copper on both sides, numbered by the conductor that plated holes join them to."""
+    shapes = [(side, part) for side, name in (("top", "F_Cu"), ("bottom", "B_Cu")) for part in _parts(layers[name])]
+    tree = STRtree([part for _, part in shapes])
+    parent = list(range(len(shapes)))
+
+    def root(k: int) -> int:
+        while parent[k] != k:
+            k = parent[k]
+        return k
+
+    for x, y, diameter in holes:
+        barrel = Point(x, y).buffer(diameter / 2)
+        touched = [int(k) for k in tree.query(barrel) if shapes[k][1].intersects(barrel)]
+        for k in touched[1:]:
+            parent[root(k)] = root(touched[0])
+    return [Island(side, part, root(k)) for k, (side, part) in enumerate(shapes)]
+
+
+def net_checks(islands: Sequence[Island], pads: Sequence[Pad]) -> list[Check]:
+    """Every net one conductor, every conductor one net, no copper without a net."""
+    nodes: dict[str, set[int]] = {}
+    for pad in pads:
+        spot = pad.shape.buffer(-0.05)
+        on = {i.node for i in islands if i.side == pad.side and i.shape.contains(spot)}
+        nodes.setdefault(pad.net, set()).update(on or {-1 - len(nodes)})
+    owners: dict[int, set[str]] = {}
+    for net, members in nodes.items():
+        for node in members:
+            owners.setdefault(node, set()).add(net)
+    return [
+        Check("ring.open_nets", float(sum(len(members) > 1 for members in nodes.values())), high=0),
+        Check("ring.shorted_nets", float(sum(len(nets) > 1 for nets in owners.values())), high=0),
+        Check("ring.stray_conductors", float(len({i.node for i in islands} - set(owners))), high=0),
+    ]
+
+
+def least_clearance_mm(islands: Sequence[Island]) -> float:
+    """Least gap between two conductors on one side; 0 where their islands touch."""
+    return min(
+        (a.shape.distance(b.shape) for a, b in combinations(islands, 2) if a.side == b.side and a.node != b.node),
+        default=math.inf,
+    )
+
+
+def edge_distance_mm(shape: BaseGeometry, face: BaseGeometry) -> float:
+    """Distance of copper from the board's edge; negative (as far as it sticks out) beyond it."""
+    outside = shape - face
+    if not outside.is_empty:
+        return -outside.hausdorff_distance(face.boundary)
+    return float(shape.distance(face.boundary))
+
+
+def hole_checks(layers: Layers, holes: Holes, face: BaseGeometry) -> list[Check]:
+    """Drill size, copper round every hole on both sides, distance from the edge and from each other."""
+    rims, edges = [], []
+    for x, y, diameter in holes:
+        at = Point(x, y)
+        edges.append(at.distance(face.boundary) - diameter / 2)
+        for name in ("F_Cu", "B_Cu"):
+            inside = layers[name].contains(at)
+            rims.append(at.distance(layers[name].boundary) - diameter / 2 if inside else -diameter / 2)
+    gaps = [math.dist(a[:2], b[:2]) - (a[2] + b[2]) / 2 for a, b in combinations(holes, 2)]
+    return [
+        Check("ring.drill_mm", min(d for _, _, d in holes), low=DRILL_MM),
+        Check("ring.copper_round_hole_mm", min(rims), low=RIM_MM),
+        Check("ring.hole_to_edge_mm", min(edges), low=EDGE_MM + RIM_MM),
+        Check("ring.hole_to_hole_mm", min(gaps, default=math.inf), low=0.5),
+    ]
+
+
+def legend_checks(layers: Layers, pads: Sequence[Pad]) -> list[Check]:
+    """Mask: every land open, a web between two openings; ink on no land and not over the edge."""
+    webs, inked, covered = [], 0.0, 0.0
+    for side, letter in (("top", "F"), ("bottom", "B")):
+        openings = _parts(layers[f"{letter}_Mask"])
+        webs += [a.distance(b) for a, b in combinations(openings, 2)]
+        lands = union_all([pad.shape for pad in pads if pad.side == side])
+        covered += (lands - layers[f"{letter}_Mask"]).area
+        ink = layers[f"{letter}_Silk"]
+        inked += (ink & layers[f"{letter}_Mask"]).area + (ink - layers["Edge_Cuts"]).area
+    return [
+        Check("ring.mask_web_mm", min(webs, default=math.inf), low=MASK_WEB_MM),
+        Check("ring.masked_land_mm2", covered, high=1e-3),
+        Check("ring.ink_where_none_may_be_mm2", inked, high=1e-3),
+    ]
+
+
+def least_part_gap_mm(places: Sequence[Placement]) -> float:
+    """Least gap between the envelopes of two parts on one side; 0 where they overlap."""
+    bodies = [(place.side, envelope(place)) for place in places]
+    return min((a.distance(b) for (s, a), (t, b) in combinations(bodies, 2) if s == t), default=math.inf)
+
+
+def envelope(place: Placement) -> Polygon:
+    """Outline of a part's body and leads on the board."""
+    x, y = place.part.length_mm / 2, place.part.width_mm / 2
+    return translate(rotate(box(-x, -y, x, y), place.rotation_deg, origin=(0, 0)), *place.centre_mm)
+
+
+def plug_outside_notch_mm2(pads: Sequence[Pad]) -> float:
+    """Area of the bottom's solder that would lie on the spacer: the board must rest flat beside its notch."""
+    half = ring_spacer.NOTCH_WIDTH_MM / 2
+    notch = box(-half, 0.0, half, ring_spacer.NOTCH_OUTER_RADIUS_MM)
+    notch = rotate(notch, ring_spacer.NOTCH_AZIMUTH_DEG - 90.0, origin=(0, 0))
+    solder = union_all([pad.shape for pad in pads if pad.side == "bottom"])
+    return float((solder - notch - Point(0, 0).buffer(ring_spacer.INNER_RADIUS_MM)).area)
+
+
+def _lost(shape: BaseGeometry) -> float:
+    """Copper thinner than the least width."""
+    half = WIDTH_MM / 2
+    return float((shape - shape.buffer(-half, join_style="mitre").buffer(half, join_style="mitre")).area)
+
+
+def _parts(shape: BaseGeometry) -> list[Polygon]:
+    return [part for part in getattr(shape, "geoms", [shape]) if isinstance(part, Polygon)]

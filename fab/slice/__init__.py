@@ -1,0 +1,1 @@
+"""Slicer projects, slicing, and what the G-code really prints."""

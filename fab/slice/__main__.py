@@ -1,0 +1,170 @@
+"""`python -m fab.slice D=130 T=8`: projects for PrusaSlicer and OrcaSlicer, sliced, read back and gated."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import signal
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cad.errors import EndcapError, ParameterError
+from cad.params import EndcapParams
+from fab.molds import ROOT, ChecksFailedError, Progress, parse_length, parse_options
+
+if TYPE_CHECKING:
+    from fab.check import Check
+    from fab.slice.projects import Export
+    from fab.slice.result import SliceResult
+
+DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports"), "parts": "all", "gcode": "no"}
+WORKERS = 2
+FOLDER = "slice"
+HELP = """\
+options, as NAME=VALUE:
+  D=130 T=8        the design; `make molds` with the same numbers must have run
+  exports=DIR      folder that holds D130_T8/ (default: exports/)
+  parts=all        or names with commas, for example parts=interface_infill,base: only these are sliced,
+                   and nothing is written
+  gcode=no         yes: keep the G-code beside the projects
+
+Writes D130_T8/slice/: <part>.prusa.3mf, <part>.orca.3mf and slice.json, whole, after every gate has held.
+exit status: 0 written; 1 a gate failed; 2 bad input, no export, or no PrusaSlicer; 130 interrupted
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="make slice",
+        usage="make slice [D=MM] [T=MM] [exports=DIR] [parts=NAMES] [gcode=yes]",
+        description="Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
+        epilog=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
+    arguments, unknown = parser.parse_known_args(argv)
+    interrupts: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: _interrupt(interrupts, number))
+    try:
+        options = parse_options([*arguments.options, *unknown], DEFAULTS)
+        params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
+        if options["gcode"] not in ("yes", "no"):
+            raise ParameterError(f"gcode={options['gcode']} is neither yes nor no", name="gcode")
+        return slice_design(params, Path(options["exports"]), options["parts"], options["gcode"] == "yes")
+    except EndcapError as error:
+        print(f"make slice: {error}", file=sys.stderr)
+        return 1 if isinstance(error, ChecksFailedError) else 2
+    except (Exception, KeyboardInterrupt):
+        if not interrupts:
+            raise
+        print("make slice: interrupted; nothing was left behind", file=sys.stderr)
+        return 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupt(interrupts: list[int], number: int) -> None:
+    """Remember a Ctrl-C: it may come back as the end of a worker."""
+    interrupts.append(number)
+    raise KeyboardInterrupt
+
+
+def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_gcode: bool = False) -> int:
+    """Slice an exported design.
+
+    Args:
+        params: the two numbers.
+        exports: folder that holds ``params.label``.
+        parts: ``all``, or names of projects with commas; then nothing is written.
+        keep_gcode: whether the G-code stays beside the projects.
+
+    Returns:
+        0.
+
+    Raises:
+        ChecksFailedError: a gate did not hold; nothing is left.
+        SlicerMissingError: PrusaSlicer is not installed.
+        FileError: no export, or a file cannot be read or written.
+    """
+    from fab.exports import whole_folder
+    from fab.slice.projects import project_names, read_export
+    from fab.slice.run import find_slicer, slicer_version
+
+    slicer = find_slicer()
+    export = read_export(params, exports)
+    known = project_names(export)
+    names = known if parts == "all" else parts.split(",")
+    if strangers := sorted(set(names) - set(known)):
+        raise ParameterError(
+            f"parts={','.join(strangers)} not printed here: choose among {', '.join(known)}", name="parts"
+        )
+    if parts != "all":
+        with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
+            checks = _sliced_and_gated(slicer, export, names, Path(scratch), keep_gcode=False)[1]
+        print(
+            f"{params.label}: {len(names)} of {len(known)} projects, all {len(checks)} gates held; nothing was written"
+        )
+        return 0
+    with whole_folder(export.folder / FOLDER) as folder:
+        results, checks = _sliced_and_gated(slicer, export, names, folder, keep_gcode)
+        record = {
+            "digest": params.digest,
+            "slicer": f"PrusaSlicer {slicer_version(slicer)}",
+            "projects": [result.record() for result in results],
+            "checks": [
+                {"name": c.name, "value": float(f"{c.value:.6g}"), "limit": c.limit, "ok": c.ok} for c in checks
+            ],
+        }
+        (folder / "slice.json").write_text(json.dumps(record, indent=1) + "\n")
+    print(f"{export.folder / FOLDER}: {len(results)} projects in two dialects, all {len(checks)} gates held")
+    return 0
+
+
+def _sliced_and_gated(
+    slicer: str, export: Export, names: Sequence[str], folder: Path, keep_gcode: bool
+) -> tuple[list[SliceResult], list[Check]]:
+    """Slice side by side, print the summary, and insist on the gates."""
+    from fab.slice.result import summary
+
+    progress = Progress()
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(WORKERS, context, signal.signal, (signal.SIGINT, signal.SIG_DFL)) as workers:
+        try:
+            pending = [workers.submit(_slice_one, slicer, export, name, folder, keep_gcode) for name in names]
+            results = []
+            for done, (name, future) in enumerate(zip(names, pending, strict=True)):
+                progress(f"{name} ({done + 1} of {len(names)})")
+                results.append(future.result())
+        except BaseException:
+            workers.shutdown(wait=False, cancel_futures=True)
+            raise
+        finally:
+            progress.end()
+    print(summary(results))
+    checks = [check for result in results for check in result.checks]
+    failed = [check for check in checks if not check.ok]
+    for check in failed:
+        print(f"make slice: gate failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
+    if failed:
+        raise ChecksFailedError(
+            f"{len(failed)} of {len(checks)} gates failed at {export.params.label}; nothing was written"
+        )
+    return results, checks
+
+
+def _slice_one(slicer: str, export: Export, name: str, folder: Path, keep_gcode: bool) -> SliceResult:
+    """Work of one process."""
+    from fab.slice.projects import build_project
+    from fab.slice.result import slice_project
+
+    return slice_project(slicer, build_project(export, name), folder, export.params, keep_gcode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""Filaments: rows of ``filaments.csv``, by the material's name that a part carries."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cad.errors import FileError, ParameterError
+
+FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
+
+
+@dataclass(frozen=True)
+class Filament:
+    """One row of the filament table; prices in US dollars."""
+
+    name: str
+    type: str
+    density_g_cm3: float
+    price_usd_kg: float
+    nozzle_c: int
+    bed_c: int
+    max_flow_mm3_s: float
+    provenance: str
+
+
+@cache
+def filaments() -> dict[str, Filament]:
+    """The filament table, name -> filament.
+
+    Raises:
+        FileError: a missing or unreadable table.
+    """
+    try:
+        with FILAMENT_TABLE.open(newline="", encoding="utf-8") as stream:
+            return {row["name"]: _filament(row) for row in csv.DictReader(stream)}
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise FileError(f"{FILAMENT_TABLE.name}: cannot be read as the table of filaments ({error})") from error
+
+
+def filament(name: str) -> Filament:
+    """One filament by the material's name that a part carries.
+
+    Raises:
+        ParameterError: unknown name; the message lists those in the table.
+    """
+    table = filaments()
+    if name not in table:
+        names = ", ".join(table)
+        raise ParameterError(
+            f"material={name!r} is not in fab/slice/{FILAMENT_TABLE.name}: choose one of {names}, or add a row",
+            name="material",
+            value=name,
+        )
+    return table[name]
+
+
+def _filament(row: dict[str, str]) -> Filament:
+    return Filament(
+        row["name"],
+        row["type"],
+        float(row["density_g_cm3"]),
+        float(row["price_usd_kg"]),
+        int(row["nozzle_c"]),
+        int(row["bed_c"]),
+        float(row["max_flow_mm3_s"]),
+        row["provenance"],
+    )

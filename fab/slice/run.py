@@ -1,0 +1,114 @@
+"""PrusaSlicer without its window: what it says of a project, and its G-code.
+
+PrusaSlicer ends with status 0 even for open meshes and for prints beside the bed, so nothing here trusts the status
+alone. The bed must be given on the command line: version 2.5 does not take it from a project.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from cad.errors import EndcapError, FileError
+from fab.slice.settings import BED_MM
+
+NAMES = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
+INSTALL = "apt-get install -y --no-install-recommends prusa-slicer"
+_FAULTS = ("open_edges", "degenerate_facets", "edges_fixed", "facets_removed", "facets_reversed", "backwards_edges")
+_NOISE = ("trace]", "Initializing StaticPrintConfigs")
+
+
+class SlicerMissingError(EndcapError):
+    """PrusaSlicer is not installed."""
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What ``--info`` says of a project.
+
+    Attributes:
+        is_manifold: every mesh of it is closed.
+        bodies: connected bodies.
+        faults: what the slicer counted or mended, ``name = value``.
+    """
+
+    is_manifold: bool
+    bodies: int
+    faults: tuple[str, ...]
+
+
+def find_slicer() -> str:
+    """Path of PrusaSlicer's program.
+
+    Raises:
+        SlicerMissingError: it is not installed; the message has the command that installs it.
+    """
+    for name in NAMES:
+        if path := shutil.which(name):
+            return path
+    raise SlicerMissingError(
+        f"PrusaSlicer was not found (looked for {', '.join(NAMES)}): on Debian run `sudo {INSTALL}`, elsewhere install "
+        "PrusaSlicer 2.5 or later and put it on PATH"
+    )
+
+
+def slicer_version(slicer: str) -> str:
+    """Version in words, for example ``2.5.0``."""
+    said = subprocess.run([slicer, "--help"], capture_output=True, text=True, check=False, env=_environment()).stdout
+    found = re.search(r"PrusaSlicer-(\d+\.\d+\.\d+)", said)
+    return found[1] if found else "unknown"
+
+
+def model_info(slicer: str, project: Path) -> ModelInfo:
+    """Ask the slicer what it sees in a project.
+
+    Raises:
+        FileError: it cannot read the project.
+    """
+    said = _run(slicer, ["--info", str(project)], project)
+    values = dict(re.findall(r"^(\w+) =\s+(\S+)\s*$", said.replace(" = ", " =  "), flags=re.MULTILINE))
+    if "manifold" not in values:
+        raise FileError(f"{project.name}: the slicer found no mesh in it: write the project again")
+    faults = tuple(f"{key} = {values[key]}" for key in _FAULTS if values.get(key, "0") != "0")
+    return ModelInfo(values["manifold"] == "yes", int(values.get("number_of_parts", 0)), faults)
+
+
+def slice_to_gcode(slicer: str, project: Path, gcode: Path) -> tuple[str, ...]:
+    """Slice a project where it lies on its plate.
+
+    Returns:
+        Warnings of the slicer, one a line.
+
+    Raises:
+        FileError: no G-code came out; the slicer's own words are in the message.
+    """
+    bed = f"0x0,{BED_MM:g}x0,{BED_MM:g}x{BED_MM:g},0x{BED_MM:g}"
+    words = ["--loglevel", "2", "--dont-arrange", "--bed-shape", bed, "-g", "-o", str(gcode), str(project)]
+    said = _run(slicer, words, project)
+    if not gcode.exists():
+        raise FileError(f"{project.name}: the slicer made no G-code: {_last_words(said)}")
+    steps = ("=>", "Slicing result exported", "Exporting G-code")
+    lines = (line.strip() for line in said.splitlines())
+    return tuple(line for line in lines if line and not any(mark in line for mark in (*steps, *_NOISE)))
+
+
+def _run(slicer: str, words: list[str], project: Path) -> str:
+    done = subprocess.run([slicer, *words], capture_output=True, text=True, check=False, env=_environment())
+    said = done.stdout + done.stderr
+    if done.returncode != 0:
+        raise FileError(f"{project.name}: the slicer stopped with status {done.returncode}: {_last_words(said)}")
+    return said
+
+
+def _last_words(said: str) -> str:
+    lines = [line.strip() for line in said.splitlines() if line.strip() and not any(n in line for n in _NOISE)]
+    return lines[-1] if lines else "it said nothing"
+
+
+def _environment() -> dict[str, str]:
+    """Decimal points, and as many threads as we grant: two slicers run side by side."""
+    return {**os.environ, "LC_ALL": "C"}

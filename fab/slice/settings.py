@@ -1,0 +1,253 @@
+"""Print settings by part: one record, translated into the words of PrusaSlicer and of OrcaSlicer or Bambu Studio.
+
+Lengths in mm, speeds in mm/s, densities in per cent, temperatures in degrees Celsius. Everything here is our choice (E)
+unless marked.
+
+Notes:
+    The zone's settings open its sides: without perimeters and without top and bottom layers the slicer's default infill
+    anchors still run along half of the boundary; ``infill_anchor``, ``infill_anchor_max`` and
+    ``solid_infill_below_area`` at 0 stop that (facts.md, "Gyroid infill law").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fab.slice.filaments import Filament, filament
+
+BED_MM = 256.0  # side and height of the printing space that every part must fit
+NOZZLE_MM = 0.4
+FILAMENT_DIAMETER_MM = 1.75
+LAYER_MM = 0.2
+LINE_MM = 0.45
+ZONE_PERCENT = 10.0  # P: the paper's infill
+ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line take off its width (facts.md)
+GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (facts.md)
+GCODE_START = "G28\\nG90\\nM83\\nG92 E0"
+GCODE_END = "M104 S0\\nM140 S0\\nM84"
+
+
+@dataclass(frozen=True)
+class Region:
+    """How one volume of a part is filled.
+
+    Attributes:
+        walls: perimeters.
+        top_layers, bottom_layers: solid layers.
+        density_percent: of the infill.
+        pattern: of the infill.
+        anchor_mm: longest piece of infill that may run along a wall; ``None`` leaves the slicer's default.
+        solid_below_mm2: islands smaller than this are filled solid; ``None`` leaves the slicer's default.
+    """
+
+    walls: int
+    top_layers: int
+    bottom_layers: int
+    density_percent: float
+    pattern: str = "gyroid"
+    anchor_mm: float | None = None
+    solid_below_mm2: float | None = None
+
+    def prusa(self) -> dict[str, str]:
+        """Keys of PrusaSlicer."""
+        words = {
+            "perimeters": str(self.walls),
+            "top_solid_layers": str(self.top_layers),
+            "bottom_solid_layers": str(self.bottom_layers),
+            "fill_density": f"{self.density_percent:g}%",
+            "fill_pattern": self.pattern,
+        }
+        if self.anchor_mm is not None:
+            words |= {"infill_anchor": f"{self.anchor_mm:g}", "infill_anchor_max": f"{self.anchor_mm:g}"}
+        if self.solid_below_mm2 is not None:
+            words["solid_infill_below_area"] = f"{self.solid_below_mm2:g}"
+        return words
+
+    def orca(self) -> dict[str, str]:
+        """The same for OrcaSlicer and Bambu Studio."""
+        return {ORCA_NAMES[key]: ORCA_PATTERNS.get(value, value) for key, value in self.prusa().items()}
+
+
+ORCA_NAMES = {
+    "perimeters": "wall_loops",
+    "top_solid_layers": "top_shell_layers",
+    "bottom_solid_layers": "bottom_shell_layers",
+    "fill_density": "sparse_infill_density",
+    "fill_pattern": "sparse_infill_pattern",
+    "infill_anchor": "infill_anchor",
+    "infill_anchor_max": "infill_anchor_max",
+    "solid_infill_below_area": "minimum_sparse_infill_area",
+}
+ORCA_PATTERNS = {"rectilinear": "zig-zag"}
+
+
+@dataclass(frozen=True)
+class PrintSettings:
+    """How one part is printed.
+
+    Attributes:
+        filament: what it is made of.
+        region: how it is filled, where no volume says otherwise.
+        speed_mm_s: of the infill; outer walls go at half of it.
+        support: whether overhangs over the bed are propped.
+        brim_mm: width of the brim; 0 for none.
+        grow_mm: by how much every outline is moved outward.
+        thin_lines: walls of varying width, for sheets of one line; slower and less robust than plain walls.
+        reason: why these, in words for the build sheet.
+    """
+
+    filament: Filament
+    region: Region
+    speed_mm_s: float
+    support: bool = False
+    brim_mm: float = 0.0
+    grow_mm: float = 0.0
+    thin_lines: bool = False
+    reason: str = ""
+
+    def prusa(self) -> dict[str, str]:
+        """The whole configuration for PrusaSlicer 2.5 and later."""
+        speed, slow = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}"
+        line, filament = f"{LINE_MM:g}", self.filament
+        return {
+            "printer_technology": "FFF",
+            "gcode_flavor": "marlin2",
+            "bed_shape": f"0x0,{BED_MM:g}x0,{BED_MM:g}x{BED_MM:g},0x{BED_MM:g}",
+            "max_print_height": f"{BED_MM:g}",
+            "nozzle_diameter": f"{NOZZLE_MM:g}",
+            "use_relative_e_distances": "1",
+            "layer_gcode": "G92 E0",
+            "start_gcode": GCODE_START,
+            "end_gcode": GCODE_END,
+            "retract_length": "0.8",
+            "skirts": "0",
+            "brim_width": f"{self.brim_mm:g}",
+            "layer_height": f"{LAYER_MM:g}",
+            "first_layer_height": f"{LAYER_MM:g}",
+            **dict.fromkeys(PRUSA_LINES, line),
+            "perimeter_generator": "arachne" if self.thin_lines else "classic",
+            "elefant_foot_compensation": "0.1",
+            "xy_size_compensation": f"{self.grow_mm:g}",
+            **self.region.prusa(),
+            "support_material": "1" if self.support else "0",
+            "support_material_auto": "1",
+            "support_material_buildplate_only": "1",
+            "support_material_threshold": "40",
+            **dict.fromkeys(("perimeter_speed", "infill_speed", "solid_infill_speed"), speed),
+            **dict.fromkeys(("external_perimeter_speed", "top_solid_infill_speed", "small_perimeter_speed"), slow),
+            "first_layer_speed": "20",
+            "filament_type": filament.type,
+            "filament_diameter": f"{FILAMENT_DIAMETER_MM:g}",
+            "filament_density": f"{filament.density_g_cm3:g}",
+            "filament_cost": f"{filament.price_usd_kg:g}",
+            "filament_max_volumetric_speed": f"{filament.max_flow_mm3_s:g}",
+            "temperature": str(filament.nozzle_c),
+            "first_layer_temperature": str(filament.nozzle_c),
+            "bed_temperature": str(filament.bed_c),
+            "first_layer_bed_temperature": str(filament.bed_c),
+        }
+
+    def orca(self) -> dict[str, str | list[str]]:
+        """The whole configuration for OrcaSlicer and Bambu Studio: one value as text, values by filament as lists."""
+        speed, slow, filament = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}", self.filament
+        return {
+            "printable_area": ["0x0", f"{BED_MM:g}x0", f"{BED_MM:g}x{BED_MM:g}", f"0x{BED_MM:g}"],
+            "printable_height": f"{BED_MM:g}",
+            "nozzle_diameter": [f"{NOZZLE_MM:g}"],
+            "layer_height": f"{LAYER_MM:g}",
+            "initial_layer_print_height": f"{LAYER_MM:g}",
+            **dict.fromkeys(ORCA_LINES, f"{LINE_MM:g}"),
+            "wall_generator": "arachne" if self.thin_lines else "classic",
+            "elefant_foot_compensation": "0.1",
+            "xy_contour_compensation": f"{self.grow_mm:g}",
+            "xy_hole_compensation": f"{-self.grow_mm:g}",
+            **self.region.orca(),
+            "brim_type": "outer_only" if self.brim_mm else "no_brim",
+            "brim_width": f"{self.brim_mm:g}",
+            "skirt_loops": "0",
+            "enable_support": "1" if self.support else "0",
+            "support_type": "normal(auto)",
+            "support_on_build_plate_only": "1",
+            "support_threshold_angle": "40",
+            **dict.fromkeys(("inner_wall_speed", "sparse_infill_speed", "internal_solid_infill_speed"), speed),
+            **dict.fromkeys(("outer_wall_speed", "top_surface_speed"), slow),
+            "filament_type": ["TPU" if filament.type == "FLEX" else filament.type],
+            "filament_diameter": [f"{FILAMENT_DIAMETER_MM:g}"],
+            "filament_density": [f"{filament.density_g_cm3:g}"],
+            "filament_cost": [f"{filament.price_usd_kg:g}"],
+            "filament_max_volumetric_speed": [f"{filament.max_flow_mm3_s:g}"],
+            "nozzle_temperature": [str(filament.nozzle_c)],
+            "nozzle_temperature_initial_layer": [str(filament.nozzle_c)],
+            "hot_plate_temp": [str(filament.bed_c)],
+            "hot_plate_temp_initial_layer": [str(filament.bed_c)],
+        }
+
+
+PRUSA_LINES = (
+    "extrusion_width",
+    "first_layer_extrusion_width",
+    "perimeter_extrusion_width",
+    "external_perimeter_extrusion_width",
+    "infill_extrusion_width",
+    "solid_infill_extrusion_width",
+    "top_infill_extrusion_width",
+)
+ORCA_LINES = (
+    "line_width",
+    "initial_layer_line_width",
+    "inner_wall_line_width",
+    "outer_wall_line_width",
+    "sparse_infill_line_width",
+    "internal_solid_infill_line_width",
+    "top_surface_line_width",
+)
+
+FLANGE = Region(walls=3, top_layers=4, bottom_layers=4, density_percent=100, pattern="rectilinear")
+CUP = Region(walls=3, top_layers=4, bottom_layers=4, density_percent=10)
+CORE_REASON = "light; brim, for little stands on the bed; the ramp over the neck is propped from the bed"
+CORE = Region(walls=2, top_layers=4, bottom_layers=4, density_percent=8)
+HARDWARE = Region(walls=4, top_layers=5, bottom_layers=5, density_percent=40)
+
+
+def native_density_percent(wall_mm: float) -> float:
+    """Infill density to ask of the slicer so that ``ZONE_PERCENT`` of a zone between two walls is printed.
+
+    Args:
+        wall_mm: thickness of the zone.
+
+    Notes:
+        With line spacing s the slicer's period is 2 pi s / (2.44 rho) (facts.md). A gyroid of period L has 2.44 / L of
+        line in a unit of section, each line a sheet of s, so it is filled by 2.44^2 / (2 pi) rho = 0.948 rho; and
+        lines end s / 2 before either side of the zone.
+    """
+    spacing = LINE_MM - ROUNDING_MM
+    return ZONE_PERCENT * 2 * math.pi / GYROID_LINE**2 / (1 - spacing / wall_mm)
+
+
+def zone_region(wall_mm: float) -> Region:
+    """Filling of the plain zone: gyroid by the slicer, open on all sides."""
+    density = round(native_density_percent(wall_mm), 2)
+    return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
+
+
+def part_settings(name: str, material: str) -> PrintSettings:
+    """Settings of a part by its stable name and its material.
+
+    Raises:
+        ParameterError: an unknown material.
+    """
+    spool = filament(material)
+    if name == "interface":
+        return PrintSettings(
+            spool, FLANGE, 30.0, thin_lines=True, reason="solid flange; the zone above it stays open for silicone"
+        )
+    if name.startswith("core_"):
+        return PrintSettings(spool, CORE, 100.0, support=name != "core_centre", brim_mm=5.0, reason=CORE_REASON)
+    if name == "hanger":
+        return PrintSettings(spool, CUP, 100.0, reason="flat, stiff enough to close the mold")
+    if name.startswith("cup_"):
+        return PrintSettings(
+            spool, CUP, 100.0, brim_mm=3.0 if "bowl" in name else 0.0, reason="three walls hold liquid"
+        )
+    return PrintSettings(spool, HARDWARE, 80.0, reason="stiff under its screws")

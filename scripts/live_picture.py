@@ -1,0 +1,128 @@
+"""A picture of the page of the running simulated robot, taken by headless Chromium: docs/live.png.
+
+python scripts/live_picture.py [--out docs/live.png] [-- options of sensing.live]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import base64
+import io
+import itertools
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+from pathlib import Path
+
+from PIL import Image
+from websockets.asyncio.client import connect
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SIZE = (1400, 1080)
+STANDING = (
+    "window.drawn > 20 && document.querySelectorAll('.lamp.touch').length === 3"
+    " && document.getElementById('robot').textContent.includes('weight')"
+)
+COLOURS = 256  # of the picture's palette: half the size
+
+
+class Browser:
+    """Headless Chromium over its debugging protocol."""
+
+    def __init__(self, folder: Path, size: tuple[int, int]) -> None:
+        self.process = subprocess.Popen(
+            [
+                CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+                "--disable-background-networking", "--remote-debugging-port=0", f"--user-data-dir={folder}",
+                f"--window-size={size[0]},{size[1]}", "about:blank",
+            ],
+            stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        )  # fmt: skip
+        self.size = size
+        for line in self.process.stderr:
+            if found := re.search(r"ws://127\.0\.0\.1:(\d+)/", line):
+                self.port = int(found[1])
+                break
+        threading.Thread(target=self.process.stderr.read, daemon=True).start()
+
+    async def look(
+        self, url: str, until: str, script: str, patience_s: float = 40, settle_s: float = 0.0
+    ) -> tuple[object, bytes]:
+        """(value of a script, PNG) of a page, ``settle_s`` after ``until`` is true."""
+        pages = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{self.port}/json").read())
+        page = next(p for p in pages if p["type"] == "page")
+        async with connect(page["webSocketDebuggerUrl"], max_size=None) as websocket:
+            numbers = itertools.count(1)
+
+            async def call(method: str, **options):
+                number = next(numbers)
+                await websocket.send(json.dumps({"id": number, "method": method, "params": options}))
+                while True:
+                    answer = json.loads(await asyncio.wait_for(websocket.recv(), 30))
+                    if answer.get("id") == number:
+                        return answer["result"]
+
+            async def value(expression: str):
+                found = await call("Runtime.evaluate", expression=expression, returnByValue=True)
+                return found["result"].get("value")
+
+            metrics = {"width": self.size[0], "height": self.size[1], "deviceScaleFactor": 1, "mobile": False}
+            await call("Emulation.setDeviceMetricsOverride", **metrics)
+            await call("Page.navigate", url=url)
+            end = time.monotonic() + patience_s
+            while not await value(until):
+                assert time.monotonic() < end, "the page shows nothing"
+                await asyncio.sleep(0.1)
+            await asyncio.sleep(settle_s)
+            told = await value(script)
+            shot = await call("Page.captureScreenshot", format="png")
+        return told, base64.b64decode(shot["data"])
+
+    def close(self) -> None:
+        """End the browser."""
+        self.process.terminate()
+        self.process.wait(10)
+
+
+def main() -> int:
+    """Start the live command, wait until three caps touch, take the picture."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("docs/live.png"))
+    parser.add_argument("rest", nargs="*", help="options of sensing.live, after --")
+    options = parser.parse_args()
+    if CHROMIUM is None:
+        print("no Chromium on this computer: install the package chromium", file=sys.stderr)
+        return 2
+    live = subprocess.Popen(
+        [sys.executable, "-m", "sensing.live", "--port", "0", *options.rest], stdout=subprocess.PIPE, text=True
+    )
+    assert live.stdout is not None
+    url = next((m[1] for line in live.stdout if (m := re.search(r"page: (\S+)", line))), None)
+    if url is None:
+        return live.wait()
+    threading.Thread(target=live.stdout.read, daemon=True).start()
+    with tempfile.TemporaryDirectory() as folder:
+        browser = Browser(Path(folder), SIZE)
+        try:
+            time.sleep(4)
+            _, png = asyncio.run(browser.look(url, STANDING, "0", 90, settle_s=1.5))
+        finally:
+            browser.close()
+            live.send_signal(signal.SIGINT)
+            live.wait(20)
+    picture = Image.open(io.BytesIO(png)).convert("RGB").quantize(COLOURS)
+    picture.save(options.out, optimize=True)
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

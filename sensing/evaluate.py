@@ -1,0 +1,174 @@
+"""How wrong the models are on frames they have never seen: ``python -m sensing.evaluate --help``.
+
+    python -m sensing.evaluate exports/test --weights weights.safetensors --train exports/data --csv table.csv
+    python -m sensing.evaluate --train exports/data --holdout pose friction path random
+
+With ``--train`` the comparisons are fitted to the same loading paths: ridge, physics inverse, and the paper's model on
+its own field with its own recipe. With ``--holdout`` all models are fitted anew to a part of the training data and
+tested on the rest. Answers are told from pictures through the real tracker. A test that shares a path, a pose or a
+picture with the training is refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import EndcapError, ParameterError
+from sensing.contenders import Answer, Views, fitted, held_out, read_views
+from sensing.samples import Samples, read_samples, shared_between
+from sensing.scores import Score, score, table
+from sensing.timeliness import LATENCY_S, filtered_score
+from sensing.wrench_model import WrenchModel, load_wrench_model, replace_file
+
+MOVING = ("circle", "drag", "impact")  # phases of motion, in the dynamic protocol
+HOLDOUTS = ("random", "path", "pose", "friction")
+HOLDOUT_EPOCHS = 10
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        if not options.test and not options.holdout:
+            raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
+        if options.holdout and not options.train:
+            raise ParameterError("--holdout parts the training data: give them with --train")
+        scores = evaluate(options.test, options.weights, options.train, options.paper_epochs) if options.test else {}
+        scores |= cross_validate(options.train, options.holdout, options.paper_epochs, options.seed)
+        print(table(scores))
+        if options.csv:
+            _write_csv(options.csv, scores)
+    except EndcapError as error:
+        print(f"sensing.evaluate: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\nsensing.evaluate: stopped, nothing written", file=sys.stderr)
+        return 130
+    return 0
+
+
+def evaluate(
+    tests: Sequence[Path], weights: Path | None, train: Sequence[Path] = (), paper_epochs: int = 100
+) -> dict[str, Score]:
+    """Scores by "model, what" on test folders; the comparisons only with training data.
+
+    Args:
+        tests: folders. weights: file, or None for those that ship. train: folders the comparisons are fitted to.
+
+    Raises:
+        ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
+    """
+    model = load_wrench_model(read_samples(tests[0]).design, weights)
+    released = bool(train) and paper_epochs > 0
+    training = read_views(train, released, markers=True, shape=model.shape) if train else None
+    if training is None:
+        answers: dict[str, Answer] = {
+            "ours": lambda test: (*model.predict(test.dots.inputs), model.out_of_range(test.dots.inputs))
+        }
+    else:
+        answers = fitted(training, model, paper_epochs)
+    found: dict[str, Score] = {}
+    for folder in tests:
+        test = read_views([folder], released, markers=False, shape=model.shape)
+        _refuse_leaks(model, None if training is None else training.dots, test.dots)
+        found |= _scores(answers, test, Path(folder).name)
+        if np.isin(test.dots.phase, MOVING).any():
+            for name, latency in (("filter", 0.0), ("filter, told late and predicted to now", LATENCY_S)):
+                found[f"ours + {name}, {Path(folder).name}"] = filtered_score(model, test.dots, latency)
+    return found
+
+
+def cross_validate(
+    train: Sequence[Path], holdouts: Sequence[str], paper_epochs: int = 100, seed: int = 0
+) -> dict[str, Score]:
+    """Scores by "model, leave out what": everything fitted to a part of the data and tested on the rest."""
+    from sensing.fit_config import FitConfig
+    from sensing.fitting import fit
+
+    if not holdouts:
+        return {}
+    views = read_views(train, released=paper_epochs > 0, markers=True)
+    found: dict[str, Score] = {}
+    for what in holdouts:
+        rest, held = held_out(views, what, seed)
+        assert rest.markers is not None
+        ours = fit(rest.markers, FitConfig(epochs=HOLDOUT_EPOCHS, seed=seed))
+        found |= _scores(fitted(rest, ours, paper_epochs, seed), held, f"leave out {what}")
+    return found
+
+
+def _scores(answers: dict[str, Answer], test: Views, name: str) -> dict[str, Score]:
+    found: dict[str, Score] = {}
+    for model, answer in answers.items():
+        value, covariance, flagged = answer(test)
+        for what, rows in _subsets(test.dots).items():
+            found[f"{model}, {name} {what}".strip()] = score(
+                value[rows], test.dots.wrenches[rows], test.dots.contact[rows],
+                None if covariance is None else covariance[rows], None if flagged is None else flagged[rows],
+            )  # fmt: skip
+    return found
+
+
+def _subsets(test: Samples) -> dict[str, NDArray[np.bool_]]:
+    """All rows, and each kind of motion where there is more than one."""
+    parts = {"": np.full(len(test), True)}
+    kinds = [phase for phase in MOVING if (test.phase == phase).any()]
+    if len(kinds) > 1:
+        parts |= {kind: np.isin(test.path, np.unique(test.path[test.phase == kind])) for kind in kinds}
+    return parts
+
+
+def _refuse_leaks(model: WrenchModel, training: Samples | None, test: Samples) -> None:
+    shared = [f"path {name}" for name in sorted(set(model.about["training"]["paths"]) & set(test.path))]
+    if training is not None:
+        shared += shared_between(training, test)
+    if shared:
+        raise ParameterError(
+            f"{test.source}: shares {len(shared)} paths, poses or pictures with the training ({shared[0]}): its errors "
+            "would be flattering; make a test set with another --seed",
+            name="test",
+            value=shared[0],
+        )
+
+
+def _write_csv(path: Path, scores: dict[str, Score]) -> None:
+    stream = io.StringIO()
+    rows = [{"name": name, **s.row()} for name, s in scores.items()]
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    replace_file(path, stream.getvalue().encode())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.evaluate",
+        description="Errors of a wrench model, and of comparisons, on folders of labelled frames it has never seen.",
+        epilog="Wrenches about the sphere's centre, N and N m. Bad input: one line on stderr, exit status 2.",
+    )
+    parser.add_argument("test", type=Path, nargs="*", metavar="TEST", help="folders of labelled frames")
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="from python -m sensing.train (those that ship)")
+    parser.add_argument(
+        "--train", type=Path, nargs="+", default=[], metavar="DATA", help="fit the comparisons to these"
+    )
+    parser.add_argument(
+        "--holdout", nargs="+", default=[], choices=HOLDOUTS, help="fit all to a part of --train and test on the rest"
+    )
+    parser.add_argument(
+        "--paper-epochs", type=int, default=100, metavar="N", help="of the paper's recipe (100); 0 leaves it out"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is held out (0)")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write all numbers")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

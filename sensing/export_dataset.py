@@ -1,0 +1,117 @@
+"""Labelled frames in the authors' format: ``index.csv`` and ``shear_fields/NNNNNN.npy``.
+
+    python -m sensing.export_dataset --data exports/data_D130_T8_static_0 --out exports/gelfoot
+
+Rows of ``index.csv``: ``wrench``, six numbers as text (N, N m), and ``array_path``, a (2, 30, 30) float32 shear field
+in pixels of the 200 x 200 crop against the untouched picture in the same light (:mod:`sensing.gelslim`; facts.md,
+"data"). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does to the
+plane, about the sphere's centre. Further columns say path, phase and level, so that splits can keep a path together.
+:mod:`sensing.authors_dataset` reads the result.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import shutil
+import sys
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from cad.errors import EndcapError, FileError
+from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
+from sensing.gelslim import GelslimField
+from sensing.records import Wrench
+from sensing.records_labelled import LabelledFrame, LabelledSet
+
+COLUMNS = ("wrench", "array_path", "path", "phase", "level")
+
+
+def export_dataset(data: LabelledSet, folder: Path, paths: Collection[int] | None = None) -> int:
+    """Write the fields of all frames, or of the named paths; the folder appears when all of it is there, or not at all.
+
+    Returns:
+        Number of rows.
+
+    Raises:
+        FileError: a corrupt shard, a set without pictures, or a folder that cannot be written or is not empty.
+    """
+    to_sphere = T_sphere_endcap(data.params)
+    try:
+        with _whole(folder) as place, (place / "index.csv").open("w", newline="", encoding="utf-8") as stream:
+            (place / "shear_fields").mkdir()
+            writer = csv.writer(stream)
+            writer.writerow(COLUMNS)
+            count = 0
+            for item, channels in _fields(data, paths):
+                name = f"shear_fields/{count:06d}.npy"
+                np.save(place / name, channels)
+                wrench = _label(wrench_in(item.wrench, to_sphere, "sphere"))
+                writer.writerow((wrench, name, item.path, item.phase, int(item.labels["level"])))
+                count += 1
+                _progress(count)
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be written ({error.strerror}): free some space or choose another") from error
+    return count
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.export_dataset",
+        description="Write labelled frames in the authors' format, index.csv and shear_fields/*.npy.",
+        epilog="exit status: 0 written, 2 bad input or no place to write, 130 interrupted (nothing is left behind)",
+    )
+    parser.add_argument("--data", type=Path, required=True, help="folder written by python -m sensing.simulator data")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write; must be new or empty")
+    options = parser.parse_args(arguments)
+    try:
+        count = export_dataset(LabelledSet(options.data), options.out)
+    except EndcapError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("stopped; nothing was written", file=sys.stderr)
+        return 130
+    print(f"{options.out}: {count} fields and index.csv")
+    return 0
+
+
+@contextmanager
+def _whole(folder: Path) -> Iterator[Path]:
+    """A temporary folder that takes the name at the end; without a trace after an error."""
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise FileError(f"{folder}: is there and not an empty folder: choose a new one")
+    part = folder.with_name(folder.name + ".part")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        yield part
+        os.replace(part, folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _fields(data: LabelledSet, paths: Collection[int] | None) -> Iterator[tuple[LabelledFrame, np.ndarray]]:
+    reference, field = b"", None
+    for item in data.frames(paths):
+        if field is None or item.reference.jpeg != reference:
+            reference, field = item.reference.jpeg or b"", GelslimField(item.reference)
+        yield item, field.update(item.frame).channels
+
+
+def _label(wrench: Wrench) -> str:
+    return str([float(AUTHORS_LABEL_SIGN * value) for value in (*wrench.force_n, *wrench.torque_nm)])
+
+
+def _progress(done: int) -> None:
+    if sys.stderr.isatty() and done % 100 == 0:
+        print(f"\r{done} frames ", end="", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""Command line: ``python -m sensing.live --help``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from cad.errors import EndcapError, ParameterError
+from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
+from sensing.live.outputs import add_outputs
+from sensing.live.run import LiveRun, run_until_stopped
+from sensing.methods import METHODS
+
+DESCRIPTION = """\
+Wrench and contact of endcaps, live. Without arguments: a simulated robot on six caps.
+
+  python -m sensing.live                                simulated robot, numbers here, page in the browser
+  python -m sensing.live --camera 0,2,4                 three USB cameras
+  python -m sensing.live --config endcaps.toml          what python -m sensing.setup wrote
+  python -m sensing.live --video press.avi              a recording, first picture untouched
+  python -m sensing.live --url http://127.0.0.1:8081/   a camera on the network
+  python -m sensing.live --record run.mcap              with a recording; --replay run.mcap gives the same numbers
+  python -m sensing.live --json --no-page | jq .force_n
+
+Cameras are zeroed at the start: leave the caps untouched for a second. Forces in N and torques in N m act on the
+endcap, at the origin of its frame.
+"""
+SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
+EPILOG = "exit status: 0 ended or stopped by Ctrl-C, 1 --check found a difference, 2 bad input (one line on stderr)"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what the options ask for; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        return _run(options)
+    except EndcapError as error:
+        print(f"sensing.live: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:  # before the loop runs
+        return 130
+
+
+def _run(options: argparse.Namespace) -> int:
+    from sensing.live.open_caps import open_caps
+
+    sys.setswitchinterval(SWITCH_S)
+    config = _config(options)
+    if options.check:
+        return _check(options.replay, config)
+    if options.replay is None:
+        caps = open_caps(config, options.speed)
+    else:
+        from sensing.live.replay import replay_caps
+
+        caps = replay_caps(options.replay, config, options.speed)
+    run = LiveRun(config, caps, min(options.workers, len(caps)))
+    stream = sys.stderr if options.json else sys.stdout
+    with ExitStack() as outputs:
+        add_outputs(run, options, outputs, stream)
+        run_until_stopped(run, stream, options.seconds, outputs)
+    return 0
+
+
+def _check(path: Path | None, config: LiveConfig) -> int:
+    from sensing.live.replay import verify
+
+    if path is None:
+        raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
+    frames, different = verify(path, config)
+    print(f"{path}: {frames} frames computed again, {different} differ")
+    return 1 if different else 0
+
+
+def _config(options: argparse.Namespace) -> LiveConfig:
+    """The configuration that the options describe."""
+    if options.config is not None:
+        config = load_config(options.config)
+        changes = {"model": options.model, "weights": options.weights, "method": options.method}
+        return replace(config, **{name: value for name, value in changes.items() if value is not None})
+    if options.replay is not None:
+        from sensing.live.replay import read_config
+
+        config = read_config(options.replay, options.model, options.weights)
+        return config if options.method is None else replace(config, method=options.method)
+    words = _sources(options)
+    model = options.model or "default"
+    if not words:
+        from sensing.live.scene import scene_config
+
+        config = scene_config(model, options.weights, options.method)
+        return replace(config, caps=tuple(replace(cap, rate_hz=options.rate) for cap in config.caps))
+    caps = tuple(
+        CapConfig(
+            f"endcap_{number}", word, options.zero, options.diameter, options.wall, rate_hz=options.rate,
+            exposure=options.exposure,
+        )
+        for number, word in enumerate(words)
+    )  # fmt: skip
+    if options.zero is not None and len(caps) > 1:
+        raise ParameterError("--zero is for one cap: write a configuration with python -m sensing.setup", name="zero")
+    return LiveConfig(caps, model, options.weights, options.method)
+
+
+def _sources(options: argparse.Namespace) -> list[str]:
+    if options.camera is not None:
+        numbers = [word.strip() for word in options.camera.split(",")]
+        if not all(word.isdigit() for word in numbers):
+            raise ParameterError(
+                f"--camera {options.camera}: give numbers, such as 0 or 0,2,4 (listed by python -m sensing.sources)",
+                name="camera",
+                value=options.camera,
+            )
+        return numbers
+    return [str(word) for word in (options.video, options.photos) if word is not None] + (options.url or [])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.live",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    what = parser.add_argument_group("where frames come from").add_mutually_exclusive_group()
+    what.add_argument("--camera", metavar="N[,N]", help="numbers of USB cameras, one a cap")
+    what.add_argument("--video", type=Path, metavar="FILE", help="a video; its first picture is the untouched cap")
+    what.add_argument("--photos", type=Path, metavar="DIR", help="a folder of pictures; the first is the untouched cap")
+    what.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another cap")
+    what.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
+    what.add_argument("--config", type=Path, metavar="FILE", help="endcaps.toml")
+    model = parser.add_argument_group("what is computed")
+    model.add_argument("--model", choices=MODELS, help="default: ours; paper: the released field and network")
+    model.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
+    model.add_argument("--method", choices=METHODS, help="another field method than the model's own")
+    model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
+    model.add_argument("--diameter", type=float, default=130.0, metavar="MM", help="of the design (130)")
+    model.add_argument("--wall", type=float, default=8.0, metavar="MM", help="of the design (8)")
+    model.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="frames a second of a camera (30)")
+    model.add_argument("--exposure", type=float, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
+    model.add_argument("--speed", type=float, default=1.0, metavar="X", help="of files; 0: as fast as possible (1)")
+    model.add_argument("--workers", type=int, default=1, metavar="N", help="threads that share the caps (1)")
+    out = parser.add_argument_group("outputs")
+    out.add_argument("--no-page", action="store_true", help="numbers here only")
+    out.add_argument("--host", default="127.0.0.1", help="address of the page (127.0.0.1); others need a token")
+    out.add_argument("--port", type=int, metavar="N", help="port of the page (8008, or any free one)")
+    out.add_argument(
+        "--record", type=Path, nargs="?", const=Path(), metavar="FILE", help="MCAP; without a name: endcap_TIME.mcap"
+    )
+    out.add_argument("--check", action="store_true", help="with --replay: compare every wrench with the recorded one")
+    out.add_argument("--ros", action="store_true", help="ROS 2 topics over DDS, domain ROS_DOMAIN_ID")
+    out.add_argument("--rerun", action="store_true", help="also show in the Rerun viewer, if it is installed")
+    out.add_argument("--json", action="store_true", help="one line of JSON a frame on stdout; the rest on stderr")
+    out.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
+    return parser

@@ -1,0 +1,121 @@
+"""One endcap in a few lines of Python.
+
+    from sensing.live.endcap import open_endcap
+
+    with open_endcap("0") as endcap:                     # camera 0, zeroed at the start; "scene:0" without a camera
+        for wrench in endcap.stream():
+            print(wrench.time_s, wrench.force_n, endcap.touching)
+
+Forces in N, torques in N m on the endcap at the origin of its frame, times on the monotonic clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from sensing.live.config import CapConfig, LiveConfig
+from sensing.live.engine import Engine, LiveCap
+from sensing.live.model import LiveModel
+from sensing.live.open_caps import open_caps
+from sensing.live.reading import CapReading
+from sensing.live.sink import QueuedSink
+from sensing.live.stats import CapHealth
+from sensing.records import Wrench
+
+ROOM = 64  # readings that a slow reader may be behind before the oldest are lost
+
+
+class Endcap:
+    """A running endcap; use as a context manager.
+
+    Args:
+        cap: with its source, not yet started.
+    """
+
+    def __init__(self, cap: LiveCap) -> None:
+        self._cap = cap
+        self._readings = _Readings()
+        self._engine = Engine([cap], [self._readings])
+
+    def __enter__(self) -> Endcap:
+        self._engine.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let the camera go; streams end."""
+        self._engine.close()
+        self._readings.close()
+
+    def readings(self) -> Iterator[CapReading]:
+        """Everything that each frame gives, until the source ends or the endcap is closed."""
+        while True:
+            reading = self._readings.take(0.1)
+            if reading is not None:
+                yield reading
+            elif self._readings.closed or self._engine.wait(0.0):
+                while (reading := self._readings.take(0.0)) is not None:  # what came in between
+                    yield reading
+                return
+
+    def stream(self) -> Iterator[Wrench]:
+        """Filtered wrenches, one a frame; the newest when the reader is slow."""
+        for reading in self.readings():
+            yield reading.wrench
+
+    def zero(self) -> None:
+        """Take a new reference from the next frames: it must be untouched."""
+        self._cap.pipeline.request_zero()
+
+    @property
+    def touching(self) -> bool:
+        """Whether the last frame shows contact."""
+        last = self._cap.stats.last
+        return last is not None and last.contact.touching
+
+    @property
+    def health(self) -> CapHealth:
+        """Rate, delay, drops and what is wrong."""
+        return self._cap.health
+
+
+def open_endcap(
+    source: str = "scene:0",
+    zero: Path | str | None = None,
+    *,
+    diameter_mm: float = 130.0,
+    wall_mm: float = 8.0,
+    model: LiveModel | None = None,
+) -> Endcap:
+    """An endcap by the word for its source.
+
+    Args:
+        source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
+        zero: reference file; None to take the first frames (for a file: the first picture).
+        diameter_mm, wall_mm: the design. model: what tells the wrench; None for the one that ships.
+
+    Raises:
+        EndcapError: a source, file or design that cannot be used.
+    """
+    cap = CapConfig("endcap_0", source, None if zero is None else Path(zero), diameter_mm, wall_mm)
+    models = None if model is None else lambda _: model
+    return Endcap(open_caps(LiveConfig((cap,)), models=models)[0])
+
+
+class _Readings(QueuedSink):
+    """The queue without a thread: whoever iterates takes."""
+
+    def __init__(self) -> None:
+        super().__init__(ROOM)
+
+    @property
+    def closed(self) -> bool:
+        return self._closing
+
+    def take(self, timeout_s: float) -> CapReading | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._closing, timeout_s)
+            return self._queue.popleft() if self._queue else None

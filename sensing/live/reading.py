@@ -1,0 +1,86 @@
+"""What one frame of one cap gave: the record that goes to every output.
+
+Times are seconds of the monotonic clock. Wrenches act on the endcap, at the origin of the endcap frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sensing.contact import ContactState
+from sensing.contact_place import PressureCentre
+from sensing.records import DotTracks, Frame, ShearField, Wrench
+from sensing.zero import Drift, Zero
+
+
+@dataclass(frozen=True)
+class CapReading:
+    """One frame from camera to contact.
+
+    Attributes:
+        cap: name. number: place in the list of caps.
+        frame: the picture. tracks: its dots, None for methods without. field: its shear field.
+        estimate: wrench of this frame alone. wrench: filtered.
+        contact: whether it touches. centre: where the line of action meets the sphere.
+        drift: what has changed since the reference, as last measured; None before.
+        zero: the reference in use. epoch: counts up when reference or filter start anew.
+        captured_s: capture on this run's clock (the frame's own time for a camera, the due time for a file).
+        ready_s: when all this was known. stage_ms: time of each stage.
+    """
+
+    cap: str
+    number: int
+    frame: Frame
+    tracks: DotTracks | None
+    field: ShearField
+    estimate: Wrench
+    wrench: Wrench
+    contact: ContactState
+    centre: PressureCentre
+    drift: Drift | None
+    zero: Zero
+    epoch: int
+    captured_s: float
+    ready_s: float
+    stage_ms: Mapping[str, float]
+
+    @property
+    def latency_ms(self) -> float:
+        """From capture to wrench."""
+        return 1e3 * (self.ready_s - self.captured_s)
+
+    @property
+    def dots(self) -> tuple[int, int]:
+        """(dots followed, dots known); (0, 0) for methods without dots."""
+        if self.tracks is None:
+            return 0, 0
+        return int((~self.tracks.lost).sum()), len(self.tracks.ids)
+
+
+def plain(reading: CapReading) -> dict[str, Any]:
+    """The numbers of a reading for JSON: plain types, units in the names, NaN as null."""
+    wrench, followed = reading.wrench, reading.dots
+    return {
+        "cap": reading.cap,
+        "time_s": reading.frame.time_s,
+        "sequence": reading.frame.sequence,
+        "latency_ms": rounded(reading.latency_ms, 3),
+        "force_n": [rounded(x) for x in wrench.force_n],
+        "torque_nm": [rounded(x, 6) for x in wrench.torque_nm],
+        "sd": [rounded(x**0.5 if x >= 0 else float("nan"), 6) for x in wrench.covariance.diagonal()],
+        "force_norm_n": rounded(float((wrench.force_n**2).sum() ** 0.5)),
+        "contact": reading.contact.touching,
+        "contact_since_s": rounded(reading.contact.since_s, 6),
+        "centre_mm": [rounded(x, 3) for x in reading.centre.position_mm],
+        "dots": followed[0],
+        "dots_known": followed[1],
+        "flags": sorted(wrench.flags),
+    }
+
+
+def rounded(value: float, digits: int = 5) -> float | None:
+    """A number for JSON; None where it is not finite."""
+    value = float(value)
+    return round(value, digits) if value - value == 0 else None

@@ -1,0 +1,115 @@
+"""ROS 2 messages as bytes (CDR) and their definitions as text, without a ROS installation.
+
+The standard types are those of ROS 2 Humble, as the library ``rosbags`` has them; the topics are the authors' own
+(``/endcap_N/wrench/wrench_pred`` and so on), with the units of ROS: N, N m, s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sensing.records import Frame, ShearField, Wrench
+
+IMAGE, FLOAT64, BOOL = "sensor_msgs/msg/CompressedImage", "std_msgs/msg/Float64", "std_msgs/msg/Bool"
+WRENCH, ARRAY = "geometry_msgs/msg/WrenchStamped", "std_msgs/msg/Float32MultiArray"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Any:
+    """The message types; loaded when first needed."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+@lru_cache(maxsize=64)
+def definition(name: str) -> str:
+    """Text of a message type with all that it contains, as MCAP schemas of encoding ros2msg have it."""
+    return str(typestore().generate_msgdef(name, ros_version=2)[0])
+
+
+def encode(name: str, message: Any) -> bytes:
+    """CDR of a message."""
+    return bytes(typestore().serialize_cdr(message, name))
+
+
+def decode(name: str, data: bytes) -> Any:
+    """Message from CDR."""
+    return typestore().deserialize_cdr(data, name)
+
+
+def header(stamp_ns: int, frame_id: str) -> Any:
+    """std_msgs/Header; the stamp is wall time."""
+    types = typestore().types
+    stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id)
+
+
+def wrench_stamped(wrench: Wrench, stamp_ns: int, frame_id: str) -> bytes:
+    """geometry_msgs/WrenchStamped."""
+    types = typestore().types
+    vector = types["geometry_msgs/msg/Vector3"]
+    force, torque = (vector(*(float(x) for x in part)) for part in (wrench.force_n, wrench.torque_nm))
+    content = types["geometry_msgs/msg/Wrench"](force=force, torque=torque)
+    return encode(WRENCH, types[WRENCH](header=header(stamp_ns, frame_id), wrench=content))
+
+
+def compressed_image(data: bytes, form: str, stamp_ns: int, frame_id: str) -> bytes:
+    """sensor_msgs/CompressedImage from the bytes of a picture file."""
+    content = np.frombuffer(data, np.uint8)
+    return encode(IMAGE, typestore().types[IMAGE](header=header(stamp_ns, frame_id), format=form, data=content))
+
+
+def float64(value: float) -> bytes:
+    """std_msgs/Float64."""
+    return encode(FLOAT64, typestore().types[FLOAT64](data=float(value)))
+
+
+def boolean(value: bool) -> bytes:
+    """std_msgs/Bool."""
+    return encode(BOOL, typestore().types[BOOL](data=bool(value)))
+
+
+def shear_vector(field: ShearField) -> bytes:
+    """std_msgs/Float32MultiArray (channel, row, column); cells without support are NaN."""
+    types = typestore().types
+    dimension = types["std_msgs/msg/MultiArrayDimension"]
+    channels, rows, columns = field.channels.shape
+    sizes = (
+        ("channel", channels, channels * rows * columns),
+        ("row", rows, rows * columns),
+        ("column", columns, columns),
+    )
+    layout = types["std_msgs/msg/MultiArrayLayout"](
+        dim=[dimension(label=name, size=size, stride=stride) for name, size, stride in sizes], data_offset=0
+    )
+    data = np.where(field.valid, field.channels, np.float32(np.nan)).ravel()
+    return encode(ARRAY, types[ARRAY](layout=layout, data=data))
+
+
+def diagnostic_array(states: Sequence[tuple[str, int, str, dict[str, str]]], stamp_ns: int) -> bytes:
+    """diagnostic_msgs/DiagnosticArray from (name, level 0..2, message, values)."""
+    types = typestore().types
+    pair = types["diagnostic_msgs/msg/KeyValue"]
+    status = [
+        types["diagnostic_msgs/msg/DiagnosticStatus"](
+            level=level, name=name, message=message, hardware_id=name,
+            values=[pair(key=key, value=value) for key, value in values.items()],
+        )
+        for name, level, message, values in states
+    ]  # fmt: skip
+    return encode(DIAGNOSTICS, types[DIAGNOSTICS](header=header(stamp_ns, ""), status=status))
+
+
+def picture_bytes(frame: Frame) -> tuple[bytes, str]:
+    """(file bytes, "jpeg" or "png") of a frame without loss: JPEG as it came, raw pictures as PNG."""
+    if frame.jpeg is not None:
+        return frame.jpeg, "jpeg"
+    import cv2
+
+    return cv2.imencode(".png", frame.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes(), "png"  # type: ignore[arg-type]

@@ -1,0 +1,90 @@
+"""One run from start to end: caps, outputs, the lines in the terminal, and a clean stop by Ctrl-C or SIGTERM."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import TextIO
+
+from sensing.live.config import LiveConfig
+from sensing.live.engine import Engine, LiveCap
+from sensing.live.latest import Latest
+from sensing.live.robot import RobotState, robot_state
+from sensing.live.terminal import REFRESH_S, Terminal, summary
+
+
+class LiveRun:
+    """Everything that a page or a command may look at or ask for while it runs.
+
+    Attributes:
+        config: what runs. engine: the loop. latest: newest readings.
+        notes: lines for the terminal beside those of the caps.
+    """
+
+    def __init__(self, config: LiveConfig, caps: Sequence[LiveCap], workers: int = 1) -> None:
+        self.config = config
+        self.latest = Latest([cap.name for cap in config.caps])
+        self.engine = Engine(caps, [self.latest], workers)
+        self.notes: list[Callable[[], str]] = []
+        self.begin_s = time.monotonic()
+        self._reasons: list[Callable[[], bool]] = []
+
+    def stop_when(self, reason: Callable[[], bool]) -> None:
+        """One more reason to end: a reader of the numbers that has left, for example."""
+        self._reasons.append(reason)
+
+    @property
+    def done(self) -> bool:
+        """Whether there is a reason to end."""
+        return any(reason() for reason in self._reasons)
+
+    def robot(self) -> RobotState:
+        """What the caps say together, now."""
+        return robot_state(self.config.caps, self.latest.all(), self.config.weight_n, time.monotonic())
+
+    def zero(self, cap: str | None = None) -> None:
+        """Take a new reference of one cap, or of all."""
+        for each in self.engine.caps:
+            if cap is None or each.name == cap:
+                each.pipeline.request_zero()
+
+
+def run_until_stopped(
+    run: LiveRun, stream: TextIO, seconds: float | None = None, more: ExitStack | None = None
+) -> None:
+    """Run to the end of all sources, for ``seconds``, or to Ctrl-C; then close everything and print a summary.
+
+    Args:
+        run: not yet started. stream: for the lines. more: outputs to close before the summary.
+    """
+    stop = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stop.set()) for number in _signals()}
+    terminal = Terminal(stream)
+    end_s = None if seconds is None else time.monotonic() + seconds
+    try:
+        with run.engine:
+            while not stop.is_set() and not run.done and not run.engine.wait(0.0):
+                terminal.show(run.engine.health(), run.latest.all(), run.robot(), _notes(run))
+                if end_s is not None and time.monotonic() >= end_s:
+                    break
+                stop.wait(REFRESH_S if end_s is None else max(0.0, min(REFRESH_S, end_s - time.monotonic())))
+    finally:
+        if more is not None:
+            more.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    terminal.show(run.engine.health(), run.latest.all(), run.robot(), [])
+    for line in summary(run.engine.health(fresh=True), time.monotonic() - run.begin_s) + _notes(run):
+        print(line, file=stream)
+
+
+def _notes(run: LiveRun) -> list[str]:
+    return [said for note in run.notes if (said := note())]
+
+
+def _signals() -> tuple[int, ...]:
+    """Only the main thread may catch them."""
+    return (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()

@@ -1,0 +1,175 @@
+"""Pairs camera frames with a force/torque sensor into labelled frames that ``sensing.train`` reads.
+
+    python -m sensing.record --source 0 --netft 192.168.1.1 --mount mount.json --out exports/cap3
+    python -m sensing.record --source run.avi --ft-csv run.csv --mount mount.json --out exports/cap3
+    python -m sensing.train exports/cap3 --method dots --start default --out cap3.safetensors
+
+Begin untouched: the first frames (``--rest``) give the reference picture and the sensor's tare. Then press; every time
+the force goes back to rest a new loading path begins, and paths are what training and test never share. ``mount.json``
+holds ``T_endcap_ft`` (4 x 4, mm) and ``reads`` (1: the sensor carries the endcap; -1: the endcap presses on the
+sensor), see :mod:`sensing.frames`. Running again with the same folder goes on. Times are seconds of one clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cad.errors import EndcapError, FileError
+from cad.params import EndcapParams
+from sensing.frames import ACTION, REACTION, FtMount
+from sensing.ft_streams import COUNTS, CsvFt, NetFt
+from sensing.recording import Recording
+from sensing.records import Frame
+from sensing.sources.choose import source_opener
+from sensing.synchronise import SLOP_S, Synchroniser
+from sensing.zero import take_zero
+
+REST_FRAMES = 30
+MOST_WAITING = 300  # frames that wait for their force; more means that the stream lags
+
+
+@dataclass(frozen=True)
+class RecordResult:
+    """What a recording gave: frames written, frames without a force near enough, bad packets."""
+
+    written: int
+    unpaired: int
+    faulty: int
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        stream = CsvFt(options.ft_csv) if options.ft_csv else NetFt(options.netft, options.port, options.counts_n,
+                                                                    options.counts_nm)  # fmt: skip
+        params = EndcapParams(options.diameter, options.wall)
+        recording = Recording(options.out, params, read_mount(options.mount))
+        with _frames(options.source) as frames:
+            result = record(frames, stream, recording, options.slop, options.rest, options.frames)
+    except EndcapError as error:
+        print(f"sensing.record: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\nsensing.record: stopped; what is written stays, the same command goes on", file=sys.stderr)
+        return 130
+    print(
+        f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "
+        f"without a force within {options.slop:g} s, {result.faulty} faulty packets"
+    )
+    return 0
+
+
+def record(
+    frames: Iterable[Frame],
+    stream: NetFt | CsvFt,
+    recording: Recording,
+    slop_s: float = SLOP_S,
+    rest_frames: int = REST_FRAMES,
+    most: int | None = None,
+) -> RecordResult:
+    """Pair and write until the frames end, or ``most`` have been taken; whatever happens, what was paired is written.
+
+    Raises:
+        ZeroError: the endcap moved during the first frames. ClockError: a clock jumped. StreamError: the stream broke.
+        FileError: no space left.
+    """
+    synchroniser = Synchroniser(slop_s)
+    waiting: deque[Frame] = deque()
+    rest: list[Frame] = []
+    readings: list[Any] = []
+    written = unpaired = 0
+    with stream:
+        try:
+            for count, frame in enumerate(islice(frames, most), 1):
+                for sample in stream.arrived():
+                    synchroniser.add(sample)
+                waiting.append(frame)
+                while waiting and (synchroniser.covers(waiting[0].time_s) or len(waiting) > MOST_WAITING):
+                    frame = waiting.popleft()
+                    reading = synchroniser.at(frame.time_s)
+                    if reading is None:
+                        unpaired += 1
+                    elif len(rest) < rest_frames:
+                        rest.append(frame)
+                        readings.append(reading)
+                        if len(rest) == rest_frames:
+                            recording.begin(take_zero(rest, recording.name), np.mean(readings, axis=0))
+                    else:
+                        recording.add(frame, reading)
+                        written += 1
+                _progress(count, unpaired)
+        finally:
+            recording.flush()
+    return RecordResult(written, unpaired + len(waiting), stream.faulty)
+
+
+def read_mount(path: Path) -> FtMount:
+    """Mounting of the force/torque sensor from JSON.
+
+    Raises:
+        FileError: missing, no JSON, or no such numbers.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return FtMount(np.array(found["T_endcap_ft"], float), int(found["reads"]))
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error.strerror}): give the sensor's mounting") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileError(
+            f'{path}: no mounting ({error}): needs {{"T_endcap_ft": 4x4 rigid transform in mm, "reads": {ACTION} or '
+            f"{REACTION}}}"
+        ) from error
+
+
+@contextlib.contextmanager
+def _frames(word: str) -> Iterator[Iterable[Frame]]:
+    """Frames of a source, which is closed afterwards (a camera must be let go)."""
+    frames = iter(source_opener(word)[0]())
+    try:
+        yield frames
+    finally:
+        close = getattr(frames, "close", None)
+        if close is not None:
+            close()
+
+
+def _progress(count: int, unpaired: int) -> None:
+    if sys.stderr.isatty() and count % 10 == 0:
+        print(f"\r{count} frames, {unpaired} without a force ", end="", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.record", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--source", required=True, metavar="S", help="camera number, address, video or folder")
+    force = parser.add_mutually_exclusive_group(required=True)
+    force.add_argument("--netft", metavar="HOST", help="address of an ATI NetFT")
+    force.add_argument("--ft-csv", type=Path, metavar="FILE", help="samples with time_s on the frames' clock")
+    parser.add_argument("--mount", type=Path, required=True, metavar="FILE", help="how the sensor is mounted (JSON)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; an own one is continued")
+    parser.add_argument("--diameter", type=float, default=130.0, metavar="MM", help="of the endcap (130)")
+    parser.add_argument("--wall", type=float, default=8.0, metavar="MM", help="of the endcap (8)")
+    parser.add_argument("--slop", type=float, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
+    parser.add_argument("--rest", type=int, default=REST_FRAMES, metavar="N", help=f"untouched frames ({REST_FRAMES})")
+    parser.add_argument("--frames", type=int, metavar="N", help="stop after so many")
+    parser.add_argument("--port", type=int, default=49152, metavar="N", help="of the NetFT (49152)")
+    parser.add_argument("--counts-n", type=float, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")
+    parser.add_argument("--counts-nm", type=float, default=COUNTS, metavar="N", help="NetFT counts per N m (1e6)")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

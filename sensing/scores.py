@@ -1,0 +1,107 @@
+"""How wrong a model is: errors of each axis in its own unit, direction, contact, rest, coverage.
+
+Wrenches on the endcap about the sphere's centre, N and N m. ``mixed_mse`` averages N^2 and (N m)^2 as the paper does
+and serves comparison only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import ParameterError
+
+Array = NDArray[np.float64]
+AXES = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
+CONTACT_N = 0.3  # contact counts from this true force on
+DIRECTION_N = 1.0  # direction is judged from this true force on
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors over N samples; NaN where nothing could be judged.
+
+    Attributes:
+        count: N. rmse, mae: (6,) by axis. mixed_mse: mean over samples and axes.
+        direction_deg: median angle between true and told force, from 1 N on.
+        precision, recall: of contact at ``CONTACT_N``, both for truth and answer.
+        rest_n: largest force norm told where nothing touches.
+        coverage: share of axes within 1.96 standard deviations. flagged: share out of range.
+    """
+
+    count: int
+    rmse: tuple[float, ...]
+    mae: tuple[float, ...]
+    mixed_mse: float
+    direction_deg: float
+    precision: float
+    recall: float
+    rest_n: float
+    coverage: float
+    flagged: float
+
+    def row(self) -> dict[str, float]:
+        """Flat, for CSV."""
+        flat = {f"rmse_{axis}": value for axis, value in zip(AXES, self.rmse, strict=True)}
+        flat |= {f"mae_{axis}": value for axis, value in zip(AXES, self.mae, strict=True)}
+        return flat | {k: v for k, v in asdict(self).items() if k not in ("rmse", "mae")}
+
+
+def score(
+    told: Array,
+    truth: Array,
+    contact: NDArray[np.bool_],
+    covariance: Array | None = None,
+    flagged: NDArray[np.bool_] | None = None,
+) -> Score:
+    """Score answers (N, 6) against the truth (N, 6).
+
+    Args:
+        told, truth: wrenches. contact: (N,) whether anything touches.
+        covariance: (N, 6, 6). flagged: (N,) out of range.
+
+    Raises:
+        ParameterError: shapes that do not fit, or answers that are not finite.
+    """
+    if told.shape != truth.shape or told.shape[1:] != (6,) or not len(told):
+        raise ParameterError(f"told {told.shape}, truth {truth.shape}: need (N, 6) of both, N at least 1", name="told")
+    if not np.isfinite(told).all():
+        raise ParameterError("told holds numbers that are not finite: a model must never give them", name="told")
+    error = told - truth
+    force, true_force = np.linalg.norm(told[:, :3], axis=1), np.linalg.norm(truth[:, :3], axis=1)
+    clear = (true_force >= DIRECTION_N) & (force > 0)
+    cosine = (told[clear, :3] * truth[clear, :3]).sum(axis=1) / (force * true_force)[clear]
+    said, real = force >= CONTACT_N, true_force >= CONTACT_N
+    hits = float((said & real).sum())
+    coverage = float("nan")
+    if covariance is not None:
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        coverage = float((np.abs(error) <= 1.959964 * sigma)[contact].mean()) if contact.any() else float("nan")
+    return Score(
+        count=len(told),
+        rmse=tuple(np.sqrt((error**2).mean(axis=0)).tolist()),
+        mae=tuple(np.abs(error).mean(axis=0).tolist()),
+        mixed_mse=float((error**2).mean()),
+        direction_deg=float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1))))) if clear.any() else float("nan"),
+        precision=hits / said.sum() if said.any() else float("nan"),
+        recall=hits / real.sum() if real.any() else float("nan"),
+        rest_n=float(force[~contact].max()) if (~contact).any() else float("nan"),
+        coverage=coverage,
+        flagged=float(flagged.mean()) if flagged is not None else float("nan"),
+    )
+
+
+def table(scores: dict[str, Score]) -> str:
+    """Plain text, a line for each name."""
+    width = max(10, *(len(name) for name in scores))
+    head = "".join(f"{axis:>9}" for axis in AXES)
+    lines = [f"{'RMSE':<{width}}{head}   mixed  direction  precision  recall  rest N  coverage  flagged"]
+    for name, s in scores.items():
+        errors = "".join(f"{value:9.4f}" for value in s.rmse)
+        lines.append(
+            f"{name:<{width}}{errors}{s.mixed_mse:8.4f}{s.direction_deg:9.2f} °{s.precision:11.3f}{s.recall:8.3f}"
+            f"{s.rest_n:8.3f}{s.coverage:10.3f}{s.flagged:9.3f}"
+        )
+    return "\n".join(lines)

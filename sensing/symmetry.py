@@ -1,0 +1,76 @@
+"""The eight symmetries of the square, which the endcap has about its axis: fields and wrenches turned and mirrored.
+
+A camera on the axis sees a contact turned by 90 degrees as the field turned by 90 degrees; a mirror image of a contact
+gives a mirrored field. Image x and y run along the endcap's x and y. Force is a vector; torque is a pseudo-vector, so a
+mirror M takes it to det(M) M t.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import ParameterError
+
+COUNT = 8
+REACH = 1.05  # of half a side: beyond it lie the corners, where no dot is and a field is only guessed
+
+
+def plane_map(number: int) -> NDArray[np.float64]:
+    """(2, 2) of a symmetry 0..7: number % 4 quarter turns (x to y), from 4 on after the mirror x to -x."""
+    turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), number % 4)
+    return turn @ np.diag([-1.0, 1.0]) if number >= 4 else turn
+
+
+def disc_cells(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """(H, W) cells whose centre lies in the disc that dots cover."""
+    rows, columns = ((np.arange(count) + 0.5) * 2 / count - 1 for count in shape)
+    return np.hypot(rows[:, None], columns[None]) <= REACH
+
+
+def moved_wrenches(wrenches: NDArray[np.float64], number: int) -> NDArray[np.float64]:
+    """(N, 6) about a point on the axis, moved by a symmetry."""
+    M = np.eye(3)
+    M[:2, :2] = plane_map(number)
+    torque = M * np.linalg.det(M)
+    return np.concatenate([wrenches[:, :3] @ M.T, wrenches[:, 3:] @ torque.T], axis=1)
+
+
+def moved_inputs(inputs: NDArray[np.float64], number: int, side: int) -> NDArray[np.float64]:
+    """(N, 2 side side) fields of a square grid, moved by a symmetry."""
+    order, sign = _permutation(number, side)
+    return inputs[:, order] * sign
+
+
+def symmetric_moments(
+    inputs: NDArray[np.float64], wrenches: NDArray[np.float64], side: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """X'X (D, D) and X'Y (D, 6) summed over all eight copies of the samples, from those of the samples alone."""
+    gram, moment = inputs.T @ inputs, inputs.T @ wrenches
+    total, totals = np.zeros_like(gram), np.zeros_like(moment)
+    for number in range(COUNT):
+        order, sign = _permutation(number, side)
+        total += gram[np.ix_(order, order)] * (sign[:, None] * sign)
+        totals += moved_wrenches(moment[order] * sign[:, None], number)
+    return total, totals
+
+
+@lru_cache(maxsize=64)
+def _permutation(number: int, side: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Which input goes where, and with which sign: the value at M p is M times the value at p."""
+    if side < 1:
+        raise ParameterError(f"side={side}: give a square field", name="side", value=side)
+    M = plane_map(number)
+    rows, columns = np.mgrid[0:side, 0:side]
+    centred = np.stack([columns, rows], axis=-1) - (side - 1) / 2
+    source = centred @ M + (side - 1) / 2  # p = M^-1 p' = M^T p'
+    cell = np.rint(source).astype(int)
+    flat = (cell[..., 1] * side + cell[..., 0]).ravel()
+    order, sign = [], []
+    for axis in range(2):  # new component `axis` is the old one that M takes there
+        old = int(np.abs(M[axis]).argmax())
+        order.append(flat + old * side * side)
+        sign.append(np.full(side * side, M[axis, old]))
+    return np.concatenate(order), np.concatenate(sign)

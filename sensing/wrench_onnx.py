@@ -1,0 +1,164 @@
+"""A wrench model as an ONNX graph that gives the same numbers, for runtimes without Python.
+
+    python -m sensing.wrench_onnx --out wrench.onnx                            # the model that ships
+    python -m sensing.wrench_onnx --weights mine.safetensors --storage int8 --out wrench.onnx
+
+Input ``field`` (N, 2 H W): u then v, row by row, pixels of the 200 x 200 crop. Outputs ``wrench`` (N, 6) on the endcap
+about the sphere's centre, N and N m, and ``covariance`` (N, 6, 6). The graph computes in float32; ``storage`` says how
+the large matrices lie in the file: float32, float16, or int8 with a scale for each row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import EndcapError, FileError, ParameterError
+from sensing.wrench_model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model, replace_file
+
+if TYPE_CHECKING:
+    from onnx import ModelProto
+
+STORAGE = ("float32", "float16", "int8")
+OPSET, IR = 17, 8  # understood since ONNX Runtime 1.13
+FLOAT16_MAX = 65504.0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m sensing.wrench_onnx", description=__doc__.splitlines()[0])
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="from python -m sensing.train (those that ship)")
+    parser.add_argument("--storage", choices=STORAGE, default=STORAGE[0], help="of the matrices in the file (float32)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="wrench.onnx to write")
+    options = parser.parse_args(arguments)
+    try:
+        data = onnx_graph(load_wrench_model(path=options.weights), options.storage).SerializeToString()
+        replace_file(options.out, data)
+    except EndcapError as error:
+        print(f"sensing.wrench_onnx: {error}", file=sys.stderr)
+        return 2
+    print(f"{options.out}: {len(data) / 1000:.0f} kB, matrices in {options.storage}")
+    return 0
+
+
+def onnx_graph(model: WrenchModel, storage: str = "float32") -> ModelProto:
+    """The graph of a model.
+
+    Raises:
+        ParameterError: an unknown storage, or numbers too large for it. FileError: the onnx package is missing.
+    """
+    if storage not in STORAGE:
+        raise ParameterError(f"storage={storage!r}: choose from {', '.join(STORAGE)}", name="storage", value=storage)
+    try:
+        from onnx import checker, helper
+    except ImportError:
+        raise FileError("onnx is not installed: run pip install 'endcap-toolkit[onnx]'") from None
+    draft = _Draft(storage)
+    _mean(draft, model)
+    _covariance(draft, model)
+    width = 2 * model.shape[0] * model.shape[1]
+    value = helper.make_tensor_value_info
+    graph = helper.make_graph(
+        draft.nodes, "wrench", [value("field", 1, ["N", width])],
+        [value("wrench", 1, ["N", 6]), value("covariance", 1, ["N", 6, 6])], draft.constants,
+    )  # fmt: skip
+    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR)
+    known = {"design": model.design.label, "digest": model.design.digest, "about": json.dumps(model.about)}
+    helper.set_model_props(made, known)
+    checker.check_model(made)
+    return made
+
+
+class _Draft:
+    """Nodes and constants of a graph, written down in order."""
+
+    def __init__(self, storage: str) -> None:
+        self.storage = storage
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+
+    def op(self, kind: str, *inputs: str, out: str = "", **options: Any) -> str:
+        """Adds a node with one output; returns the output's name."""
+        from onnx import helper
+
+        name = out or f"t{len(self.nodes)}"
+        self.nodes.append(helper.make_node(kind, list(inputs), [name], **options))
+        return name
+
+    def constant(self, name: str, value: NDArray[Any]) -> str:
+        """Adds a constant as it is."""
+        from onnx import numpy_helper
+
+        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(value), name))
+        return name
+
+    def matrix(self, name: str, weights: NDArray[np.float32]) -> str:
+        """Adds a weight matrix (outputs, inputs), transposed, in the storage asked for."""
+        if self.storage == "float32":
+            return self.constant(name, weights.T.astype(np.float32))
+        if self.storage == "float16":
+            if np.abs(weights).max() > FLOAT16_MAX:
+                raise ParameterError(f"{name} holds {np.abs(weights).max():g}, float16 at most 65504: use float32")
+            return self.op("Cast", self.constant(name, weights.T.astype(np.float16)), to=1)
+        scale = np.maximum(np.abs(weights).max(axis=1), 1e-30) / 127
+        steps = np.rint(weights / scale[:, None]).astype(np.int8)
+        names = [self.constant(name, steps.T), self.constant(f"{name}.scale", scale.astype(np.float32))]
+        return self.op("DequantizeLinear", *names, axis=1)
+
+    def limited(self, x: str, name: str, most: float) -> str:
+        """x bent smoothly so that it stays within -most..most."""
+        limit = self.constant(name, np.full(1, most, np.float32))
+        return self.op("Mul", self.op("Tanh", self.op("Div", x, limit)), limit)
+
+    def silu(self, x: str) -> str:
+        """x times its logistic function."""
+        return self.op("Mul", x, self.op("Sigmoid", x))
+
+
+def _mean(draft: _Draft, model: WrenchModel) -> None:
+    w = model.weights
+    h = draft.op("MatMul", "field", draft.matrix("principal", w["principal"]), out="principal part")
+    for layer in ("mean.first", "mean.second"):
+        bias = w[f"{layer}.bias"].astype(float)
+        inner = draft.op("MatMul", h, draft.matrix(layer, w[f"{layer}.weight"]))
+        rest = draft.constant(f"{layer}.bias", bias.astype(np.float32))
+        h = draft.op("Sub", draft.silu(draft.op("Add", inner, rest)), draft.silu(draft.op("Identity", rest)))
+    bend = draft.op("MatMul", h, draft.matrix("mean.last", w["mean.last.weight"] * w["units"][:, None]))
+    plain = draft.op("MatMul", "field", draft.matrix("linear", w["linear"]))
+    draft.op("Add", plain, bend, out="wrench")
+
+
+def _covariance(draft: _Draft, model: WrenchModel) -> None:
+    w = model.weights
+    h = "principal part"
+    for number in (0, 2, 4):
+        product = draft.op("MatMul", h, draft.matrix(f"spread.{number}", w[f"spread.{number}.weight"]))
+        h = draft.op("Add", product, draft.constant(f"spread.{number}.bias", w[f"spread.{number}.bias"]))
+        h = draft.silu(h) if number < 4 else h
+    rows, columns = np.tril_indices(6)
+    place, pick = np.zeros((21, 36), np.float32), np.zeros((21, 6), np.float32)
+    below = rows > columns
+    place[below, 6 * rows[below] + columns[below]] = 1.0
+    pick[~below, rows[~below]] = 1.0
+    mix = draft.limited(draft.op("MatMul", h, draft.constant("place", place)), "mix limit", MAX_MIX)
+    mix = draft.op("Reshape", mix, draft.constant("square", np.array([-1, 6, 6], np.int64)))
+    mix = draft.op("Add", mix, draft.constant("unit", np.eye(6, dtype=np.float32)))
+    spread = draft.limited(draft.op("MatMul", h, draft.constant("pick", pick)), "spread limit", MAX_SPREAD)
+    least = draft.constant("least", np.full(1, MIN_SPREAD, np.float32))
+    spread = draft.op("Add", draft.op("Softplus", spread), least)
+    column = draft.constant("column", np.array([-1, 6, 1], np.int64))
+    root = draft.op("Mul", mix, draft.op("Reshape", spread, column))
+    scale = draft.constant("scale", (w["calibration"] * w["units"])[:, None])
+    scaled = draft.op("Mul", root, scale)
+    draft.op("MatMul", scaled, draft.op("Transpose", scaled, perm=[0, 2, 1]), out="covariance")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

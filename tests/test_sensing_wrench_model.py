@@ -1,0 +1,295 @@
+"""Ridge, network, weights: closed forms, symmetry, exact zero, calibration, refusals, and what is no number."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.records import ShearField
+from sensing.samples import Samples, shared_between
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+from sensing.fit_config import FitConfig  # noqa: E402
+from sensing.fitting import fit  # noqa: E402
+from sensing.ridge import fit_ridge  # noqa: E402
+from sensing.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
+from sensing.wrench_model import SHIPPED, load_wrench_model  # noqa: E402
+
+SIDE = 6
+PARAMS = EndcapParams(130, 8)
+QUICK = FitConfig(components=12, hidden=24, epochs=28, batch=96, rate=1e-2, decay=1e-3)
+
+
+def bump_fields(wrenches, side=SIDE):
+    """A made-up dome: a push at a place spreads the field there, a pull across shifts it; a little nonlinear."""
+    y, x = (np.mgrid[0:side, 0:side] + 0.5) * 2 / side - 1
+    force, torque = wrenches[:, :3, None, None], wrenches[:, 3:, None, None]
+    lever = np.stack([-torque[:, 1], torque[:, 0]], 1)[:, :, 0] / 2
+    dx, dy = x - lever[:, 0, None], y - lever[:, 1, None]
+    near = np.exp(-2 * (dx**2 + dy**2))
+    push = -force[:, 2] / (1 + 0.03 * np.abs(force[:, 2]))
+    u = 0.3 * push * dx * near + 0.2 * force[:, 0] * near - 0.5 * torque[:, 2] * y
+    v = 0.3 * push * dy * near + 0.2 * force[:, 1] * near + 0.5 * torque[:, 2] * x
+    return np.stack([u, v], axis=1)
+
+
+def made_samples(paths=24, frames=12, seed=0, noise=0.01):
+    rng = np.random.default_rng(seed)
+    rows = []
+    for _ in range(paths):
+        end = rng.uniform(-1, 1, 6) * [6, 6, 10, 0.5, 0.5, 0.3] - [0, 0, 15, 0, 0, 0]
+        rows.append(np.linspace(0, 1, frames)[:, None] * end)
+    wrenches = np.concatenate(rows)
+    fields = bump_fields(wrenches) + noise * rng.normal(size=(len(wrenches), 2, SIDE, SIDE))
+    count = len(wrenches)
+    path = np.repeat([f"made-{seed}-{k}" for k in range(paths)], frames)
+    nan = np.full(count, np.nan)
+    return Samples(
+        fields.astype(np.float32), np.ones((count, SIDE, SIDE), bool), wrenches, path, np.full(count, "load"),
+        np.tile(np.arange(frames) / 30, paths), np.linalg.norm(wrenches[:, :3], axis=1) > 0.3, nan, nan, nan, PARAMS,
+        "dots", "made",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def data():
+    return made_samples()
+
+
+@pytest.fixture(scope="module")
+def model(data):
+    return fit(data, QUICK)
+
+
+def test_symmetries_form_a_group_and_move_fields_as_they_move_what_caused_them(data):
+    inputs = data.fields.reshape(len(data), -1).astype(float)
+    for number in range(COUNT):
+        M = plane_map(number)
+        assert np.allclose(M @ M.T, np.eye(2))
+        moved = moved_inputs(inputs, number, SIDE)
+        again = bump_fields(moved_wrenches(data.wrenches, number)).reshape(len(data), -1)
+        assert np.abs(moved - again).max() < 0.08  # the noise
+    quarter = inputs
+    for _ in range(4):
+        quarter = moved_inputs(quarter, 1, SIDE)
+    assert np.array_equal(quarter, inputs)
+
+
+def test_mirror_makes_a_torque_a_pseudo_vector():
+    """The torque of a mirrored force at a mirrored place, from the cross product."""
+    rng = np.random.default_rng(0)
+    place, force = rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
+    for number in range(COUNT):
+        M = np.eye(3)
+        M[:2, :2] = plane_map(number)
+        told = moved_wrenches(np.concatenate([force, np.cross(place, force)], axis=1), number)
+        assert np.allclose(told[:, 3:], np.cross(place @ M.T, force @ M.T))
+
+
+def test_ridge_finds_a_linear_law_and_gives_zero_at_zero():
+    rng = np.random.default_rng(1)
+    truth = rng.normal(size=(6, 8))
+    symmetric = np.zeros_like(truth)
+    for k in range(COUNT):  # average over the group: a law that the symmetries allow
+        back = moved_inputs(np.eye(8), k, 2)
+        symmetric += moved_wrenches((back @ truth.T), [0, 3, 2, 1, 4, 5, 6, 7][k]).T / COUNT
+    x = rng.normal(size=(200, 8))
+    weights, share = fit_ridge(x, x @ symmetric.T, np.repeat(np.arange(10), 20), 2)
+    assert np.abs(weights - symmetric).max() < 1e-6 and share <= 1e-8
+
+
+def test_ridge_stands_ill_conditioned_duplicate_single_and_constant_samples(data):
+    one = fit_ridge(data.inputs[:1], data.wrenches[:1], data.path[:1], SIDE)[0]
+    twice = np.repeat(data.inputs[:3], 50, axis=0)
+    many = fit_ridge(twice, np.repeat(data.wrenches[:3], 50, axis=0), np.repeat([0, 1, 2], 50), SIDE)[0]
+    zero = fit_ridge(np.zeros((9, 72)), np.ones((9, 6)), np.arange(9), SIDE)[0]
+    assert np.isfinite(one).all() and np.isfinite(many).all() and not zero.any()
+    with pytest.raises(ParameterError, match="need"):
+        fit_ridge(data.inputs, data.wrenches[:, :5], data.path, SIDE)
+    with pytest.raises(ParameterError, match="not finite"):
+        fit_ridge(data.inputs * np.nan, data.wrenches, data.path, SIDE)
+
+
+def test_network_beats_its_linear_part_on_new_paths(model):
+    fresh = made_samples(seed=5)
+    value, _ = model.predict(fresh.inputs)
+    linear = fresh.inputs @ model.weights["linear"].astype(float).T
+    ours, plain = (np.sqrt(((v - fresh.wrenches) ** 2).mean(axis=0)) for v in (value, linear))
+    assert ours[2] < 0.8 * plain[2] and (ours < 1.1 * plain).all()  # the law bends along z only
+
+
+def test_zero_shear_gives_exactly_zero(model):
+    wrench = model.estimate(ShearField(0.0, np.zeros((2, SIDE, SIDE), np.float32)))
+    assert not wrench.force_n.any() and not wrench.torque_nm.any() and not wrench.flags
+    masked = ShearField(0.0, np.full((2, SIDE, SIDE), 9, np.float32), valid=np.zeros((SIDE, SIDE), bool))
+    told = model.estimate(masked)
+    assert not told.force_n.any() and told.flags == {"dots_lost", "missing"} and np.isnan(told.covariance).all()
+
+
+def test_interval_covers_new_paths_of_the_same_kind(model):
+    fresh = made_samples(paths=60, seed=8)
+    value, covariance = model.predict(fresh.inputs)
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    inside = (np.abs(value - fresh.wrenches) <= 1.96 * sigma).mean()
+    assert 0.85 < inside <= 1.0  # four paths calibrate it: coarse
+    assert (np.linalg.eigvalsh(covariance) > 0).all()
+    narrow = (np.abs(value - fresh.wrenches) <= 0.2 * 1.96 * sigma).mean()
+    assert narrow < 0.85  # the interval is not wide for nothing
+
+
+def test_strange_fields_are_flagged_and_known_ones_are_not(model, data):
+    assert model.out_of_range(data.inputs).mean() < 0.01
+    rng = np.random.default_rng(0)
+    assert model.out_of_range(data.inputs[11::12] * 8).all()
+    assert model.out_of_range(rng.normal(size=(20, 72)) * 2).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, 1e5, 1.0, -3.0])
+def test_no_nan_ever_leaves(model, value):
+    wrench = model.estimate(ShearField(0.0, np.full((2, SIDE, SIDE), value, np.float32)))
+    assert np.isfinite(wrench.force_n).all() and np.isfinite(wrench.torque_nm).all()
+    if not np.isfinite(value) or value > 1e3:
+        assert wrench.flags & {"out_of_range", "missing"}
+    if "missing" not in wrench.flags:
+        assert (np.linalg.eigvalsh(wrench.covariance) > 0).all()
+
+
+def test_weights_round_trip_and_carry_design_provenance_and_metrics(model, data, tmp_path):
+    model.save(tmp_path / "w.safetensors")
+    back = load_wrench_model(PARAMS, tmp_path / "w.safetensors")
+    for a, b in zip(model.predict(data.inputs), back.predict(data.inputs), strict=True):
+        assert np.array_equal(a, b)
+    assert back.about["digest"] == PARAMS.digest and len(back.about["training"]["paths"]) == 24
+    assert len(back.about["metrics"]["validation_rmse"]) == 6
+    assert [p.name for p in tmp_path.iterdir()] == ["w.safetensors"]
+
+
+def test_weights_of_another_design_or_damaged_are_refused(model, tmp_path):
+    path = tmp_path / "w.safetensors"
+    model.save(path)
+    with pytest.raises(FileError, match=r"weights of D130_T8, this endcap is D140_T8"):
+        load_wrench_model(EndcapParams(140, 8), path)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(FileError, match="damaged"):
+        load_wrench_model(path=path)
+    path.write_bytes(data.replace(PARAMS.digest.encode(), b"0" * 64))
+    with pytest.raises(FileError, match="digest"):
+        load_wrench_model(path=path)
+    from safetensors.torch import save_file
+
+    save_file({"a": torch.zeros(1)}, path)
+    with pytest.raises(FileError, match="no weights of this toolkit"):
+        load_wrench_model(path=path)
+    with pytest.raises(FileError, match="cannot read"):
+        load_wrench_model(path=tmp_path / "none")
+
+
+def test_training_repeats_and_fine_tuning_helps_on_a_changed_sensor(model):
+    small = made_samples(paths=10, seed=3)
+    config = replace(QUICK, epochs=5)
+    a, b = fit(small, config), fit(small, config)
+    assert np.array_equal(a.predict(small.inputs)[0], b.predict(small.inputs)[0])
+    changed = made_samples(paths=20, seed=4)
+    changed = replace(changed, fields=changed.fields * np.float32(1.15))  # as a softer silicone would
+    tuned = fit(changed, replace(QUICK, epochs=15), start=model)
+    fresh = made_samples(paths=20, seed=6)
+    fresh = replace(fresh, fields=fresh.fields * np.float32(1.15))
+    before, after = (((m.predict(fresh.inputs)[0] - fresh.wrenches)[:, :3] ** 2).mean() for m in (model, tuned))
+    assert after < 0.4 * before
+    assert json.dumps(tuned.about["training"]["start"])
+
+
+def test_bad_samples_are_refused(data):
+    with pytest.raises(ParameterError, match="no axis missing"):
+        replace(data, wrenches=data.wrenches[:, :5])
+    with pytest.raises(ParameterError, match="not finite"):
+        replace(data, fields=data.fields * np.float32("nan"))
+    with pytest.raises(ParameterError, match="at least 2 needed"):
+        fit(data.take(data.path == data.path[0]), QUICK)
+    with pytest.raises(ParameterError, match="all zero"):
+        fit(replace(data, fields=np.zeros_like(data.fields)), QUICK)
+    with pytest.raises(ParameterError, match="hidden=0"):
+        FitConfig(hidden=0)
+    assert len(made_samples(paths=3)) and not data.take(np.zeros(0, int)).fields.size
+
+
+def test_leaks_between_training_and_test_are_found(data):
+    train, test = data.split(0.3, 1)
+    assert shared_between(train, test) == []
+    assert 0.2 < len(np.unique(test.path)) / 24 < 0.4
+    leak = test.take(np.arange(3))
+    assert any(line.startswith("path") for line in shared_between(data, leak))
+    renamed = replace(leak, path=np.array(["other"] * 3))
+    assert "identical fields" in shared_between(data, renamed)
+    posed = replace(
+        train, tilt_deg=np.full(len(train), 10.0), azimuth_deg=np.ones(len(train)), friction=np.ones(len(train))
+    )
+    other = replace(
+        test, tilt_deg=np.full(len(test), 10.0), azimuth_deg=np.ones(len(test)), friction=np.ones(len(test))
+    )
+    assert shared_between(posed, other) == ["pose tilt=10 azimuth=1 friction=1"]
+
+
+@pytest.mark.parametrize("stage", ["mean", "spread"])
+def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, monkeypatch):
+    monkeypatch.setattr("sensing.checkpoint.EVERY_S", 0.0)
+    small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=6), tmp_path / "kept"
+    whole = fit(small, config)
+    told = []
+
+    def stop(part, seconds, error):
+        told.append(part)
+        if told.count(stage) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(small, config, progress=stop, checkpoint=kept)
+    assert kept.is_file()
+    again = []
+    resumed = fit(small, config, progress=lambda part, seconds, error: again.append(part), checkpoint=kept)
+    assert again.count(stage) < told.count(stage) + 4 and again.count("mean") + told.count("mean") == 6
+    for name, value in whole.weights.items():
+        assert np.array_equal(value, resumed.weights[name]), name
+    assert not kept.exists()
+
+
+def test_a_checkpoint_of_other_samples_or_damaged_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr("sensing.checkpoint.EVERY_S", 0.0)
+    small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=2), tmp_path / "kept"
+
+    def stop(part, seconds, error):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(made_samples(paths=8, seed=4), config, progress=stop, checkpoint=kept)
+    whole, other = fit(small, config), fit(small, config, checkpoint=kept)
+    assert all(np.array_equal(value, other.weights[name]) for name, value in whole.weights.items())
+    kept.write_bytes(b"damaged")
+    assert np.array_equal(fit(small, config, checkpoint=kept).weights["linear"], whole.weights["linear"])
+
+
+def test_moments_of_the_symmetric_copies_are_those_of_the_copies(data):
+    gram, moment = symmetric_moments(data.inputs, data.wrenches, SIDE)
+    copies = [(moved_inputs(data.inputs, k, SIDE), moved_wrenches(data.wrenches, k)) for k in range(COUNT)]
+    assert np.allclose(gram, sum(x.T @ x for x, _ in copies)) and np.allclose(moment, sum(x.T @ w for x, w in copies))
+
+
+def test_the_weights_that_ship_are_those_of_their_design_small_and_answer():
+    model = load_wrench_model(EndcapParams(130, 8))
+    assert (SHIPPED / "default_D130_T8.safetensors").stat().st_size < 1e6
+    assert model.shape == (16, 16) and model.method == "dots" and len(model.about["training"]["paths"]) >= 18
+    assert max(model.about["metrics"]["validation_rmse"][:3]) < 1.0  # N, on loading paths left out
+    rest = model.estimate(ShearField(0.0, np.zeros((2, 16, 16), np.float32)))
+    assert not rest.force_n.any() and not rest.torque_nm.any() and not rest.flags
+    y, x = (np.mgrid[0:16, 0:16] - 7.5) / 7.5
+    near = np.exp(-3 * (x**2 + y**2))
+    pressed = model.estimate(ShearField(0.0, (0.8 * near * np.stack([x, y])).astype(np.float32)))  # spread at the tip
+    assert pressed.force_n[2] < -1.0 and np.linalg.norm(pressed.force_n[:2]) < 0.2 * -pressed.force_n[2]
+    with pytest.raises(FileError, match="no weights ship for D140_T8"):
+        load_wrench_model(EndcapParams(140, 8))

@@ -1,0 +1,101 @@
+"""The ONNX graph gives the model's numbers, in every storage, and nothing that is no number."""
+
+import numpy as np
+import pytest
+
+from cad.errors import ParameterError
+from cad.params import EndcapParams
+from sensing.records import ShearField
+from sensing.wrench_model import SHAPES, Range, WrenchModel
+
+pytest.importorskip("onnx")
+onnxruntime = pytest.importorskip("onnxruntime")
+
+from sensing import wrench_onnx  # noqa: E402
+
+SIDE, COMPONENTS, HIDDEN = 8, 10, 16
+
+
+@pytest.fixture(scope="module")
+def model():
+    """Weights drawn at random, of the sizes that trained ones have."""
+    rng = np.random.default_rng(0)
+    sizes = {"6": 6, "21": 21, "D": 2 * SIDE**2, "K": COMPONENTS, "M": HIDDEN}
+    weights = {
+        name: (rng.normal(size=[sizes[letter] for letter in letters]) * 0.2).astype(np.float32)
+        for name, letters in SHAPES.items()
+    }
+    weights |= {"units": np.full(6, 0.1, np.float32), "calibration": np.full(6, 0.9, np.float32)}
+    covered = Range(10.0, 10.0, np.ones((SIDE, SIDE), bool))
+    return WrenchModel(weights, EndcapParams(130, 8), "dots", (SIDE, SIDE), covered, {"training": {"paths": []}})
+
+
+def answers(model, storage, inputs):
+    data = wrench_onnx.onnx_graph(model, storage).SerializeToString()
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    return session.run(None, {"field": inputs.astype(np.float32)})
+
+
+@pytest.mark.parametrize(("storage", "close"), [("float32", 2e-6), ("float16", 2e-3), ("int8", 4e-2)])
+def test_onnx_gives_the_models_numbers(model, storage, close):
+    inputs = np.random.default_rng(1).normal(size=(40, 2 * SIDE**2))
+    value, covariance = model.predict(inputs)
+    told, spread = answers(model, storage, inputs)
+    assert np.abs(told - value).max() < close * np.abs(value).max()
+    assert np.abs(spread - covariance).max() < 3 * close * np.abs(covariance).max()
+    sigma = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    assert (np.linalg.eigvalsh(spread / sigma[:, :, None] / sigma[:, None]) > 0).all()
+
+
+@pytest.mark.parametrize("storage", wrench_onnx.STORAGE)
+def test_zero_stays_exactly_zero_and_huge_stays_finite(model, storage):
+    zero, one = answers(model, storage, np.zeros((3, 2 * SIDE**2)))
+    assert not zero.any() and np.isfinite(one).all()
+    for level in (1e-30, 1.0, 1e3, 1e6):
+        value, covariance = answers(model, storage, np.full((2, 2 * SIDE**2), level))
+        assert np.isfinite(value).all() and np.isfinite(covariance).all()
+
+
+def test_torch_onnx_and_numpy_agree(model):
+    torch = pytest.importorskip("torch")
+    from sensing.fitting import as_net
+
+    inputs = np.random.default_rng(2).normal(size=(20, 2 * SIDE**2))
+    with torch.inference_mode():
+        value, root = as_net(model)(torch.from_numpy(inputs.astype(np.float32)))
+    told, covariance = model.predict(inputs)
+    assert np.abs(value.numpy() - told).max() < 3e-6 * np.abs(told).max()
+    spread = (root @ root.transpose(1, 2)).numpy()
+    assert np.abs(spread - covariance).max() < 1e-5 * np.abs(covariance).max()
+
+
+def test_float16_refuses_what_it_cannot_hold(model):
+    weights = {**model.weights, "linear": model.weights["linear"] + np.float32(1e6)}
+    large = WrenchModel(weights, model.design, "dots", model.shape, model.range, model.about)
+    with pytest.raises(ParameterError, match="65504"):
+        wrench_onnx.onnx_graph(large, "float16")
+    with pytest.raises(ParameterError, match="storage='int4'"):
+        wrench_onnx.onnx_graph(model, "int4")
+
+
+def test_command_line_writes_a_whole_file_or_none(model, tmp_path, capsys):
+    model.save(tmp_path / "w.safetensors")
+    out = tmp_path / "w.onnx"
+    assert wrench_onnx.main(["--weights", str(tmp_path / "w.safetensors"), "--out", str(out)]) == 0
+    assert out.stat().st_size > 1000 and "float32" in capsys.readouterr().out
+    assert wrench_onnx.main(["--weights", str(tmp_path / "none"), "--out", str(out)]) == 2
+    assert wrench_onnx.main(["--weights", str(tmp_path / "w.safetensors"), "--out", str(tmp_path / "no" / "w")]) == 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["w.onnx", "w.safetensors"]
+
+
+def test_a_field_of_any_numbers_gives_numbers(model):
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        field = (10.0 ** rng.uniform(-10, 8) * rng.normal(size=(2, SIDE, SIDE))).astype(np.float32)
+        field[rng.random(field.shape) < 0.05] = rng.choice([np.nan, np.inf, -np.inf, 0.0])
+        wrench = model.estimate(ShearField(0.0, field))
+        assert np.isfinite(wrench.force_n).all() and np.isfinite(wrench.torque_nm).all()
+        if "missing" not in wrench.flags:
+            assert (np.linalg.eigvalsh(wrench.covariance) > 0).all()

@@ -31,6 +31,8 @@ from sensing.wrench_model import WrenchModel, load_wrench_model, replace_file
 MOVING = ("circle", "drag", "impact")  # phases of motion, in the dynamic protocol
 HOLDOUTS = ("random", "path", "pose", "friction")
 HOLDOUT_EPOCHS = 10
+LATE = f"filter, {1000 * LATENCY_S:g} ms late, predicted to now"
+HELD = f"filter, {1000 * LATENCY_S:g} ms late, lag left in"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -81,8 +83,9 @@ def evaluate(
         _refuse_leaks(model, None if training is None else training.dots, test.dots)
         found |= _scores(answers, test, Path(folder).name)
         if np.isin(test.dots.phase, MOVING).any():
-            for name, latency in (("filter", 0.0), ("filter, told late and predicted to now", LATENCY_S)):
-                found[f"ours + {name}, {Path(folder).name}"] = filtered_score(model, test.dots, latency)
+            for name, latency, predict in (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False)):
+                told = filtered_score(model, test.dots, latency, predict=predict)
+                found[f"ours + {name}, {Path(folder).name}"] = told
     return found
 
 

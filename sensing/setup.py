@@ -26,6 +26,7 @@ from sensing.live.config import MODELS, CapConfig, LiveConfig, save_config
 from sensing.live.engine import Engine, LiveCap
 from sensing.live.open_caps import Models, configured_models, open_caps
 from sensing.live.reading import CapReading
+from sensing.live.warm_up import warm_up
 from sensing.sources.camera import list_devices
 from sensing.zero import save_zero
 
@@ -72,6 +73,7 @@ def set_up(
         raise FileError(f"{out}: is there already: move it away, or choose another name with --out")
     ask(f"{len(config.caps)} camera(s): leave all caps untouched, then press Enter ")
     caps, watch = open_caps(config, models=models or configured_models(config)), Watch()
+    warm_up(say)
     with Engine(caps, [watch]):
         _await_zeros(caps)
         say("zeroed; measuring the rest, leave them untouched")

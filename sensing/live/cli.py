@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import EndcapError, FileError, ParameterError
 from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
 from sensing.live.outputs import add_outputs
 from sensing.live.run import LiveRun, run_until_stopped
@@ -58,6 +58,10 @@ def _run(options: argparse.Namespace) -> int:
         from sensing.live.replay import replay_caps
 
         caps = replay_caps(options.replay, config, options.speed)
+    if any(cap.pipeline.model.method == "dots" for cap in caps):
+        from sensing.live.warm_up import warm_up
+
+        warm_up(lambda text: print(text, file=sys.stderr))
     run = LiveRun(config, caps, min(options.workers, len(caps)))
     stream = sys.stderr if options.json else sys.stdout
     with ExitStack() as outputs:
@@ -72,6 +76,8 @@ def _check(path: Path | None, config: LiveConfig) -> int:
     if path is None:
         raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
     frames, different = verify(path, config)
+    if not frames:
+        raise FileError(f"{path}: no frame in it: record for longer than it takes to zero")
     print(f"{path}: {frames} frames computed again, {different} differ")
     return 1 if different else 0
 

@@ -11,6 +11,7 @@ Forces in N, torques in N m on the endcap at the origin of its frame, times on t
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from sensing.live.open_caps import open_caps
 from sensing.live.reading import CapReading
 from sensing.live.sink import QueuedSink
 from sensing.live.stats import CapHealth
+from sensing.live.warm_up import warm_up
 from sensing.records import Wrench
 
 ROOM = 64  # readings that a slow reader may be behind before the oldest are lost
@@ -102,7 +104,9 @@ def open_endcap(
     """
     cap = CapConfig("endcap_0", source, None if zero is None else Path(zero), diameter_mm, wall_mm)
     models = None if model is None else lambda _: model
-    return Endcap(open_caps(LiveConfig((cap,)), models=models)[0])
+    opened = Endcap(open_caps(LiveConfig((cap,)), models=models)[0])
+    warm_up(lambda text: print(text, file=sys.stderr))
+    return opened
 
 
 class _Readings(QueuedSink):

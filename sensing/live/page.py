@@ -67,7 +67,8 @@ class PageServer:
     def __init__(self, run: LiveRun, recording: Recording, host: str = "127.0.0.1", port: int | None = None) -> None:
         self.token = "" if _is_loopback(host) else secrets.token_urlsafe(16)
         self._socket = _listen(host, port)
-        shown = f"[{host}]" if ":" in host else host
+        every = host in ("0.0.0.0", "::")  # what another computer types is this one's name
+        shown = socket.gethostname() if every else f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{self._socket.getsockname()[1]}/" + (f"?token={self.token}" if self.token else "")
         config = uvicorn.Config(
             build_app(run, recording, self.token), log_level="critical", ws_max_size=MESSAGE_BYTES, lifespan="off",

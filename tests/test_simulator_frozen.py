@@ -96,3 +96,11 @@ def test_a_wrong_internal_force_is_not_accepted(press: Press, monkeypatch: pytes
     state = fast.advance(state, PATH[1])
     assert fast.fallbacks == 2  # judged by forces alone, so level 1 has answered
     assert state.certificate is not None and state.certificate.residual < 1e-9
+
+
+def test_a_pass_that_moves_nothing_teaches_nothing(press: Press) -> None:
+    fast = FrozenPress(press)
+    fast.advance(fast.start(), PATH[0])
+    inverse = SecantInverse(fast.tangents[0])
+    nothing = np.zeros(len(fast.tangents[0].response))
+    assert np.array_equal(inverse.learn(nothing, nothing, nothing, nothing, nothing), nothing)  # was a division by zero

@@ -200,3 +200,28 @@ def test_a_thin_shell_that_snaps_under_force_is_refused_not_answered() -> None:
     with pytest.raises(Refusal, match=r"^(unstable|unconverged)"):
         for force in range(1, 30):
             state = press.advance(state, Target(normal_n=float(force)))
+
+
+def test_a_singular_tangent_halves_the_step_and_is_refused_by_name_at_last(
+    half: ShellModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A state of a data set (a far first guess, elements turned over) ended its process before."""
+    press = Press(half, Indenter(20.0), 0.5)
+    real, calls = newton.factorise, []
+
+    def singular_at_first(*arguments: object, **named: object) -> object:
+        calls.append(1)
+        if len(calls) == 1:
+            raise np.linalg.LinAlgError("tangent cannot be factorised")
+        return real(*arguments, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(newton, "factorise", singular_at_first)
+    state = press.advance(press.start(), Target(depth_mm=0.5))
+    assert state.certificate is not None and state.certificate.substeps == 2
+    monkeypatch.setattr(newton, "factorise", lambda *_, **__: singular())
+    with pytest.raises(Refusal, match=r"^unconverged: tangent cannot be factorised at depth"):
+        press.advance(press.start(), Target(depth_mm=0.5))
+
+
+def singular() -> None:
+    raise np.linalg.LinAlgError("tangent cannot be factorised")

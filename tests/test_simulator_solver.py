@@ -44,3 +44,9 @@ def test_every_unknown_is_eliminated_once(solid) -> None:
     own = np.concatenate([front.variables[: front.own] for front in solid.fronts])
     assert np.array_equal(np.sort(own), np.arange(solid.unknowns))
     assert solid.fronts[-1].own == len(solid.fronts[-1].variables)
+
+
+def test_what_cannot_be_factorised_says_so(solid) -> None:
+    for blocks in (np.zeros((len(solid.mesh.cells), 81, 81)), np.full((len(solid.mesh.cells), 81, 81), np.nan)):
+        with pytest.raises(np.linalg.LinAlgError):
+            factorise(solid, blocks)

@@ -235,7 +235,10 @@ def _search_residual(problem: StepProblem, here: Iterate, direction: _Direction)
 def _direction(problem: StepProblem, here: Iterate, symmetric: bool) -> _Direction:
     solid = problem.model.solid
     blocks = tangent(problem, here.displacement, here.contact)
-    factor, negative = _positive(solid, blocks) if symmetric else (factorise(solid, blocks, symmetric=False), -1)
+    try:
+        factor, negative = _positive(solid, blocks) if symmetric else (factorise(solid, blocks, symmetric=False), -1)
+    except np.linalg.LinAlgError as error:
+        raise Refusal("unconverged", f"{error} at depth {here.depth_mm:.3f} mm") from error
     column, row, kappa = border(problem, here.contact)
     if problem.normal_n is None:
         free = factor.solve(-here.residual)

@@ -55,7 +55,7 @@ class SecantInverse:
         w = moved - (solved_after - solved)
         along = float(w @ changed)
         if (
-            abs(along) < LEAST_COSINE * float(np.linalg.norm(w) * np.linalg.norm(changed))
+            abs(along) <= LEAST_COSINE * float(np.linalg.norm(w) * np.linalg.norm(changed))
             or len(self._scales) >= 2 * MAX_UPDATES
         ):
             return solved_after

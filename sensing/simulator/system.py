@@ -131,7 +131,7 @@ def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisat
     A symmetric matrix that is not positive goes to SuperLU, whose unpivoted factors count the negative pivots.
 
     Raises:
-        numpy.linalg.LinAlgError, RuntimeError: an exactly singular matrix.
+        numpy.linalg.LinAlgError: an exactly singular matrix, or one that is not finite.
     """
     try:
         return Factorisation(multifrontal.FrontalFactors(list(solid.fronts), blocks, symmetric), 0 if symmetric else -1)
@@ -140,8 +140,17 @@ def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisat
 
 
 def factorise_sparse(matrix: sparse.csc_matrix) -> Factorisation:
-    """Factorise a symmetric, perhaps indefinite matrix in the given order, without pivoting."""
-    lu = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False})
+    """Factorise a symmetric, perhaps indefinite matrix in the given order, without pivoting.
+
+    Raises:
+        numpy.linalg.LinAlgError: an exactly singular matrix, or one that is not finite.
+    """
+    if not np.isfinite(matrix.data).all():
+        raise np.linalg.LinAlgError("tangent is not finite")
+    try:
+        lu = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False})
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError(f"tangent cannot be factorised ({error})") from error
     unpivoted = bool(np.array_equal(lu.perm_r, lu.perm_c))
     return Factorisation(lu, int((lu.U.diagonal() < 0).sum()) if unpivoted else -1)
 

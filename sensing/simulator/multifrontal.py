@@ -170,7 +170,7 @@ class FrontalFactors:
             self.parts.append((matrix[:0, :0], matrix[:, :0]))
             return matrix
         lower, info = lapack.dpotrf(matrix[:own, :own], lower=1, clean=0)
-        if info:
+        if info or not np.isfinite(lower[-1, -1]):  # LAPACK may take NaN for positive
             raise NotPositive
         if own == len(matrix):
             self.parts.append((lower, matrix[own:, :own]))

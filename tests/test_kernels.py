@@ -1,9 +1,9 @@
 """Compiled kernels have one signature each.
 
 numba numbers the cache files of a kernel's signatures in the order in which they come. Two processes that compile two
-signatures of one kernel at the same time can swap their files; the next process then runs the code of one array layout
-on another, and the numbers are wrong without a word (seen: a scrambled contact, two processes writing a data set on a
-fresh checkout). With one signature there is nothing to swap.
+signatures of one kernel at the same time can swap their files: the next process then runs the code of one array layout
+on another, and the numbers are wrong without a word (shown by delaying one of the writes). With one signature there is
+nothing to swap.
 """
 
 from __future__ import annotations

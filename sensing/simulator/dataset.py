@@ -15,7 +15,7 @@ import time
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -24,6 +24,7 @@ import numpy as np
 
 from cad.errors import FileError, ParameterError
 from sensing.records_labelled import COLUMNS, FORMAT, read_manifest
+from sensing.simulator import local_workers
 from sensing.simulator.data_frames import rest_arrays, shard_bytes
 from sensing.simulator.data_request import DataRequest
 from sensing.simulator.loading import PHASES, LoadPath
@@ -94,13 +95,13 @@ def _made(
         for number, paths in zip(numbers, shards, strict=True):
             yield number, shard_bytes(request, paths)
         return
-    with ExitStack() as stack:
-        if scheduler is not None:
-            stack.enter_context(_cluster(scheduler))
-        pool = joblib.Parallel(
-            n_jobs=-1 if scheduler else workers, return_as="generator_unordered", pre_dispatch="2*n_jobs"
-        )
-        yield from pool(joblib.delayed(_job)(request, n, paths) for n, paths in zip(numbers, shards, strict=True))
+    work = [(request, number, paths) for number, paths in zip(numbers, shards, strict=True)]
+    if scheduler is None:
+        yield from local_workers.results(_job, work, workers)
+        return
+    with _cluster(scheduler):
+        pool = joblib.Parallel(n_jobs=-1, return_as="generator_unordered", pre_dispatch="2*n_jobs")
+        yield from pool(joblib.delayed(_job)(*each) for each in work)
 
 
 def _job(request: DataRequest, number: int, paths: list[LoadPath]) -> tuple[int, bytes]:

@@ -1,0 +1,68 @@
+"""Work on processes of this machine that ends at once, and leaves nobody behind, when it is interrupted.
+
+A terminal sends Ctrl-C to a command and to its workers alike. Workers here do not hear it; the command ends them. (A
+pool whose workers are interrupted while they hold the lock of its queue may never come back.)
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], workers: int) -> Iterator[Result]:
+    """Results of ``job(*arguments)`` as they are finished, in any order.
+
+    Args:
+        job: a function of a module. arguments: taken as they are needed, two for each worker at most.
+        workers: processes, each with one thread for linear algebra.
+
+    Raises:
+        BrokenProcessPool: a worker was killed. What a job raises is raised here.
+    """
+    waiting, running = iter(arguments), set[Future[Result]]()
+    others = set(multiprocessing.active_children())
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_deaf)
+        try:
+            while True:
+                running |= {pool.submit(job, *each) for each in islice(waiting, 2 * workers - len(running))}
+                if not running:
+                    break
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        except BaseException:
+            for child in set(multiprocessing.active_children()) - others:
+                child.kill()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _deaf() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started inside give linear algebra one thread: there is a worker for every core already."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

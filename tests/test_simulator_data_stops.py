@@ -55,7 +55,9 @@ def test_a_full_disk_is_one_line_and_what_was_written_stays(made: Path, tmp_path
 def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
     """As a terminal sends it: to the command and to its workers alike."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
-    run = subprocess.Popen(command("long", tmp_path), env=environment(), **pipes)
+    # a shell's background job ignores SIGINT, and its children inherit that: this one is in the foreground
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    run = subprocess.Popen(command("long", tmp_path), env=environment(), **pipes, **hears)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("shards/[0-9]*.npz")) and run.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)

@@ -152,7 +152,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
         "digest": design.params.digest,
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,
-        "checks": [{"name": c.name, "value": _figures(c.value), "limit": c.limit, "ok": c.ok} for c in checks],
+        "checks": [check.record(DIGITS) for check in checks],
         "files": {path.name: _sha256(path) for path in shared},
     }
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import multiprocessing
 import os
 import signal
 import sys
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 
-from cad.errors import EndcapError, FileError, ParameterError
+from cad.errors import FileError
 from cad.feasible import diameter_range_mm
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
-from cad.params import EndcapParams
-from fab.check import Check
+from fab.check import require_passed
+from fab.command import EXPORTS, Command, Interrupts, parse_design, parse_length
+from fab.progress import Progress
 
-ROOT = Path(__file__).resolve().parent.parent
-DEFAULTS = {"D": "130", "T": "8", "joint_clearance": f"{JOINT_CLEARANCE_MM:g}", "exports": str(ROOT / "exports")}
 WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
 
 HELP = """\
@@ -34,80 +31,27 @@ options, as NAME=VALUE:
 The folder appears whole, after every check has passed, or not at all.
 exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
 """
+COMMAND = Command(
+    "make molds",
+    "[D=MM] [T=MM] [joint_clearance=MM] [exports=DIR]",
+    "Make the mold, the TPU interface, the base and the assembly of one endcap.",
+    HELP.format(low=diameter_range_mm()[0], high=diameter_range_mm()[1]),
+    {"D": "130", "T": "8", "joint_clearance": f"{JOINT_CLEARANCE_MM:g}", "exports": EXPORTS},
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="make molds",
-        usage="make molds [D=MM] [T=MM] [joint_clearance=MM] [exports=DIR]",
-        description="Make the mold, the TPU interface, the base and the assembly of one endcap.",
-        epilog=HELP.format(low=diameter_range_mm()[0], high=diameter_range_mm()[1]),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
-    arguments, unknown = parser.parse_known_args(argv)
-    interrupts: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: _interrupt(interrupts, number))
-    try:
-        options = parse_options([*arguments.options, *unknown])
-        params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
-        layout = MoldLayout(params, parse_length("joint_clearance", options["joint_clearance"]))
-        require_writable(Path(options["exports"]))
-        progress = Progress()
-        load_libraries(progress)
-        if interrupts:  # a guard round some library's optional import may have swallowed it
-            raise KeyboardInterrupt
-        return make_molds(layout, Path(options["exports"]), progress)
-    except EndcapError as error:
-        print(f"make molds: {error}", file=sys.stderr)
-        return 1 if isinstance(error, ChecksFailedError) else 2
-    except (Exception, KeyboardInterrupt):
-        if not interrupts:
-            raise
-        print("make molds: interrupted; nothing was left behind", file=sys.stderr)
-        return 130
-    finally:
-        signal.signal(signal.SIGINT, before)
+    return COMMAND.run(argv, _act)
 
 
-def _interrupt(interrupts: list[int], number: int) -> None:
-    """Remember a Ctrl-C: while the CAD kernel is loaded it may come out as an ImportError, or not at all."""
-    interrupts.append(number)
-    raise KeyboardInterrupt
-
-
-def parse_options(words: Sequence[str], defaults: Mapping[str, str] = DEFAULTS) -> dict[str, str]:
-    """Read NAME=VALUE words over the defaults.
-
-    Raises:
-        ParameterError: an unknown name, or a word of another form.
-    """
-    options = dict(defaults)
-    for word in words:
-        name, equals, value = word.partition("=")
-        if not equals or name not in defaults or not value:
-            raise ParameterError(
-                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in defaults)}", name=name
-            )
-        options[name] = value
-    return options
-
-
-def parse_length(name: str, text: str) -> float:
-    """Read a length in millimetres.
-
-    Raises:
-        ParameterError: not a number.
-    """
-    try:
-        return float(text)
-    except ValueError:
-        raise ParameterError(
-            f"{name}={text} is not a number: give millimetres without a unit, for example D=130 T=8",
-            name=name,
-            value=text,
-        ) from None
+def _act(options: dict[str, str], interrupts: Interrupts) -> int:
+    layout = MoldLayout(parse_design(options), parse_length("joint_clearance", options["joint_clearance"]))
+    require_writable(Path(options["exports"]))
+    progress = Progress()
+    load_libraries(progress)
+    interrupts.raise_swallowed()
+    return make_molds(layout, Path(options["exports"]), progress)
 
 
 def load_libraries(progress: Progress) -> None:
@@ -164,7 +108,7 @@ def _make(layout: MoldLayout, final: Path, workers: ProcessPoolExecutor, progres
                 pending.append(workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf"))
         files.write_solids(design, folder)
         checks = run_gates(design, folder, workers, progress)
-        require_passed(checks, layout.params)
+        require_passed(checks, f"at {layout.params.label}")
         progress("assembly and pictures")
         files.write_assemblies(design, folder)
         for job in pending:
@@ -188,23 +132,6 @@ def finished(jobs: list[Future[None]]) -> Iterator[list[Future[None]]]:
         wait(jobs)
 
 
-class ChecksFailedError(EndcapError):
-    """A gate did not hold, so the folder was not written."""
-
-
-def require_passed(checks: Sequence[Check], params: EndcapParams) -> None:
-    """Name every check that failed.
-
-    Raises:
-        ChecksFailedError: there is one.
-    """
-    failed = [check for check in checks if not check.ok]
-    for check in failed:
-        print(f"make molds: check failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
-    if failed:
-        raise ChecksFailedError(f"{len(failed)} of {len(checks)} checks failed at {params.label}; nothing was written")
-
-
 def require_writable(folder: Path) -> None:
     """Make the exports folder, or say at once why it cannot be.
 
@@ -220,29 +147,6 @@ def require_writable(folder: Path) -> None:
         raise FileError(
             f"exports={folder}: {error.strerror or error}: name a folder you may write with exports=DIR"
         ) from error
-
-
-class Progress:
-    """One line for each step on a terminal; silent elsewhere."""
-
-    def __init__(self) -> None:
-        self._start = time.monotonic()
-        self._shown = sys.stderr.isatty()
-
-    @property
-    def seconds(self) -> float:
-        """Time since the start."""
-        return time.monotonic() - self._start
-
-    def __call__(self, step: str) -> None:
-        """Announce a step."""
-        if self._shown:
-            print(f"\r\033[K[{self.seconds:5.1f} s] {step}", end="", file=sys.stderr, flush=True)
-
-    def end(self) -> None:
-        """Clear the line."""
-        if self._shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

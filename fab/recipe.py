@@ -61,9 +61,14 @@ class Recipe:
     timeline: tuple[TimelineStep, ...]
 
     @property
+    def pot_life_to_spare_min(self) -> float:
+        """Time from the closed mold until the silicone thickens."""
+        return self.silicone.pot_life_min - self.timeline[-1].end_min
+
+    @property
     def fits_pot_life(self) -> bool:
         """Whether the mold is closed before the silicone thickens."""
-        return self.timeline[-1].end_min <= self.silicone.pot_life_min
+        return self.pot_life_to_spare_min >= 0
 
     def record(self) -> dict[str, Any]:
         """The recipe as JSON."""

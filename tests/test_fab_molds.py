@@ -20,6 +20,7 @@ from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from fab import molds
 from fab.check import Check
+from fab.command import parse_length, parse_options
 from fab.exports import whole_folder
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -174,10 +175,10 @@ def test_help_names_every_option_and_status(capsys):
 
 
 def test_parsing():
-    assert molds.parse_options(["T=6"]) == {**molds.DEFAULTS, "T": "6"}
-    assert molds.parse_length("D", "130.5") == 130.5
+    assert parse_options(["T=6"], molds.COMMAND.defaults) == {**molds.COMMAND.defaults, "T": "6"}
+    assert parse_length("D", "130.5") == 130.5
     with pytest.raises(ParameterError):
-        molds.parse_length("D", "5 in")
+        parse_length("D", "5 in")
 
 
 # --- whole or not at all ------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -10,17 +9,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cad.errors import EndcapError, FileError
+from cad.errors import FileError
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.params import EndcapParams
-from fab.molds import ROOT, ChecksFailedError, Progress, parse_length, parse_options
+from fab.check import require_passed
+from fab.command import EXPORTS, Command, parse_design
+from fab.progress import Progress
 
 if TYPE_CHECKING:
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.pictures import Workshop
     from fab.slice.projects import Export
 
-DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports"), "material": DEFAULT_SILICONE}
 FOLDER = "sheet"
 FIGURES = 6
 HELP = """\
@@ -36,25 +36,16 @@ exit status: 0 written; 1 a gate failed; 2 bad input or no export; 130 interrupt
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="make sheet",
-        usage="make sheet [D=MM] [T=MM] [exports=DIR] [material=NAME]",
-        description="Write the build sheet of an exported endcap.",
-        epilog=HELP.format(materials=", ".join(silicones())),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    command = Command(
+        "make sheet",
+        "[D=MM] [T=MM] [exports=DIR] [material=NAME]",
+        "Write the build sheet of an exported endcap.",
+        HELP.format(materials=", ".join(silicones())),
+        {"D": "130", "T": "8", "exports": EXPORTS, "material": DEFAULT_SILICONE},
     )
-    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
-    arguments, unknown = parser.parse_known_args(argv)
-    try:
-        options = parse_options([*arguments.options, *unknown], DEFAULTS)
-        params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
-        return make_sheet(params, Path(options["exports"]), options["material"])
-    except EndcapError as error:
-        print(f"make sheet: {error}", file=sys.stderr)
-        return 1 if isinstance(error, ChecksFailedError) else 2
-    except KeyboardInterrupt:
-        print("make sheet: interrupted; nothing was left behind", file=sys.stderr)
-        return 130
+    return command.run(
+        argv, lambda options, _: make_sheet(parse_design(options), Path(options["exports"]), options["material"])
+    )
 
 
 def make_sheet(params: EndcapParams, exports: Path, material: str = DEFAULT_SILICONE) -> int:
@@ -139,25 +130,18 @@ def _collect(
     lines = bom_lines(export.manifest, shop.fits, mix, sliced)
     poured = mix.cast_volume_mm3 * (1 + mix.surplus)
     depth = fill_depth_mm(shop.layout, poured)
-    spare = mix.silicone.pot_life_min - mix.timeline[-1].end_min
     checks = [
         *bom_checks(export.manifest, all_joints(shop.layout), shop.fits, lines),
-        Check("recipe.pot_life_to_spare_min", spare, low=0.0),
+        Check("recipe.pot_life_to_spare_min", mix.pot_life_to_spare_min, low=0.0),
         Check("recipe.poured_below_seam_mm", depth, low=0.0),
         *ring_checks(export.params),
     ]
-    failed = [check for check in checks if not check.ok]
-    for check in failed:
-        print(f"make sheet: gate failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
-    if failed:
-        raise ChecksFailedError(
-            f"{len(failed)} of {len(checks)} gates failed at {export.params.label}; nothing was written"
-        )
+    require_passed(checks, f"at {export.params.label}")
     pictures = step_pictures(shop, depth, folder, progress)
     pictures |= {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
     pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
     pictures["ring_light"] = draw_ring_light(export.params, folder)
-    records = [{"name": c.name, "value": float(f"{c.value:.{FIGURES}g}"), "limit": c.limit, "ok": c.ok} for c in checks]
+    records = [check.record(FIGURES) for check in checks]
     every = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
     data = SheetData(shop.layout, export.manifest, sliced, mix, shop.fits, lines, every, depth, pictures)
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}

@@ -64,15 +64,15 @@ def silicone(data: SheetData) -> list[Block]:
         ("release agent", f"{RELEASE_AGENT}: all PLA that touches silicone, never the TPU"),
         ("hardness", f"Shore {silicone.shore}"),
     )
+    closed = f"{recipe.timeline[-1].end_min:g} min", f"closed; {recipe.pot_life_to_spare_min:g} min to spare"
     clock = tuple((f"{step.start_min:g} to {step.end_min:g} min", step.what) for step in recipe.timeline)
-    left = silicone.pot_life_min - recipe.timeline[-1].end_min
     return [
         Heading("Silicone", 1),
         Table(("", ""), rows, (1, 3)),
         Heading("Clock, from the moment A and B meet"),
         Table(
             ("when", "what"),
-            (*clock, (f"{recipe.timeline[-1].end_min:g} min", f"closed; {left:g} min to spare")),
+            (*clock, closed),
             (1, 3),
         ),
         Heading("Check the pour by weight"),

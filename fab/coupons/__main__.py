@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,10 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
-from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
-from fab.molds import DEFAULTS as MOLD_DEFAULTS
-from fab.molds import parse_options
+from fab.check import require_passed
+from fab.command import EXPORTS, Command
 
 if TYPE_CHECKING:
     import trimesh
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
     from cad.part import Part
     from fab.check import Check
 
-DEFAULTS = {"exports": MOLD_DEFAULTS["exports"], "material": DEFAULT_SILICONE}
 IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray": "peel_tpu"}
 HELP = f"""\
 options, as NAME=VALUE:
@@ -37,12 +34,17 @@ fit_nuts: pockets of {", ".join(f"{width:.2f}" for width in NUT_WIDTHS_MM)} mm f
 tensile_*, peel_*: bond specimens and their trays; evaluate with python -m fab.bond_tests DIR
 
 writes STL, STEP, 3MF, coupons.png, coupons.json; the folder appears whole, after every check, or not at all
-exit status: 0 written; 1 a check failed; 2 bad input or no place to write
+exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
 """
 
 
-class CouponChecksError(EndcapError):
-    """A check of a coupon did not hold, so the folder was not written."""
+COMMAND = Command(
+    "make coupons",
+    "[exports=DIR] [material=NAME]",
+    "Make the coupons that tell the joint clearance of your printer and the strength of your bond.",
+    HELP,
+    {"exports": EXPORTS, "material": DEFAULT_SILICONE},
+)
 
 
 @dataclass(frozen=True)
@@ -64,21 +66,7 @@ class CouponLine:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="make coupons",
-        usage="make coupons [exports=DIR] [material=NAME]",
-        description="Make the coupons that tell the joint clearance of your printer and the strength of your bond.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
-    arguments, unknown = parser.parse_known_args(argv)
-    try:
-        options = parse_options([*arguments.options, *unknown], DEFAULTS)
-        return make_coupons(Path(options["exports"]), options["material"])
-    except EndcapError as error:
-        print(f"make coupons: {error}", file=sys.stderr)
-        return 1 if isinstance(error, CouponChecksError) else 2
+    return COMMAND.run(argv, lambda options, _: make_coupons(Path(options["exports"]), options["material"]))
 
 
 def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
@@ -93,7 +81,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
 
     Raises:
         ParameterError: no such silicone.
-        CouponChecksError: a check failed; nothing is left.
+        ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
     from cad.coupons import coupon_parts
@@ -115,9 +103,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
             "nut_pockets_mm": NUT_WIDTHS_MM,
             "gyroid_wall_mm": {name: round(wall, 5) for name, wall in walls.items()},
             "bom": [vars(line) for line in lines],
-            "checks": [
-                {"name": c.name, "value": float(f"{c.value:.9g}"), "limit": c.limit, "ok": c.ok} for c in checks
-            ],
+            "checks": [check.record(9) for check in checks],
         }
         (folder / "coupons.json").write_text(json.dumps(content, indent=1) + "\n")
     print(f"{exports / 'coupons'}: {len(parts)} parts, all {len(checks)} checks passed")
@@ -144,18 +130,14 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
     """Every check of the written folder, and the volumes (mm3) of its meshes.
 
     Raises:
-        CouponChecksError: a check failed.
+        ChecksFailedError: a check failed.
     """
     from fab.coupons.checks import coupon_checks, solid_checks
     from fab.mesh import read_stl
 
     read = {name: read_stl(folder / f"{name}.stl") for name in parts}
     checks = [*solid_checks(parts), *coupon_checks(parts, read)]
-    failed = [f"{c.name} = {c.value:.6g}, wanted {c.limit}" for c in checks if not c.ok]
-    if failed:
-        raise CouponChecksError(
-            f"{len(failed)} of {len(checks)} checks failed; nothing was written: {'; '.join(failed)}"
-        )
+    require_passed(checks, "of the coupons")
     return checks, {name: float(mesh.volume) for name, mesh in read.items()}
 
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cad.errors import EndcapError
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
 from cad.params import EndcapParams
-from fab.check import Check
+from fab.check import Check, require_passed
+from fab.command import EXPORTS, Command, parse_design, parse_length
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
-from fab.molds import parse_length, parse_options
 
-ROOT = Path(__file__).resolve().parent.parent.parent
-DEFAULTS = {"D": "130", "T": "8", "leds": str(LED_COUNT), "exports": str(ROOT / "exports")}
 HELP = f"""\
 options, as NAME=VALUE:
   D=130 T=8        the endcap whose dome the ring lights (light and temperatures alone depend on it)
@@ -28,32 +24,27 @@ options, as NAME=VALUE:
 
 writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.png,
 led_ring-light.png and led_ring.json (values, budget, checks); the folder appears whole or not at all
-exit status: 0 written; 1 a check failed; 2 bad input or no place to write
+exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
 """
 
 
-class RingChecksError(EndcapError):
-    """A check of the ring did not hold, so the folder was not written."""
+COMMAND = Command(
+    "make ring",
+    "[D=MM] [T=MM] [leds=N] [exports=DIR]",
+    "Make the files from which a board house makes and fits the LED ring.",
+    HELP,
+    {"D": "130", "T": "8", "leds": str(LED_COUNT), "exports": EXPORTS},
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="make ring",
-        usage="make ring [D=MM] [T=MM] [leds=N] [exports=DIR]",
-        description="Make the files from which a board house makes and fits the LED ring.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    return COMMAND.run(
+        argv,
+        lambda options, _: make_ring(
+            parse_design(options), parse_length("leds", options["leds"]), Path(options["exports"])
+        ),
     )
-    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
-    arguments, unknown = parser.parse_known_args(argv)
-    try:
-        options = parse_options([*arguments.options, *unknown], DEFAULTS)
-        diameter, wall, count = (parse_length(name, options[name]) for name in ("D", "T", "leds"))
-        return make_ring(EndcapParams(diameter, wall), count, Path(options["exports"]))
-    except EndcapError as error:
-        print(f"make ring: {error}", file=sys.stderr)
-        return 1 if isinstance(error, RingChecksError) else 2
 
 
 def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
@@ -69,7 +60,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
 
     Raises:
         ParameterError: LED count outside what the board takes.
-        RingChecksError: a check failed; nothing is left.
+        ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
     from fab.exports import whole_folder
@@ -92,7 +83,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
             *rule_checks(layers, holes, copper.pads, places),
             *light_checks(light),
         ]
-        require_passed(checks)
+        require_passed(checks, "of the ring")
         (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))
         (folder / "led_ring-placement.csv").write_text(placement_csv(count))
         draw_board(layers, holes, places, folder / "led_ring.png")
@@ -104,19 +95,6 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
         f"{driver.efficiency:.0%}, all {len(checks)} checks passed"
     )
     return 0
-
-
-def require_passed(checks: Sequence[Check]) -> None:
-    """Stop where a check failed.
-
-    Raises:
-        RingChecksError: it names each one, its value and limit.
-    """
-    failed = [f"{check.name} = {check.value:.6g}, wanted {check.limit}" for check in checks if not check.ok]
-    if failed:
-        raise RingChecksError(
-            f"{len(failed)} of {len(checks)} checks failed; nothing was written: " + "; ".join(failed)
-        )
 
 
 def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -> dict[str, object]:
@@ -143,7 +121,7 @@ def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -
         "warmest_room_for_a_pla_spacer_c": _figures(warmest_room_c(driver, params)),
         "bom": [vars(line) for line in ring_bom(driver.led_count)],
         "nets": {name: [f"{ref}.{pin}" for ref, pin in pins] for name, pins in netlist(driver.led_count).items()},
-        "checks": [{"name": c.name, "value": _figures(c.value), "limit": c.limit, "ok": c.ok} for c in checks],
+        "checks": [check.record(6) for check in checks],
     }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import multiprocessing
 import signal
@@ -13,16 +12,17 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import ParameterError
 from cad.params import EndcapParams
-from fab.molds import ROOT, ChecksFailedError, Progress, parse_length, parse_options
+from fab.check import require_passed
+from fab.command import EXPORTS, Command, Interrupts, parse_design
+from fab.progress import Progress
 
 if TYPE_CHECKING:
     from fab.check import Check
     from fab.slice.projects import Export
     from fab.slice.result import SliceResult
 
-DEFAULTS = {"D": "130", "T": "8", "exports": str(ROOT / "exports"), "parts": "all", "gcode": "no"}
 WORKERS = 2
 FOLDER = "slice"
 HELP = """\
@@ -36,43 +36,25 @@ options, as NAME=VALUE:
 Writes D130_T8/slice/: <part>.prusa.3mf, <part>.orca.3mf and slice.json, whole, after every gate has held.
 exit status: 0 written; 1 a gate failed; 2 bad input, no export, or no PrusaSlicer; 130 interrupted
 """
+COMMAND = Command(
+    "make slice",
+    "[D=MM] [T=MM] [exports=DIR] [parts=NAMES] [gcode=yes]",
+    "Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
+    HELP,
+    {"D": "130", "T": "8", "exports": EXPORTS, "parts": "all", "gcode": "no"},
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="make slice",
-        usage="make slice [D=MM] [T=MM] [exports=DIR] [parts=NAMES] [gcode=yes]",
-        description="Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
-        epilog=HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)
-    arguments, unknown = parser.parse_known_args(argv)
-    interrupts: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: _interrupt(interrupts, number))
-    try:
-        options = parse_options([*arguments.options, *unknown], DEFAULTS)
-        params = EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
-        if options["gcode"] not in ("yes", "no"):
-            raise ParameterError(f"gcode={options['gcode']} is neither yes nor no", name="gcode")
-        return slice_design(params, Path(options["exports"]), options["parts"], options["gcode"] == "yes")
-    except EndcapError as error:
-        print(f"make slice: {error}", file=sys.stderr)
-        return 1 if isinstance(error, ChecksFailedError) else 2
-    except (Exception, KeyboardInterrupt):
-        if not interrupts:
-            raise
-        print("make slice: interrupted; nothing was left behind", file=sys.stderr)
-        return 130
-    finally:
-        signal.signal(signal.SIGINT, before)
+    return COMMAND.run(argv, _act)
 
 
-def _interrupt(interrupts: list[int], number: int) -> None:
-    """Remember a Ctrl-C: it may come back as the end of a worker."""
-    interrupts.append(number)
-    raise KeyboardInterrupt
+def _act(options: dict[str, str], _: Interrupts) -> int:
+    params = parse_design(options)
+    if options["gcode"] not in ("yes", "no"):
+        raise ParameterError(f"gcode={options['gcode']} is neither yes nor no", name="gcode")
+    return slice_design(params, Path(options["exports"]), options["parts"], options["gcode"] == "yes")
 
 
 def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_gcode: bool = False) -> int:
@@ -117,9 +99,7 @@ def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_g
             "digest": params.digest,
             "slicer": f"PrusaSlicer {slicer_version(slicer)}",
             "projects": [result.record() for result in results],
-            "checks": [
-                {"name": c.name, "value": float(f"{c.value:.6g}"), "limit": c.limit, "ok": c.ok} for c in checks
-            ],
+            "checks": [check.record(6) for check in checks],
         }
         (folder / "slice.json").write_text(json.dumps(record, indent=1) + "\n")
     print(f"{export.folder / FOLDER}: {len(results)} projects in two dialects, all {len(checks)} gates held")
@@ -148,13 +128,7 @@ def _sliced_and_gated(
             progress.end()
     print(summary(results))
     checks = [check for result in results for check in result.checks]
-    failed = [check for check in checks if not check.ok]
-    for check in failed:
-        print(f"make slice: gate failed: {check.name} = {check.value:.6g}, wanted {check.limit}", file=sys.stderr)
-    if failed:
-        raise ChecksFailedError(
-            f"{len(failed)} of {len(checks)} gates failed at {export.params.label}; nothing was written"
-        )
+    require_passed(checks, f"at {export.params.label}")
     return results, checks
 
 

@@ -78,11 +78,6 @@ def to_full_px(position: NDArray[np.floating], reduction: int) -> NDArray[np.flo
     return np.asarray(position, float) * reduction + (reduction - 1) / 2
 
 
-def to_reduced_px(position: NDArray[np.floating], reduction: int) -> NDArray[np.float64]:
-    """Full-size positions to pixels of a reduced picture."""
-    return (np.asarray(position, float) - (reduction - 1) / 2) / reduction
-
-
 def as_uint8(image: NDArray, source: str) -> Image:
     """An (H, W) or (H, W, 3) uint8 contiguous picture from uint8, uint16 (high byte) or float (0..1 or 0..255).
 

@@ -28,7 +28,6 @@ from sensing.records import ShearField, Wrench
 FIELD_SIZE = 1800  # facts.md: 2 x 30 x 30
 HIDDEN = 64
 SIX_CAMERA_THRESHOLD_N = 0.2  # facts.md: below it that node publishes zero
-ONE_CAMERA_THRESHOLD_N = 2.0
 
 
 class ResidualBlock(nn.Module):

@@ -13,11 +13,10 @@ sensor), see :mod:`sensing.frames`. Running again with the same folder goes on. 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -31,7 +30,7 @@ from sensing.frames import ACTION, REACTION, FtMount
 from sensing.ft_streams import COUNTS, CsvFt, NetFt
 from sensing.recording import Recording
 from sensing.records import Frame
-from sensing.sources.choose import source_opener
+from sensing.sources.choose import open_frames
 from sensing.synchronise import SLOP_S, Synchroniser
 from sensing.zero import take_zero
 
@@ -56,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                                                                     options.counts_nm)  # fmt: skip
         params = EndcapParams(options.diameter, options.wall)
         recording = Recording(options.out, params, read_mount(options.mount))
-        with _frames(options.source) as frames:
+        with open_frames(options.source) as frames:
             result = record(frames, stream, recording, options.slop, options.rest, options.frames)
     except EndcapError as error:
         print(f"sensing.record: {error}", file=sys.stderr)
@@ -131,18 +130,6 @@ def read_mount(path: Path) -> FtMount:
             f'{path}: no mounting ({error}): needs {{"T_endcap_ft": 4x4 rigid transform in mm, "reads": {ACTION} or '
             f"{REACTION}}}"
         ) from error
-
-
-@contextlib.contextmanager
-def _frames(word: str) -> Iterator[Iterable[Frame]]:
-    """Frames of a source, which is closed afterwards (a camera must be let go)."""
-    frames = iter(source_opener(word)[0]())
-    try:
-        yield frames
-    finally:
-        close = getattr(frames, "close", None)
-        if close is not None:
-            close()
 
 
 def _progress(count: int, unpaired: int) -> None:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import itertools
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from cad.errors import EndcapError, ParameterError
-from sensing.records import Frame
-from sensing.sources.choose import source_opener
+from sensing.sources.choose import open_frames
 from sensing.tracker import DotTracker
 from sensing.zero import LEAST_FRAMES, AutoZero, Drift, ZeroError, load_zero, measure_drift, save_zero, take_zero
 
@@ -40,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _take(options: argparse.Namespace) -> None:
-    with _frames(options.source) as frames:
+    with open_frames(options.source) as frames:
         interval = list(itertools.islice(frames, options.frames))
     zero = take_zero(interval, options.sensor)
     save_zero(zero, options.out)
@@ -55,7 +53,7 @@ def _check(options: argparse.Namespace) -> None:
     zero = load_zero(options.zero)
     tracker = DotTracker(zero.frame())
     drift = None
-    with _frames(options.source) as frames:
+    with open_frames(options.source) as frames:
         for frame in itertools.islice(frames, options.frames):
             drift = measure_drift(zero, frame, tracker.update(frame))
     if drift is None:
@@ -68,7 +66,7 @@ def _watch(options: argparse.Namespace) -> None:
     auto = AutoZero(load_zero(options.zero), options.still)
     tracker = DotTracker(auto.zero.frame())
     before = ""
-    with _frames(options.source) as frames:
+    with open_frames(options.source) as frames:
         for frame in frames:
             tracks = tracker.update(frame)
             drift = measure_drift(auto.zero, frame, tracks)
@@ -89,16 +87,6 @@ def _said(drift: Drift) -> str:
         f"turn {np.degrees(drift.turn_rad):+.3f} deg, scale {drift.scale:.4f}, "
         f"left {drift.residual_px:.2f} px, brightness x{drift.brightness:.2f})"
     )
-
-
-@contextlib.contextmanager
-def _frames(word: str) -> Iterator[Iterable[Frame]]:
-    """Frames of a source, which is closed afterwards (a camera must be let go)."""
-    frames = iter(source_opener(word)[0]())
-    try:
-        yield frames
-    finally:
-        getattr(frames, "close", lambda: None)()
 
 
 def _count(text: str) -> int:

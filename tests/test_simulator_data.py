@@ -13,37 +13,22 @@ from small_data import short_path, small_request
 from cad.dots import dot_pattern
 from sensing.camera_mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
-from sensing.simulator import data_request, protocols
 from sensing.simulator.__main__ import main
 from sensing.simulator.data_frames import shard_arrays
-from sensing.simulator.dataset import write_dataset
 from sensing.simulator.loading import Waypoint
 from sensing.simulator.press import Target
 from sensing.simulator.surface import turn_wrench
 
-
-@pytest.fixture(autouse=True)
-def _restore(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(protocols.PROTOCOLS, "short", short_path)
-    monkeypatch.setattr(data_request, "PATHS_PER_SHARD", 1)
+pytestmark = pytest.mark.usefixtures("short_paths")
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    kept = data_request.PATHS_PER_SHARD
-    folder = tmp_path_factory.mktemp("set")
-    assert write_dataset(small_request(), folder) == 2
-    data_request.PATHS_PER_SHARD = kept
-    return folder
-
-
-def test_frames_are_their_states_turned_and_seen(made: Path) -> None:
-    data = LabelledSet(made)
+def test_frames_are_their_states_turned_and_seen(small_set: Path) -> None:
+    data = LabelledSet(small_set)
     frames = list(data.frames())
     assert len(frames) == 12 and [f.path for f in frames] == [0] * 6 + [1] * 6
     assert set(frames[0].labels) == set(COLUMNS)
-    camera = MountedCamera.load(made / "camera.json")
-    rest = np.load(made / "dots.npz")["dots_mm"]
+    camera = MountedCamera.load(small_set / "camera.json")
+    rest = np.load(small_set / "dots.npz")["dots_mm"]
     assert len(rest) == len(dot_pattern(small_request().params))
     for first, turned in zip(frames[0:3], frames[3:6], strict=True):
         wrench = np.concatenate([first.wrench.force_n, first.wrench.torque_nm])
@@ -63,9 +48,9 @@ def test_frames_are_their_states_turned_and_seen(made: Path) -> None:
     assert np.median(ink) < 0.6 * np.median(picture)
 
 
-def test_pose_puts_plane_and_force_where_they_belong(made: Path) -> None:
+def test_pose_puts_plane_and_force_where_they_belong(small_set: Path) -> None:
     """World z is the plane's normal: the force on the endcap along it is the normal force, and the dome touches z=0."""
-    for frame in LabelledSet(made).frames():
+    for frame in LabelledSet(small_set).frames():
         pose = frame.labels["T_world_endcap"]
         assert (pose[:3, :3] @ frame.wrench.force_n)[2] == pytest.approx(frame.labels["normal_n"], abs=1e-9)
         params = small_request().params

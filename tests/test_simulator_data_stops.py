@@ -11,41 +11,28 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from small_data import command, environment, group_lives, same, short_path, small_request
+from small_data import command, environment, group_lives, same, small_request
 
 from cad.errors import FileError, ParameterError
 from sensing.records_labelled import LabelledSet
-from sensing.simulator import data_request, dataset, protocols
+from sensing.simulator import dataset
 from sensing.simulator.dataset import shard_path, write_dataset
 
-
-@pytest.fixture(autouse=True)
-def _restore(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(protocols.PROTOCOLS, "short", short_path)
-    monkeypatch.setattr(data_request, "PATHS_PER_SHARD", 1)
+pytestmark = pytest.mark.usefixtures("short_paths")
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    kept = data_request.PATHS_PER_SHARD
-    folder = tmp_path_factory.mktemp("set")
-    assert write_dataset(small_request(), folder) == 2
-    data_request.PATHS_PER_SHARD = kept
-    return folder
-
-
-def test_a_killed_run_goes_on_and_ends_the_same(made: Path, tmp_path: Path) -> None:
+def test_a_killed_run_goes_on_and_ends_the_same(small_set: Path, tmp_path: Path) -> None:
     run = subprocess.run(command("kill", tmp_path), env=environment())
     assert run.returncode == -signal.SIGKILL
     assert shard_path(tmp_path, 0).exists() and not shard_path(tmp_path, 1).exists()
     assert list(tmp_path.rglob("*.part"))  # killed while it wrote
     assert len(list(LabelledSet(tmp_path).frames())) == 6
     assert write_dataset(small_request(), tmp_path) == 1
-    assert same(tmp_path, made) and not list(tmp_path.rglob("*.part"))
+    assert same(tmp_path, small_set) and not list(tmp_path.rglob("*.part"))
     assert write_dataset(small_request(), tmp_path) == 0
 
 
-def test_a_full_disk_is_one_line_and_what_was_written_stays(made: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_one_line_and_what_was_written_stays(small_set: Path, tmp_path: Path) -> None:
     run = subprocess.run(command("full", tmp_path), env=environment(), capture_output=True, text=True)
     assert run.returncode == 2, run.stderr
     assert run.stderr.count("\n") == 1 and "cannot be written (File too large)" in run.stderr
@@ -84,7 +71,9 @@ def test_progress_is_for_terminals(capsys: pytest.CaptureFixture, monkeypatch: p
     assert capsys.readouterr().err == "\r1/4 shards, 30 s left "
 
 
-def test_a_corrupt_shard_is_named_and_made_again(made: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_corrupt_shard_is_named_and_made_again(
+    small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     assert write_dataset(small_request(), tmp_path) == 2
     path = shard_path(tmp_path, 1)
     data = bytearray(path.read_bytes())
@@ -94,21 +83,21 @@ def test_a_corrupt_shard_is_named_and_made_again(made: Path, tmp_path: Path, cap
         list(LabelledSet(tmp_path).frames())
     assert write_dataset(small_request(), tmp_path) == 1
     assert "00001.npz: corrupt shard" in capsys.readouterr().err
-    assert same(tmp_path, made)
+    assert same(tmp_path, small_set)
 
 
-def test_two_processes_give_the_same_shards(made: Path, tmp_path: Path) -> None:
+def test_two_processes_give_the_same_shards(small_set: Path, tmp_path: Path) -> None:
     assert write_dataset(small_request(), tmp_path, workers=2) == 2
-    assert same(tmp_path, made)
+    assert same(tmp_path, small_set)
 
 
-def test_a_dask_cluster_gives_the_same_shards(made: Path, tmp_path: Path) -> None:
+def test_a_dask_cluster_gives_the_same_shards(small_set: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
     ) as cluster:
         assert write_dataset(small_request(), tmp_path, scheduler=cluster.scheduler_address) == 2
-    assert same(tmp_path, made)
+    assert same(tmp_path, small_set)
 
 
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,11 +107,11 @@ def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         write_dataset(small_request(), tmp_path, scheduler="tcp://127.0.0.1:9")
 
 
-def test_a_set_grows_but_is_never_mixed(made: Path, tmp_path: Path) -> None:
+def test_a_set_grows_but_is_never_mixed(small_set: Path, tmp_path: Path) -> None:
     request = small_request()
     assert write_dataset(replace(request, frames=6), tmp_path) == 1
     assert write_dataset(request, tmp_path) == 1
-    assert same(tmp_path, made)
+    assert same(tmp_path, small_set)
     with pytest.raises(FileError, match="holds a set made with seed=0"):
         write_dataset(replace(request, seed=1), tmp_path)
     with dataset._locked(tmp_path), pytest.raises(FileError, match="another run is writing"):

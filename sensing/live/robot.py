@@ -39,11 +39,6 @@ class RobotState:
     standing: bool
     consistent: bool | None
 
-    @property
-    def missing_n(self) -> float:
-        """Weight minus the norm of the force sum."""
-        return self.weight_n - float(np.linalg.norm(self.force_n))
-
 
 def robot_state(
     caps: Sequence[CapConfig], readings: Mapping[str, CapReading], weight_n: float, now_s: float

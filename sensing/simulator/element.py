@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-NODES_1D = np.array([-1.0, 0.0, 1.0])
 OUTER_FACE = np.arange(18, 27)  # zeta = +1
 INNER_FACE = np.arange(9)  # zeta = -1
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from cad.errors import FileError
+from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
 from sensing.sources.mjpeg import MjpegSource
@@ -36,3 +38,19 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     if path.suffix.lower() in PICTURES:
         return lambda: [read_picture(path)], False
     return lambda: VideoSource(path), False
+
+
+@contextmanager
+def open_frames(word: str) -> Iterator[Iterable[Frame]]:
+    """Frames of a source, which is closed afterwards (a camera must be let go).
+
+    Raises:
+        FileError: nothing of that name.
+    """
+    frames = iter(source_opener(word)[0]())
+    try:
+        yield frames
+    finally:
+        close = getattr(frames, "close", None)
+        if close is not None:
+            close()

@@ -9,11 +9,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-_JIT = {"cache": True, "nogil": True, "fastmath": True, "error_model": "numpy"}
-_JIT_NAN = _JIT | {"fastmath": {"reassoc", "contract", "arcp", "nsz"}}  # NaN keeps its meaning
+from sensing.compiled import HELPER, KEEPS_NAN, KERNEL
 
 
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def stretch_at_dots(gradient, moved, limit):
     """(N, 2, 2) d displacement_i / d x_j at the dots, cut to -limit..limit, from displacements (N, 2)."""
     count = len(moved)
@@ -27,7 +26,7 @@ def stretch_at_dots(gradient, moved, limit):
     return result
 
 
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def cells_of_dots(to_cells, moved):
     """(2, H * W) float32 mean displacement of the cells from displacements (N, 2)."""
     cells = np.zeros((2, to_cells.shape[1]), np.float32)
@@ -36,7 +35,7 @@ def cells_of_dots(to_cells, moved):
     return cells
 
 
-@numba.njit(**_JIT_NAN)
+@numba.njit(**KERNEL | {"fastmath": KEEPS_NAN})
 def add_surprise(cells, bend, predicted, stretch, least, scatters):
     """Adds to ``cells`` what the measured stretch (N, 2, 2) says beyond the prediction's usual scatter.
 
@@ -59,7 +58,7 @@ def add_surprise(cells, bend, predicted, stretch, least, scatters):
                 _add(cells, bend[axis * count + i], np.float32(share * u), np.float32(share * v))
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _add(cells, line, u, v):
     right, down = cells[0], cells[1]
     for k in range(line.size):
@@ -67,7 +66,7 @@ def _add(cells, line, u, v):
         down[k] += v * line[k]
 
 
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def judge_dots(precision, moved, live, trust, fewest, most):
     """Drops dots that the others contradict, worst first, and puts lost dots where the live ones predict them.
 
@@ -108,7 +107,7 @@ def judge_dots(precision, moved, live, trust, fewest, most):
     _fill(rest, order[:gone], x, y, moved)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _fill(rest, order, x, y, moved):
     """Puts the dots of ``order`` (as they were taken out) where those that stayed predict them."""
     for n in range(len(order) - 1, -1, -1):
@@ -118,7 +117,7 @@ def _fill(rest, order, x, y, moved):
         moved[i, 0], moved[i, 1] = x[i], y[i]
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _eliminate(rest, i, present):
     """Takes dot i out of ``rest``; its row stays as it was, and its column becomes zero in the rows that remain."""
     present[i] = False
@@ -132,7 +131,7 @@ def _eliminate(rest, i, present):
             line[i] = 0.0
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _worst(rest, x, y, present, trust):
     """(dot, its leave-one-out residual over what is trusted) of the dot that the others contradict most."""
     worst, largest = 0, 0.0
@@ -145,7 +144,7 @@ def _worst(rest, x, y, present, trust):
     return worst, largest
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _products(line, x, y):
     u = v = 0.0
     for k in range(len(line)):

@@ -12,6 +12,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from sensing.compiled import HELPER, KERNEL
+
 SATURATED = 252  # gray levels from here on tell nothing: blob or overexposure
 COARSE_PX = 0.15  # once a step is this small the window's stretch is taken into account
 BEND_SCORE = 0.7  # a window that fits worse says nothing about its stretch
@@ -23,7 +25,6 @@ LEAST_SEEN = 0.4  # share of a window's weight that must lie inside the frame an
 NOTHING = -2.0  # correlation of a window without contrast or beyond the frame
 MARGIN = 24  # frame round the working picture, so that a window at its edge is sampled like any other
 BEYOND = np.float32(-1e9)  # gray level there: any interpolation with it is negative, which means unseen
-_JIT = {"cache": True, "nogil": True, "fastmath": True, "error_model": "numpy"}
 
 
 def framed(height, width):
@@ -38,7 +39,7 @@ def smoothed(gray):
     return result
 
 
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def smooth_into(gray, result):
     """(H, W) uint8 into a framed float32 picture by the binomial 3 x 3 filter.
 
@@ -59,7 +60,7 @@ def smooth_into(gray, result):
             line[x] = np.float32(total) * np.float32(0.0625)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def align_windows(
     image, centre, half, rows, shear, plain, energy, which, displacement, stretch, iterations, stop_px, quality
 ):
@@ -85,7 +86,7 @@ def align_windows(
             stretch[i, 1, 0], stretch[i, 1, 1] = pose[4], pose[5] - 1
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _align_one(image, centre, half, rows, shear, plain, energy, iterations, stop_px, raw, value, pose, turn):
     """Correlation of one window after alignment; ``pose`` (x, y, a, b, c, d) is start and answer."""
     flat = max(abs(pose[2] - 1) + abs(pose[3]), abs(pose[4]) + abs(pose[5] - 1)) < FLAT_STRETCH
@@ -121,7 +122,7 @@ def _align_one(image, centre, half, rows, shear, plain, energy, iterations, stop
     return score
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _bend(value, shear, strength, pose, turn):
     """Corrects the pose's 2 x 2 matrix by the window's misfit of stretch (clipped); returns its largest entry."""
     largest = np.float32(0)
@@ -137,7 +138,7 @@ def _bend(value, shear, strength, pose, turn):
     return largest
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _sample(image, centre, half, flat, pose, raw, value):
     """Fills ``value`` with the window; (whether any of it can be in the frame, whether all is and is unsaturated)."""
     height, width = image.shape
@@ -155,7 +156,7 @@ def _sample(image, centre, half, flat, pose, raw, value):
     return True, low >= 0 and high < SATURATED
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _sample_flat(image, cx, cy, half, raw, value):
     """Bilinear window without stretch into ``value``: the same four weights everywhere. Returns least and largest."""
     side = 2 * half + 2
@@ -176,7 +177,7 @@ def _sample_flat(image, cx, cy, half, raw, value):
     return low, high
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _sample_stretched(image, cx, cy, half, pose, value):
     """Bilinear window with stretch into ``value``; the caller knows that it lies inside. Returns least, largest."""
     a, b, c, d = pose[2], pose[3], pose[4], pose[5]
@@ -201,7 +202,7 @@ def _sample_stretched(image, cx, cy, half, pose, value):
     return low, high
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _plain_step(value, rows, energy):
     """(step x, step y, gain, correlation) of a window that is whole; correlation -2 if there is no contrast."""
     sx = sy = g = mean = square = cross = np.float32(0)
@@ -220,7 +221,7 @@ def _plain_step(value, rows, energy):
     return sx / g, sy / g, g, cross / np.sqrt(max(square - mean * mean, np.float32(1e-3)) * energy)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _masked_step(value, plain):
     """(step x, step y, correlation) by least squares over the pixels that can be seen: columns T_x, T_y, T, 1."""
     normal = np.zeros((4, 5))
@@ -238,7 +239,7 @@ def _masked_step(value, plain):
     return np.float32(x / strength), np.float32(y / strength), np.float32(score)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _masked_sums(value, slope_x, slope_y, texture, weight, normal):
     """Fills the 4 x 5 normal equations; returns the weighted sum of squares of the gray levels (less 128)."""
     xx = xy = xt = x1 = xv = yy = yt = y1 = yv = tt = t1 = tv = seen = v1 = vv = np.float32(0)
@@ -268,7 +269,7 @@ def _masked_sums(value, slope_x, slope_y, texture, weight, normal):
     return vv
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _solve(normal):
     """First three unknowns of a 4 x 4 system with its right side as fifth column, slightly damped."""
     for m in range(4):

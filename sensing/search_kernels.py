@@ -9,12 +9,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from sensing.compiled import HELPER, KERNEL
 from sensing.patch_kernels import MARGIN
 
-_JIT = {"cache": True, "nogil": True, "fastmath": True, "error_model": "numpy"}
 
-
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def correlation_map(image, centre, half, texture, weight, energy, which, reach, stride):
     """(len(which), n, n) correlation of windows at whole-pixel displacements -reach..reach in steps of ``stride``.
 
@@ -54,7 +53,7 @@ def correlation_map(image, centre, half, texture, weight, energy, which, reach, 
     return result
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _gather(image, x0, y0, side, v):
     """Every second pixel of a window into ``v``; -1 beyond picture and frame (the frame itself is negative)."""
     height, width = image.shape
@@ -72,7 +71,7 @@ def _gather(image, x0, y0, side, v):
                 goal[k] = image[y, x] if 0 <= x < width and 0 <= y < height else np.float32(-1)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _correlation(v, t, w):
     """Weighted correlation of gray levels (negative: unseen) with a texture; 0 where too little is seen or flat."""
     total = mean = square = cross = texture_mean = texture_square = np.float32(0)
@@ -94,7 +93,7 @@ def _correlation(v, t, w):
     return (cross - mean * texture_mean / total) / np.sqrt(spread * spread_t)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**KERNEL)
 def best_rigid_motion(centre, place, score, picks, agree, shortest, stretch):
     """(3,) turn and shift (about the origin) that most dots have a candidate for; none (zeros) wins ties.
 
@@ -132,7 +131,7 @@ def best_rigid_motion(centre, place, score, picks, agree, shortest, stretch):
     return best
 
 
-@numba.njit(**_JIT)
+@numba.njit(**HELPER)
 def _votes(centre, place, score, cos, sin, x, y, agree):
     total = 0.0
     for i in range(len(centre)):

@@ -1,13 +1,16 @@
-"""Compiled kernels have one signature each.
+"""Compiled kernels have one signature each, and give the same bits compiled or loaded.
 
 numba numbers the cache files of a kernel's signatures in the order in which they come. Two processes that compile two
 signatures of one kernel at the same time can swap their files: the next process then runs the code of one array layout
 on another, and the numbers are wrong without a word (shown by delaying one of the writes). With one signature there is
 nothing to swap.
+
+And a run on a fresh checkout, which compiles, must be replayed to the bit by one that loads the compiled code.
 """
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,8 +18,12 @@ from pathlib import Path
 import pytest
 
 WORK = """
+import hashlib
 import sys
+import numpy as np
 from numba.core.dispatcher import Dispatcher
+def tell(values):
+    print(hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())
 {code}
 for name, module in list(sys.modules.items()):
     for kernel in vars(module).values() if name.startswith("sensing") else ():
@@ -34,10 +41,9 @@ for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
     for kind in ("plane", "sphere"):
         scene = Scene(Indenter(tilt_deg=20, kind=kind), friction=0.5)
         for state in simulator.follow(scene, [Target(normal_n=3), Target(normal_n=4, shift_mm=(0.2, 0.1))]):
-            simulator.markers(state, azimuth_deg=45)
+            tell(simulator.markers(state, azimuth_deg=45))
 """
 PICTURES = """
-import numpy as np
 from cad.params import EndcapParams
 from sensing.methods import METHODS, field_method
 from sensing.records import Frame
@@ -48,13 +54,25 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
     for name in METHODS:
         method = field_method(name, Frame(0.0, 0, "test", image=image))
         for number in (1, 2):
-            method.update(Frame(number / 30, number, "test", image=np.roll(image, 2 * number, axis=1)))
+            frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
+            tell(method.update(frame).channels)
 """
 
 
 @pytest.mark.parametrize("code", [MECHANICS, PICTURES], ids=["mechanics", "pictures"])
-def test_every_kernel_has_one_signature(code: str) -> None:
+def test_kernels_have_one_signature_and_the_same_bits_compiled_or_loaded(code: str, tmp_path: Path) -> None:
+    compiled, loaded = run(code, tmp_path), run(code, tmp_path)
+    assert any(tmp_path.rglob("*.nbc"))
+    assert len(compiled) >= 8
+    assert compiled == loaded
+    assert [line for line in compiled if line.startswith("sensing")] == []
+
+
+def run(code: str, cache: Path) -> list[str]:
+    """Digests of what was computed, and kernels of several signatures."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     root = Path(__file__).resolve().parent.parent
-    run = subprocess.run([sys.executable, "-c", WORK.format(code=code)], capture_output=True, text=True, cwd=root)
-    assert run.returncode == 0, run.stderr
-    assert run.stdout == ""
+    command = [sys.executable, "-c", WORK.format(code=code)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=root, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()

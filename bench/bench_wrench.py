@@ -35,6 +35,7 @@ from sensing.wrench_onnx import onnx_graph
 HERE = Path(__file__).parent
 ROWS = ("study", "name", "x", "force_rmse_n", "torque_rmse_nm", "seconds", "microseconds")
 EPOCHS = 10
+PATHS = (5, 15, 50, 150)  # and all there are
 NEAR_PX = 12.0  # a found dot is the labelled one within this distance
 Row = dict[str, Any]
 
@@ -95,7 +96,7 @@ def data(train: list[Path], test: list[Path]) -> Iterator[Row]:
     """Number of loading paths, ours and ridge."""
     known, unseen = read_all(train, MARKERS), read_all(test, "dots")
     names = np.random.default_rng(0).permutation(np.unique(known.path))
-    for count in sorted({max(3, round(len(names) * share)) for share in (0.3, 0.6, 1.0)}):
+    for count in sorted({min(count, len(names)) for count in (*PATHS, len(names))}):
         part = known.take(np.isin(known.path, names[:count]))
         yield trained(part, unseen, FitConfig(epochs=EPOCHS)) | {"name": "ours", "x": count}
         weights, _ = fit_ridge(part.inputs, part.wrenches, part.path, part.fields.shape[2])
@@ -223,7 +224,7 @@ def plot(rows: list[Row], path: Path) -> None:
                 continue
             axis.plot(x, [row["force_rmse_n"] for row in chosen], "o-", label=name, ms=4)
         axis.set(xlabel=label, ylabel="force RMSE, N", title=title, ylim=(0, None))
-        if study == "time":
+        if study in ("time", "data"):
             axis.set_xscale("log")
         if len(axis.lines) > 1:
             axis.legend(fontsize=7)

@@ -103,7 +103,7 @@ def cross_validate(
     for what in holdouts:
         rest, held = held_out(views, what, seed)
         assert rest.markers is not None
-        ours = fit(rest.markers, FitConfig(epochs=HOLDOUT_EPOCHS, seed=seed))
+        ours = fit(rest.markers, FitConfig(epochs=HOLDOUT_EPOCHS, seed=seed), pictures=rest.dots)
         found |= _scores(fitted(rest, ours, paper_epochs, seed), held, f"leave out {what}")
     return found
 

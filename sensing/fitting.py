@@ -46,6 +46,7 @@ def fit(
     start: WrenchModel | None = None,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    pictures: Samples | None = None,
 ) -> WrenchModel:
     """Train on samples of one design.
 
@@ -55,6 +56,8 @@ def fit(
             the new labels, then the perceptrons learn on.
         progress: called after each epoch with (part, seconds, error).
         checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
+        pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
+            those of its paths, because made-up sensors are not wrong in every way in which a real one is.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -74,7 +77,9 @@ def fit(
     _fit_spread(net, [torch.cat(pair) for pair in zip(parts, more, strict=True)], config, progress, kept)
     net.cpu().eval()
     kept.remove()
-    _calibrate(net, samples.take(np.isin(samples.path, np.union1d(validation.path, calibration.path))))
+    held = np.union1d(validation.path, calibration.path)
+    seen = (pictures or samples).take(np.isin((pictures or samples).path, held))
+    _calibrate(net, seen if len(seen) else samples.take(np.isin(samples.path, held)))
     about = {
         "training": {
             "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),

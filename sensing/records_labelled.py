@@ -118,6 +118,11 @@ class LabelledSet:
                 f"{self.folder / 'manifest.json'}: no design in it ({error}): write the set again"
             ) from error
 
+    @property
+    def has_pictures(self) -> bool:
+        """False for a set that was written with ``--render off``."""
+        return self.manifest.get("request", {}).get("render") != "off"
+
     def column(self, name: str) -> NDArray:
         """One column over all shards, in the order of :meth:`frames`.
 

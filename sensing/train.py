@@ -16,6 +16,7 @@ from pathlib import Path
 from cad.errors import EndcapError, ParameterError
 from sensing.contenders import read_all
 from sensing.fit_config import FitConfig
+from sensing.records_labelled import LabelledSet
 from sensing.samples import MARKERS, SHAPE
 
 DEFAULT = "default"
@@ -44,7 +45,12 @@ def _run(options: argparse.Namespace) -> int:
     )  # fmt: skip
     if not options.out.parent.is_dir():
         raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
-    samples = read_all(options.data, options.method, (options.cells, options.cells))
+    shape = (options.cells, options.cells)
+    samples = read_all(options.data, options.method, shape)
+    pictured = (
+        [folder for folder in options.data if LabelledSet(folder).has_pictures] if options.method == MARKERS else []
+    )
+    pictures = read_all(pictured, "dots", shape) if pictured else None
     start = None
     if options.start is not None:
         start = load_wrench_model(samples.design, None if str(options.start) == DEFAULT else options.start)
@@ -53,7 +59,8 @@ def _run(options: argparse.Namespace) -> int:
         if sys.stderr.isatty():
             print(f"\r{part}: {spent:.0f} s, {error:.4f}   ", end="", file=sys.stderr)
 
-    model = fit(samples, config, start, progress, options.out.with_name(f".{options.out.name}.checkpoint"))
+    kept = options.out.with_name(f".{options.out.name}.checkpoint")
+    model = fit(samples, config, start, progress, kept, pictures)
     model.save(options.out)
     rmse = model.about["metrics"]["validation_rmse"]
     said = ", ".join(f"{value:.3f}" for value in rmse[:3]), ", ".join(f"{value:.4f}" for value in rmse[3:])

@@ -205,6 +205,23 @@ def test_training_repeats_and_fine_tuning_helps_on_a_changed_sensor(model):
     assert json.dumps(tuned.about["training"]["start"])
 
 
+def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():
+    small, fresh = made_samples(paths=16, seed=3), made_samples(paths=16, seed=5, noise=0.05)
+    noisy = replace(made_samples(paths=16, seed=3, noise=0.05), path=small.path)
+    blind, seen = fit(small, QUICK), fit(small, QUICK, pictures=noisy)
+    assert np.array_equal(blind.weights["linear"], seen.weights["linear"])
+
+    def covered(model):
+        value, covariance = model.predict(fresh.inputs)
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        return (np.abs(value - fresh.wrenches) <= 1.96 * sigma).mean()
+
+    assert covered(blind) < 0.8
+    assert 0.88 < covered(seen) < 0.99
+    elsewhere = replace(noisy, path=np.array([f"other {name}" for name in noisy.path]))
+    assert np.array_equal(fit(small, QUICK, pictures=elsewhere).weights["calibration"], blind.weights["calibration"])
+
+
 def test_bad_samples_are_refused(data):
     with pytest.raises(ParameterError, match="no axis missing"):
         replace(data, wrenches=data.wrenches[:, :5])

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -80,14 +81,8 @@ def fit(
     held = np.union1d(validation.path, calibration.path)
     seen = (pictures or samples).take(np.isin((pictures or samples).path, held))
     _calibrate(net, seen if len(seen) else samples.take(np.isin(samples.path, held)))
-    about = {
-        "training": {
-            "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),
-            "config": asdict(config), "torch": str(torch.__version__), "data_digest": samples.digest,
-            "start": start.about.get("training") if start is not None else None,
-        },
-        "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
-    }  # fmt: skip
+    about = _provenance(samples, config, start)
+    about["metrics"] = {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)}
     weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
     covered = _covered(weights["principal"].astype(float), rest, config, height, start)
     return WrenchModel(weights, samples.design, samples.method, (height, width), covered, about)
@@ -251,6 +246,15 @@ def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, s
     if start is not None:  # what it knew before, it still knows
         distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
     return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)))
+
+
+def _provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:
+    training = {
+        "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),
+        "config": asdict(config), "torch": str(torch.__version__), "data_digest": samples.digest,
+        "start": start.about.get("training") if start is not None else None,
+    }  # fmt: skip
+    return {"training": training}
 
 
 def _rmse(net: WrenchNet, samples: Samples) -> list[float]:

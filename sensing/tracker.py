@@ -31,6 +31,7 @@ RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
 FEWEST_JUDGES = 5  # dots that are believed are not put in doubt by fewer than this
 TRUST = (0.1, 0.4)  # believed leave-one-out residual over the spacing, at least and at sure quality
 VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
+FEWEST_WHOLE = 8  # with fewer dots than this, those that the frame's edge cuts are better than none
 LARGEST_STRETCH = 0.5  # that a window starts from
 MOST_DROPPED = 12  # contradicted dots a judgement
 
@@ -229,8 +230,12 @@ class _Fit:
 
 
 def _without_vague(dots: Dots, patches: Patches) -> Dots:
-    """Dots without those whose window slides along an edge (such as what the border of the view leaves of one)."""
+    """Dots without those whose window slides along an edge, and without those that the frame's edge cuts: what is seen
+    of them moves otherwise than their centre, by up to 0.7 px, and the whole field's sway hangs on the outermost dots.
+    """
     steady = patches.uncertainty_px <= VAGUE * np.median(patches.uncertainty_px)
+    if np.count_nonzero(steady & ~dots.cut) >= FEWEST_WHOLE:
+        steady &= ~dots.cut
     return Dots(dots.position_px[steady], dots.diameter_px[steady], dots.cut[steady])
 
 

@@ -180,12 +180,12 @@ class DotTracker:
 
     def _judged(self, fit: _Fit) -> _Fit:
         """Which dots to believe: good correlation, and not far from what the believed others predict."""
-        live = fit.quality > self.config.least_quality
-        trust = np.interp(fit.quality, (self.config.least_quality, self.config.sure_quality), TRUST) * self._spacing
-        moved = fit.moved.copy()
-        judge_dots(self.operator.precision, moved, live, trust, FEWEST_JUDGES, MOST_DROPPED)
-        contradicted = ~live & (fit.quality > self.config.least_quality)
-        return _Fit(moved, fit.stretch, np.where(contradicted, 0.0, np.minimum(fit.quality, 1.0)), live)
+        moved, quality = fit.moved.copy(), fit.quality.copy()
+        sure = (self.config.least_quality, self.config.sure_quality)
+        live = judge_dots(
+            self.operator.precision, moved, quality, self._spacing, sure, TRUST, FEWEST_JUDGES, MOST_DROPPED
+        )
+        return _Fit(moved, fit.stretch, quality, live)
 
     def _retry(self, image: NDArray[np.float32], fit: _Fit) -> _Fit:
         """Bad dots again, from the neighbours' prediction, from rest and from a search; the better correlation stays.

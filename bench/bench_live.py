@@ -4,7 +4,8 @@
 
 Writes bench/live.csv and bench/live.png. Frames are those of the robot scene, in memory; all rows see the same ones, in
 one process (but for the row of six processes). Time on a frame (mean and 99 %) is CPU time of the process, which other
-work on the machine changes little. Delays are wall time from capture to wrench in the real loop, cameras out of step as
+work on the machine changes little; from it follow the rows "computed", the delays of a loop that has a core to itself.
+The other delays are wall time from capture to wrench in the real loop, cameras out of step as
 free-running ones are; they mean something only on a machine with nothing else to do: ``idle_share`` tells how often a
 thread that sleeps for 5 ms was woken within 1 ms of its time. ``core_share`` is of the run's process with its simulated
 cameras, ``page_share`` of the page's.
@@ -63,6 +64,7 @@ class Plan:
     in_step: bool = False
 
 
+COMPUTED = (Plan(1), Plan(), Plan(in_step=True), Plan(rate_hz=60))
 COMMON = (Plan(1), Plan())  # of every method
 MORE = (  # of ours
     Plan(workers=2), Plan(workers=6), Plan(in_step=True), Plan(workers=2, in_step=True), Plan(page=True),
@@ -93,8 +95,10 @@ def pipelines(model: LiveModel, caps: int) -> list[CapPipeline]:
     return found
 
 
-def errors(model: LiveModel, ticks: int, step: int) -> dict[str, float]:
+def errors(model: LiveModel, ticks: int, step: int) -> tuple[dict[str, float], np.ndarray]:
     """Root mean square of force and torque error over all caps that carry load, and share of right contact sets.
+
+    Also the CPU time of every frame, (T, CAPS) ms.
 
     The contact set is right when all six caps are: judged at every tick but those of the first and last sixth of a
     ramp, where the load is below the threshold of any detector.
@@ -124,6 +128,28 @@ def errors(model: LiveModel, ticks: int, step: int) -> dict[str, float]:
         "frames": len(spent_ms), "work_ms": float(np.mean(spent_ms)), "work_p99_ms": float(np.percentile(spent_ms, 99)),
         "frames_s_core": 1e3 / float(np.mean(spent_ms)),
         "force_error_n": rms[0], "torque_error_nm": rms[1], "contact_right": right / judged,
+    }, np.reshape(spent_ms, (-1, CAPS))  # fmt: skip
+
+
+def computed(spent_ms: np.ndarray, caps: int, rate_hz: float, in_step: bool) -> dict[str, float]:
+    """Delays and drops of the loop on a core of its own, from the CPU time of every frame: free of other work's share.
+
+    Waking up is not in it. As the engine does: the newest frame of every cap is taken, the oldest worked on first.
+    """
+    ticks, now, dropped, busy_ms = len(spent_ms), 0.0, 0, 0.0
+    due = (np.arange(ticks)[:, None] + (0.0 if in_step else np.arange(caps) / CAPS)) * 1e3 / rate_hz
+    due = np.broadcast_to(due, (ticks, caps))
+    latency, following = [], [0] * caps  # first frame not taken yet
+    while waiting := [due[k, cap] for cap, k in enumerate(following) if k < ticks]:
+        now = max(now, min(waiting))
+        newest = [int(np.searchsorted(due[:, cap], now, "right")) - 1 for cap in range(caps)]
+        for when, k, cap in sorted((due[k, c], k, c) for c, k in enumerate(newest) if k >= following[c]):
+            dropped, following[cap] = dropped + k - following[cap], k + 1
+            now, busy_ms = now + spent_ms[k, cap], busy_ms + spent_ms[k, cap]
+            latency.append(now - when)
+    return {
+        "frames": len(latency), "core_share": float(busy_ms / now),
+        "p50_ms": float(np.median(latency)), "p99_ms": float(np.percentile(latency, 99)), "dropped": dropped,
     }  # fmt: skip
 
 
@@ -223,7 +249,7 @@ def main() -> int:
     parser.add_argument(
         "--weights-paper", type=Path, help="the authors' checkpoint; without it their rows are left out"
     )
-    parser.add_argument("--seconds", type=float, default=12.0, help="of each live run (12)")
+    parser.add_argument("--seconds", type=float, default=12.0, help="of each live run (12); 0 for none")
     parser.add_argument("--step", type=int, default=2, help="ticks between judged frames (2)")
     options = parser.parse_args()
     cv2.setNumThreads(1)
@@ -240,8 +266,15 @@ def main() -> int:
     for name, weights, method in asked:
         model = load_model(name, params, weights, method)
         about = {"model": name, "method": method}
-        rows.append(about | {"caps": CAPS, "rate_hz": RATE_HZ} | errors(model, film.ticks, options.step))
+        told, spent_ms = errors(model, film.ticks, options.step)
+        rows.append(about | {"caps": CAPS, "rate_hz": RATE_HZ} | told)
         print(rows[-1], flush=True)
+        for plan in COMPUTED:
+            how = {"caps": plan.caps, "workers": "computed", "rate_hz": plan.rate_hz, "in_step": int(plan.in_step)}
+            rows.append(about | how | computed(spent_ms, plan.caps, plan.rate_hz, plan.in_step))
+            print(rows[-1], flush=True)
+        if not options.seconds:
+            continue
         ours = (name, method) == ("default", "dots")
         for plan in COMMON + (MORE if ours else ()):
             how = asdict(plan) | {"outputs": "page" if plan.page else "none", "in_step": int(plan.in_step)}

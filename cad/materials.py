@@ -136,6 +136,22 @@ class Silicone:
         c10, c20, c30 = self.yeoh_mpa
         return hyperelastic_law(c10, self.poisson if poisson is None else poisson, c20, c30)
 
+    def prony_series(self) -> tuple[tuple[float, float], ...]:
+        """Pairs (g, tau_s) of the rate effects.
+
+        Raises:
+            ParameterError: the table has no series for this silicone.
+        """
+        if not self.prony:
+            known = ", ".join(name for name, row in silicones().items() if row.prony)
+            raise ParameterError(
+                f"silicone={self.name!r} has no Prony series in cad/materials.csv: leave rate effects out, add its "
+                f"constants, or choose one of {known}",
+                name="silicone",
+                value=self.name,
+            )
+        return self.prony
+
 
 @cache
 def silicones() -> dict[str, Silicone]:

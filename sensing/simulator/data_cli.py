@@ -17,6 +17,7 @@ options is completed. Examples:
 
   python -m sensing.simulator data --frames 2000 --out exports/data
   python -m sensing.simulator data --frames 34000 --workers 2 --sensor 7 --unpainted 0.1 --out exports/other_sensor
+  python -m sensing.simulator data --frames 2000 --protocol dynamic --rate-effects --out exports/relaxing
   python -m sensing.simulator data --frames 34000 --scheduler tcp://10.0.0.1:8786 --out exports/big
 
 exit status: 0 written, 2 bad input or no place to write, 130 interrupted (what is written stays)
@@ -47,6 +48,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option("seed", int, "seed of the paths")
     option("azimuths", int, "labelled azimuths of every solved state")
     option("level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
+    parser.add_argument(
+        "--rate-effects", action="store_true", help="the silicone relaxes as its row says (levels 1 and 2, dynamic)"
+    )
     option("density", str, "mesh", choices=tuple(DENSITIES))
     option("tolerance", float, "residual over load at level 2")
     option("render", str, "quality of the pictures", choices=RENDERERS)

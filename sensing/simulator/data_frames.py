@@ -46,7 +46,7 @@ def studio(request: DataRequest) -> Studio:
     cv2.setNumThreads(1)  # a worker has one core
     law = silicone(request.silicone).neo_hooke()
     geometry = shell_geometry(request.diameter_mm, request.wall_mm)
-    simulator = Simulator(geometry, law, request.density, request.level, request.tolerance)
+    simulator = Simulator(geometry, law, request.density, request.level, request.tolerance, prony=request.prony)
     if request.render == "off":
         return Studio(simulator, None)
     surface = simulator.surface

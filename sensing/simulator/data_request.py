@@ -35,6 +35,7 @@ class DataRequest:
         frames: least number of labelled frames (whole paths are kept, so a few more).
         diameter_mm, wall_mm, silicone: the shell. density: of the mesh (:data:`sensing.simulator.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
+        rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
         protocol, seed: loading paths. azimuths: labelled azimuths of every solved state.
         render: quality of the pictures (:data:`sensing.simulator.render_settings.LEVELS`), or ``off``.
         lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.
@@ -52,6 +53,7 @@ class DataRequest:
     density: str = "data"
     level: int = 2
     tolerance: float = TOLERANCE
+    rate_effects: bool = False
     protocol: str = "static"
     seed: int = 0
     azimuths: int = 4
@@ -81,14 +83,25 @@ class DataRequest:
                 raise ParameterError(
                     f"{name}={value!r} is unknown: choose one of {', '.join(map(str, known))}", name=name, value=value
                 )
-        load_path(self.protocol, self.seed, 0, 1)
+        if load_path(self.protocol, self.seed, 0, 1).began_s is None and self.rate_effects:
+            raise ParameterError(
+                f"protocol={self.protocol!r} has no rate effects: its states are at rest, and no time passes between "
+                "them; choose dynamic, or leave rate effects out",
+                name="protocol",
+                value=self.protocol,
+            )
         silicone(self.silicone)
-        _ = self.params, self.settings
+        _ = self.params, self.settings, self.prony
 
     @property
     def params(self) -> EndcapParams:
         """The design."""
         return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @property
+    def prony(self) -> tuple[tuple[float, float], ...]:
+        """Series of the silicone, empty without rate effects."""
+        return silicone(self.silicone).prony_series() if self.rate_effects else ()
 
     @property
     def settings(self) -> RenderSettings:
@@ -132,4 +145,5 @@ class DataRequest:
     def record(self) -> dict[str, Any]:
         """For the manifest: the request and the constants behind its names."""
         law = silicone(self.silicone).neo_hooke()
-        return {**asdict(self), "c10_mpa": law.c10_mpa, "bulk_mpa": law.bulk_mpa, "poisson": law.poisson}
+        constants = {"c10_mpa": law.c10_mpa, "bulk_mpa": law.bulk_mpa, "poisson": law.poisson, "prony": self.prony}
+        return {**asdict(self), **constants}

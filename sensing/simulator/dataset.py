@@ -31,6 +31,7 @@ from sensing.simulator.loading import PHASES, LoadPath
 
 MAX_WORKERS = 1024
 CONNECT_S = 15
+ADDED_SINCE = {"rate_effects": False, "prony": []}  # what a manifest written before these options means by its silence
 
 
 def write_dataset(request: DataRequest, folder: Path, workers: int = 1, scheduler: str | None = None) -> int:
@@ -146,7 +147,7 @@ def _begin(request: DataRequest, folder: Path) -> None:
     wanted = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": request.record()}
     wanted = json.loads(json.dumps(wanted))
     if (folder / "manifest.json").exists():
-        found = read_manifest(folder).get("request", {})
+        found = ADDED_SINCE | read_manifest(folder).get("request", {})
         other = [name for name, value in wanted["request"].items() if found.get(name) != value and name != "frames"]
         if other:
             said = ", ".join(f"{name}={found.get(name)}" for name in other)

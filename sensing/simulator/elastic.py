@@ -74,20 +74,40 @@ def tangent(law: HyperelasticLaw, data: ElementData, displacement: Array) -> Arr
     )  # fmt: skip
 
 
-def prestress_energy_and_force(stress: Array, data: ElementData, displacement: Array) -> tuple[float, Array]:
-    """Potential (C - 1):Q / 2 (mJ) and its nodal forces (e, 27, 3) of a fixed second Piola-Kirchhoff stress Q."""
-    gradient = np.einsum("eai,eqaj->eqij", displacement, data.gradient) + np.eye(3)
-    first = np.einsum("eqij,eqjk->eqik", gradient, stress) * data.weight[..., None, None]  # F Q
-    energy = 0.5 * float(np.einsum("eqij,eqij->", gradient, first))
-    energy -= 0.5 * float(np.einsum("eqii,eq->", stress, data.weight))
-    return energy, np.einsum("eqij,eqaj->eai", first, data.gradient)
+def deformation_gradient(data: ElementData, displacement: Array) -> Array:
+    """F at the Gauss points (e, 27, 3, 3) of element displacements (e, 27, 3)."""
+    slopes = (displacement.transpose(0, 2, 1) @ data.rows).reshape(-1, 3, 3, data.weight.shape[1])  # du_i/dX_j, point
+    return np.ascontiguousarray(slopes.transpose(0, 3, 1, 2)) + np.eye(3)
 
 
-def prestress_tangent(stress: Array, data: ElementData) -> Array:
-    """Element matrices (e, 81, 81) of the same: grad N_a . Q . grad N_b in each direction."""
-    scaled = stress * data.weight[..., None, None]
-    block = np.einsum("eqaj,eqjk,eqbk->eab", data.gradient, scaled, data.gradient, optimize=True)
-    return np.einsum("eab,ij->eaibj", block, np.eye(3)).reshape(len(block), 81, 81)
+@dataclass(frozen=True)
+class Prestress:
+    """A second Piola-Kirchhoff stress that stands whatever the strain. Its potential (C - 1):Q / 2 is quadratic in u.
+
+    Attributes:
+        force: nodal forces at rest (e, 27, 3), N.
+        block: their slope by the nodes' displacement, the same in each direction (e, 27, 27), N/mm.
+    """
+
+    force: Array
+    block: Array
+
+    def energy_and_force(self, displacement: Array) -> tuple[float, Array]:
+        """Potential (mJ) and nodal forces (e, 27, 3) of element displacements (e, 27, 3)."""
+        rise = self.block @ displacement
+        return float((displacement * (self.force + rise / 2)).sum()), self.force + rise
+
+    def tangent(self) -> Array:
+        """Element matrices (e, 81, 81)."""
+        return np.einsum("eab,ij->eaibj", self.block, np.eye(3)).reshape(len(self.block), 81, 81)
+
+
+def prestress(stress: Array, data: ElementData) -> Prestress:
+    """What a symmetric second Piola-Kirchhoff stress (e, 27, 3, 3), MPa, does to the elements."""
+    count, points = data.weight.shape
+    weighted = np.ascontiguousarray((stress * data.weight[..., None, None]).transpose(0, 2, 3, 1))  # (e, j, k, point)
+    pulled = np.einsum("eajq,ejkq->eakq", data.rows.reshape(count, 27, 3, points), weighted)  # grad N_a . Q
+    return Prestress(pulled.sum(axis=3), pulled.reshape(count, 27, -1) @ data.rows.transpose(0, 2, 1))
 
 
 @njit(cache=True)

@@ -9,6 +9,9 @@ inverse that learns from every pass (:class:`sensing.simulator.secant.SecantInve
 what one step teaches holds for the next. Nothing is left out: the fixed point is the level 1 equilibrium, and only the
 tolerance differs. A step whose error does not fall, or whose contact leaves the patch, is solved by level 1, which also
 gives a new tangent. Level 1 keeps the sole right to refuse a step.
+
+With rate effects every step has a solid of its own, a few percent stiffer and prestressed. Tangents stored on one serve
+the others: r is always that of the step, and what H misses by that is learned like the rest.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from sensing.simulator import newton
 from sensing.simulator.condensed import CondensedStep, StoredTangent, stored_tangent
 from sensing.simulator.press import Press, Target, lifted
 from sensing.simulator.secant import SecantInverse
+from sensing.simulator.shell import ShellModel
 from sensing.simulator.state import State
 
 CONTACT_SHARE = 1e-2  # of the tolerance, to which each pass solves its contact
@@ -51,7 +55,7 @@ class FrozenPress:
         Raises:
             Refusal: level 1 refuses.
         """
-        self.press.check(target)
+        self.press.check(state, target)
         target = lifted(target)
         if self.tangents and (target.normal_n is not None or state.normal_n > 0):
             tangent = min(self.tangents, key=lambda t: _distance(t, state, target))
@@ -59,21 +63,21 @@ class FrozenPress:
             if found is not None:
                 self.fast_steps += 1
                 if found.certificate is not None and found.certificate.iterations > RENEW_AFTER:
-                    self._store(found, target)
+                    self._store(self.press.step_model(state, target), found, target)
                 return found
         self.fallbacks += 1
         found = self.press.advance(state, target)
         if found.normal_n > 0:
-            self._store(found, target)
+            self._store(self.press.step_model(state, target), found, target)
         return found
 
-    def _store(self, place: State | newton.Iterate, target: Target) -> StoredTangent:
+    def _store(self, model: ShellModel, place: State | newton.Iterate, target: Target) -> StoredTangent:
         if len(self.tangents) >= MAX_TANGENTS:
             del self.tangents[0]
         assert place.contact is not None
-        force = float((self.press.model.surface.area * place.contact.pressure).sum()) / self.press.model.force_share
+        force = float((model.surface.area * place.contact.pressure).sum()) / model.force_share
         self.tangents.append(
-            stored_tangent(self.press.model, place.displacement, place.contact, place.depth_mm, target.shift_mm, force)
+            stored_tangent(model, place.displacement, place.contact, place.depth_mm, target.shift_mm, force)
         )
         return self.tangents[-1]
 
@@ -92,7 +96,7 @@ class FrozenPress:
         start = state.displacement if touched else tangent.displacement
         depth = state.depth_mm if touched else tangent.depth_mm
         depth = depth if target.depth_mm is None else target.depth_mm
-        solid = self.press.model.solid
+        solid = problem.model.solid
         free, patch = solid.gather(start), start[tangent.nodes]
         force = solid.gather(solid.energy_and_force(start)[1])
         solved = inverse.solve(force)
@@ -114,7 +118,7 @@ class FrozenPress:
                 if end.error < self.tolerance:
                     return self.press.accept(state, target, newton.Solution(end, -1, slope, (0.0,) * (count + 1)))
                 if renew:  # contact outside the patch: condense it anew where it is now, and go on from there
-                    return self._fast(state, target, self._store(end, target), renew=False)
+                    return self._fast(state, target, self._store(problem.model, end, target), renew=False)
                 return None
             solved = inverse.learn(after - free, force_after - force, solved, inverse.solve(force_after), force_after)
             free, force = after, force_after

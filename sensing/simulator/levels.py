@@ -18,11 +18,17 @@ azimuth 0 and turns the result: ``markers`` samples the turned field, :func:`sen
 turns the wrench. Level 4 answers targets given by normal and tangential force (``Target(normal_n, tangential_n=...)``,
 or :meth:`Simulator.bulk` for many at once); it knows no path, so a fall-back presses and then pulls. Level 3 trains
 itself when it first meets a plane at a tilt (some hundred level 2 states): for many states at few tilts.
+
+Rate effects (levels 1 and 2) come with the silicone's series, and then targets say when they are reached:
+
+    simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), prony=silicone().prony_series())
+    simulator.follow(scene, [Target(depth_mm=4, time_s=0.05), Target(depth_mm=4, time_s=1.0)])
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,8 +50,10 @@ from sensing.simulator.scene import BulkStates, Scene, SceneState
 from sensing.simulator.shell_halves import ShellHalves
 from sensing.simulator.state import Refusal, State, contact_patch
 from sensing.simulator.surface import turn_wrench
+from sensing.simulator.viscous import Prony
 
 LEVELS = (1, 2, 3, 4)
+RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted to elastic states
 TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
 
@@ -58,9 +66,11 @@ class Simulator:
         level: 1 to 4 (see the module's text).
         tolerance: of level 2.
         library: what level 4 answers from (:mod:`sensing.simulator.library_fit`).
+        prony: rate effects of the silicone, pairs (g, tau_s); none by default.
 
     Raises:
-        ParameterError: unknown level or density, tolerance out of range, no library or one of another shell or mesh.
+        ParameterError: unknown level or density, tolerance out of range, no library or one of another shell or mesh,
+            rate effects on a level that has none.
     """
 
     def __init__(
@@ -71,6 +81,7 @@ class Simulator:
         level: int = 2,
         tolerance: float = TOLERANCE,
         library: Library | None = None,
+        prony: Prony = (),
     ) -> None:
         if level not in LEVELS:
             raise ParameterError(
@@ -84,7 +95,13 @@ class Simulator:
                 name="tolerance",
                 value=tolerance,
             )
-        self.geometry, self.law = geometry, law
+        if prony and level not in RATE_LEVELS:
+            raise ParameterError(
+                f"level={level} has no rate effects: choose {' or '.join(map(str, RATE_LEVELS))}, or leave prony out",
+                name="level",
+                value=level,
+            )
+        self.geometry, self.law, self.prony = geometry, law, prony
         self.level, self.tolerance = level, tolerance
         self._shell = ShellHalves(geometry, law, density)
         self.surface = self._shell.surface
@@ -92,30 +109,30 @@ class Simulator:
         self._reduced: dict[tuple[Indenter, bool], ReducedModel | None] = {}
         self._library = LibraryLevel(library, self._shell) if level == 4 else None
 
-    def follow(self, scene: Scene, targets: Sequence[Target]) -> Iterator[SceneState]:
-        """States along a path from the untouched shell, one for each target.
+    def follow(self, scene: Scene, targets: Sequence[Target], began_s: float = 0.0) -> Iterator[SceneState]:
+        """States along a path from the untouched shell, one for each target; it was untouched at ``began_s``.
 
         Raises:
             Refusal: the state at that target has no trustworthy answer; those before it stand.
         """
         half = scene.indenter.keeps_mirror and all(_in_mirror_plane(target) for target in targets)
-        walk = self.walk(scene, half)
+        walk = self.walk(scene, half, began_s)
         for target in targets:
             found = self._library.answer(scene, target) if self._library else None
             yield found if found is not None else walk(target)
 
-    def walk(self, scene: Scene, half: bool = False) -> Callable[[Target], SceneState]:
+    def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Callable[[Target], SceneState]:
         """A function that goes from state to state, for a path that is not known beforehand; never from the library.
 
         Args:
-            scene: what presses. half: the path will stay in the mirror plane.
+            scene: what presses. half: the path will stay in the mirror plane. began_s: time at which it starts.
         """
-        press = Press(self._shell.model(half), scene.indenter, scene.friction)
+        press = Press(self._shell.model(half), scene.indenter, scene.friction, self.prony)
         fast = FrozenPress(press, self.tolerance, self._tangents.setdefault((scene.indenter, half), []))
         model = self._reduced_model(scene.indenter, half) if self.level == 3 else None
         reduced = ReducedPress(fast, model) if model is not None else None
         solver = press if self.level == 1 else reduced or fast
-        here = solver.start()
+        here = replace(solver.start(), time_s=began_s)
 
         def step(target: Target) -> SceneState:
             nonlocal here

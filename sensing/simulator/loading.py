@@ -44,6 +44,8 @@ class LoadPath:
         scene, cap: of a robot, -1 without.
         T_world_sphere: that cap's rotation and its sphere's centre, heights from the lowest cap's centre (4 x 4, row by
             row); empty without a robot.
+        began_s: when the untouched shell was last at rest, for rate effects; None where states are at rest, and no time
+            passes between them.
     """
 
     number: int
@@ -56,6 +58,7 @@ class LoadPath:
     scene: int = -1
     cap: int = -1
     T_world_sphere: tuple[float, ...] = ()
+    began_s: float | None = None
 
     @property
     def frames(self) -> int:

@@ -5,6 +5,9 @@
     state = press.advance(press.start(), Target(normal_n=20))
 
 A step that fails is halved; one that fails at its smallest is refused with its reason. Nothing else is answered.
+
+With a Prony series (``Press(..., prony=silicone().prony_series())``) targets say when they are reached, and each step
+is solved on the elastic solid that it amounts to (:mod:`sensing.simulator.viscous`).
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensing.simulator import branch, closed_forms, newton
+from sensing.simulator import branch, closed_forms, newton, viscous
 from sensing.simulator.contact import ContactResponse, free_memory
 from sensing.simulator.element import Array
 from sensing.simulator.indenter import Indenter
@@ -37,22 +40,25 @@ class Target:
         shift_mm: tangential travel along (meridian, lateral), mm; ignored where ``tangential_n`` is given.
         tangential_n: tangential force on the shell along (meridian, lateral), N, or None. Only
             :mod:`sensing.simulator.levels` takes such a target.
+        time_s: when it is reached, on the path's clock (s); rate effects need it, nothing else reads it.
     """
 
     normal_n: float | None = None
     depth_mm: float | None = None
     shift_mm: tuple[float, float] = (0.0, 0.0)
     tangential_n: tuple[float, float] | None = None
+    time_s: float | None = None
 
 
 class Press:
-    """A shell model, a body and a friction coefficient.
+    """A shell model, a body and a friction coefficient; rate effects with a Prony series.
 
     Raises:
         Refusal: ``path`` for a body that breaks the mirror of a half model; ``range`` for a friction outside 0..5.
+        ParameterError: see :func:`sensing.simulator.viscous.checked`.
     """
 
-    def __init__(self, model: ShellModel, indenter: Indenter, friction: float) -> None:
+    def __init__(self, model: ShellModel, indenter: Indenter, friction: float, prony: viscous.Prony = ()) -> None:
         if not 0 <= friction <= MAX_FRICTION:
             raise Refusal("range", f"friction={friction:g} outside 0..{MAX_FRICTION:g}: give Coulomb's mu of the pair")
         if model.half and not indenter.keeps_mirror:
@@ -60,6 +66,7 @@ class Press:
         self.model = model
         self.indenter = indenter
         self.friction = friction
+        self.prony = viscous.checked(prony) if prony else ()
         self.body = indenter.packed(model.geometry)
         self.frame = indenter.frame()
         self._soft_n_mm = closed_forms.point_stiffness_n_mm(model.geometry, model.solid.law)
@@ -68,7 +75,8 @@ class Press:
         """The undeformed shell, the body just touching."""
         points = self.model.solid.mesh.points
         memory = free_memory(self.model.surface, points, self.body)
-        return State(np.zeros_like(points), 0.0, (0.0, 0.0), memory, None, np.zeros(6), np.zeros(6), 0.0, None)
+        state = State(np.zeros_like(points), 0.0, (0.0, 0.0), memory, None, np.zeros(6), np.zeros(6), 0.0, None)
+        return replace(state, history=viscous.rest(self.model.solid, self.prony)) if self.prony else state
 
     def advance(self, state: State, target: Target) -> State:
         """Equilibrium at ``target``, reached from ``state`` in as many sub-steps as it takes.
@@ -76,7 +84,7 @@ class Press:
         Raises:
             Refusal: the path leaves the model, has no stable equilibrium, or cannot be followed.
         """
-        self.check(target)
+        self.check(state, target)
         target = lifted(target)
         here, done, size, halvings, spent, substeps, switched = state, 0.0, 1.0, 0, 0, 0, False
         while done < 1 - 1e-12:
@@ -102,8 +110,16 @@ class Press:
     def problem(self, state: State, target: Target) -> newton.StepProblem:
         """The step from a state to a target, ready for :func:`sensing.simulator.newton.solve`."""
         return newton.StepProblem(
-            self.model, self.body, self.frame, self.friction, state.memory, target.shift_mm, target.normal_n
-        )
+            self.step_model(state, target), self.body, self.frame, self.friction, state.memory, target.shift_mm,
+            target.normal_n,
+        )  # fmt: skip
+
+    def step_model(self, state: State, target: Target) -> ShellModel:
+        """The shell as a step meets it: with rate effects an elastic one that serves this step alone."""
+        if state.history is None or target.time_s is None:
+            return self.model
+        solid = viscous.step_solid(self.model.solid, state.history, self.prony, target.time_s - state.time_s)
+        return replace(self.model, solid=solid)
 
     def first_guess(self, state: State, target: Target) -> tuple[Array, float]:
         """Displacement and depth to start a step from: the tangent's prediction where there is contact already."""
@@ -157,7 +173,14 @@ class Press:
             reaction=reaction,
             normal_n=-float(wrench[:3] @ self.frame[:, 0]),
             certificate=certificate,
+            time_s=state.time_s if target.time_s is None else target.time_s,
+            history=self._history(state, target, here.displacement),
         )
+
+    def _history(self, state: State, target: Target, displacement: Array) -> viscous.ViscousHistory | None:
+        if state.history is None or target.time_s is None:
+            return None
+        return viscous.remember(self.model.solid, state.history, self.prony, target.time_s - state.time_s, displacement)
 
     def _step(self, state: State, target: Target) -> State:
         problem = self.problem(state, target)
@@ -179,17 +202,21 @@ class Press:
             raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
         return state
 
-    def check(self, target: Target) -> None:
-        """Refuse a target that the model does not cover."""
+    def check(self, state: State, target: Target) -> None:
+        """Refuse a target that the model does not cover, or not from this state."""
         if (target.normal_n is None) == (target.depth_mm is None):
             raise Refusal("path", f"{target} must give exactly one of normal_n and depth_mm")
         if target.tangential_n is not None:
             raise Refusal(
                 "path", f"{target}: a press moves by shift_mm; tangential forces are what levels.Simulator takes"
             )
-        numbers = [v for v in (target.normal_n, target.depth_mm, *target.shift_mm) if v is not None]
+        numbers = [v for v in (target.normal_n, target.depth_mm, *target.shift_mm, target.time_s) if v is not None]
         if not np.isfinite(numbers).all():
             raise Refusal("range", f"{target} has a number that is not finite")
+        if self.prony and target.time_s is None:
+            raise Refusal("path", f"{target} has no time_s: with rate effects a target must say when it is reached")
+        if self.prony and target.time_s is not None and not target.time_s > state.time_s:
+            raise Refusal("path", f"time_s={target.time_s:g} is not after the last state, at {state.time_s:g} s")
         if target.normal_n is not None and target.normal_n < 0:
             raise Refusal("range", f"normal_n={target.normal_n:g} pulls: the contact does not stick, give >= 0 N")
         limit = MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm
@@ -207,10 +234,12 @@ def lifted(target: Target) -> Target:
 def _between(state: State, target: Target, share: float) -> Target:
     """Target at a share of the way, in the target's own control."""
     shift = tuple((1 - share) * a + share * b for a, b in zip(state.shift_mm, target.shift_mm, strict=True))
+    time_s = None if target.time_s is None else (1 - share) * state.time_s + share * target.time_s
+    here = Target(shift_mm=(shift[0], shift[1]), time_s=time_s)
     if target.normal_n is not None:
-        return Target(normal_n=(1 - share) * state.normal_n + share * target.normal_n, shift_mm=(shift[0], shift[1]))
+        return replace(here, normal_n=(1 - share) * state.normal_n + share * target.normal_n)
     assert target.depth_mm is not None
-    return Target(depth_mm=(1 - share) * state.depth_mm + share * target.depth_mm, shift_mm=(shift[0], shift[1]))
+    return replace(here, depth_mm=(1 - share) * state.depth_mm + share * target.depth_mm)
 
 
 def _cone_excess(contact: ContactResponse, friction: float) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +25,9 @@ LATENCY_RANGE_S = (0.02, 0.07)  # E: USB camera, JPEG, processing; the paper pai
 SPEED_RANGE_MM_S = (8.0, 60.0)
 MAX_TRAVEL_MM = 1.0  # between solved states, so that friction sees the curve
 FRAMES = 24
+LANDED_S = 3600.0  # E: the endcap has stood on the plane for so long when a motion starts, and has relaxed
 Law = Callable[[float], Target]
+Motion = tuple[float, list[Waypoint]]  # when the shell was last untouched and at rest; its frames
 
 
 def dynamic_path(seed: int, number: int, azimuths: int) -> LoadPath:
@@ -33,11 +36,11 @@ def dynamic_path(seed: int, number: int, azimuths: int) -> LoadPath:
     tilt, friction = float(rng.uniform(*TILT_RANGE_DEG)), float(rng.uniform(*FRICTION_RANGE))
     exposure, latency = float(rng.uniform(*EXPOSURE_RANGE_S)), float(rng.uniform(*LATENCY_RANGE_S))
     turns = tuple(float(a) for a in rng.uniform(0, 360, azimuths))
-    points = (_circle, _stick_slip, _impact)[number % 3](rng, exposure)
-    return LoadPath(number, tilt, friction, turns, tuple(points), exposure, latency)
+    began, points = (_circle, _stick_slip, _impact)[number % 3](rng, exposure)
+    return LoadPath(number, tilt, friction, turns, tuple(points), exposure, latency, began_s=began)
 
 
-def _circle(rng: np.random.Generator, exposure_s: float) -> list[Waypoint]:
+def _circle(rng: np.random.Generator, exposure_s: float) -> Motion:
     radius, speed = float(rng.uniform(1, 5)), float(rng.uniform(*SPEED_RANGE_MM_S))
     force, swing, beat = float(rng.uniform(*FORCE_RANGE_N)), float(rng.uniform(0, 0.3)), float(rng.uniform(0.5, 3))
     heading, sense = float(rng.uniform(0, 2 * math.pi)), float(rng.choice([-1.0, 1.0]))
@@ -47,10 +50,10 @@ def _circle(rng: np.random.Generator, exposure_s: float) -> list[Waypoint]:
         shift = (radius * (math.sin(angle) - math.sin(heading)), radius * (math.cos(heading) - math.cos(angle)))
         return Target(normal_n=force * (1 + swing * math.sin(2 * math.pi * beat * time_s)), shift_mm=shift)
 
-    return _landing(force) + _moving("circle", law, speed, exposure_s)
+    return -LANDED_S, _landing(force) + _moving("circle", law, speed, exposure_s)
 
 
-def _stick_slip(rng: np.random.Generator, exposure_s: float) -> list[Waypoint]:
+def _stick_slip(rng: np.random.Generator, exposure_s: float) -> Motion:
     force, direction = float(rng.uniform(*FORCE_RANGE_N)), float(rng.uniform(0, 2 * math.pi))
     jump, slip_s = float(rng.uniform(0.3, 1.5)), float(rng.uniform(0.008, 0.03))
     period = jump / float(rng.uniform(3, 15))  # drive speed, mm/s
@@ -61,10 +64,10 @@ def _stick_slip(rng: np.random.Generator, exposure_s: float) -> list[Waypoint]:
         travel = jump * (count + share)
         return Target(normal_n=force, shift_mm=(travel * math.cos(direction), travel * math.sin(direction)))
 
-    return _landing(force) + _moving("drag", law, jump / slip_s, exposure_s)
+    return -LANDED_S, _landing(force) + _moving("drag", law, jump / slip_s, exposure_s)
 
 
-def _impact(rng: np.random.Generator, exposure_s: float) -> list[Waypoint]:
+def _impact(rng: np.random.Generator, exposure_s: float) -> Motion:
     depth, length, gap = float(rng.uniform(1, 6)), float(rng.uniform(0.04, 0.15)), float(rng.uniform(0.03, 0.12))
     bounce, slide = float(rng.uniform(0.5, 0.9)), float(rng.uniform(-20, 20))
     start = float(rng.uniform(0, FRAME_S))
@@ -76,26 +79,30 @@ def _impact(rng: np.random.Generator, exposure_s: float) -> list[Waypoint]:
         travel = slide * min(late, length)  # along the meridian while it lasts
         return Target(depth_mm=here, shift_mm=(travel, 0.0))
 
-    return _moving("impact", law, 0.0, exposure_s)
+    return -start, _moving("impact", law, 0.0, exposure_s)
 
 
 def _landing(force_n: float) -> list[Waypoint]:
     """At rest on the plane before the motion starts; times count from then."""
-    return [Waypoint("approach", None, 2.0), Waypoint("load", Target(normal_n=force_n))]
+    return [Waypoint("approach", None, 2.0), Waypoint("load", Target(normal_n=force_n, time_s=0.0))]
 
 
 def _moving(phase: str, law: Law, speed_mm_s: float, exposure_s: float) -> list[Waypoint]:
     """Frames of a motion, with enough states between them."""
+
+    def at(time_s: float) -> Target:
+        return replace(law(time_s), time_s=time_s)
+
     points, last = [], 0.0
     for count in range(1, FRAMES + 1):
         end = count * FRAME_S
         begin = end - exposure_s
         between = math.ceil(speed_mm_s * (begin - last) / MAX_TRAVEL_MM) - 1
-        via = tuple(law(last + (begin - last) * k / (between + 1)) for k in range(1, max(between, 0) + 1))
-        targets = (*via, law(begin), law(end))
+        via = tuple(at(last + (begin - last) * k / (between + 1)) for k in range(1, max(between, 0) + 1))
+        targets = (*via, at(begin), at(end))
         if all(target.depth_mm is not None and target.depth_mm <= 0 for target in targets):
             points.append(Waypoint("clear", None, 1.0, end))
         else:
-            points.append(Waypoint(phase, law(end), time_s=end, begins=law(begin), via=via))
+            points.append(Waypoint(phase, at(end), time_s=end, begins=at(begin), via=via))
         last = end
     return points

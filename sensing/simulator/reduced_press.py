@@ -74,7 +74,7 @@ class ReducedPress:
         Raises:
             Refusal: levels 2 and 1 refuse.
         """
-        self.press.check(target)
+        self.press.check(state, target)
         aim = lifted(target)
         if self.fast.tangents and state.normal_n > 0 and (aim.normal_n is not None or (aim.depth_mm or 0.0) > 0):
             found = self.attempt(state, aim)

@@ -14,6 +14,7 @@ from cad.errors import EndcapError
 from sensing.simulator.contact import ContactMemory, ContactResponse
 from sensing.simulator.element import Array
 from sensing.simulator.shell import ShellModel
+from sensing.simulator.viscous import ViscousHistory
 
 
 class Refusal(EndcapError):
@@ -70,6 +71,7 @@ class State:
         reaction: the same from the clamp's reactions.
         normal_n: normal force along the inward normal at first touch.
         certificate: see above; None for the start of a path.
+        time_s: when, on the path's clock. history: of the material, for the next step; None without rate effects.
     """
 
     displacement: Array
@@ -81,6 +83,8 @@ class State:
     reaction: Array
     normal_n: float
     certificate: Certificate | None
+    time_s: float = 0.0
+    history: ViscousHistory | None = None
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class Solid:
         slots: position of every element entry in ``pattern.data``, -1 where fixed (e, 81, 81).
         pattern: empty matrix (unknowns, unknowns) in CSC with the union of all element couplings.
         fronts: plan of the factorisation.
-        prestress: second Piola-Kirchhoff stress (e, 27, 3, 3) that stands whatever the strain, or None; MPa.
+        prestress: stress that stands whatever the strain, or None.
     """
 
     mesh: HexMesh
@@ -45,7 +45,7 @@ class Solid:
     slots: NDArray[np.int32]
     pattern: sparse.csc_matrix
     fronts: tuple[multifrontal.Front, ...]
-    prestress: Array | None = None
+    prestress: elastic.Prestress | None = None
 
     @property
     def unknowns(self) -> int:
@@ -67,7 +67,7 @@ class Solid:
         local = displacement[self.mesh.cells]
         energy, element_force = elastic.energy_and_force(self.law, self.data, local)
         if self.prestress is not None:
-            more, force = elastic.prestress_energy_and_force(self.prestress, self.data, local)
+            more, force = self.prestress.energy_and_force(local)
             energy, element_force = energy + more, element_force + force
         return energy, self.nodal(element_force)
 
@@ -78,7 +78,7 @@ class Solid:
     def tangent(self, displacement: Array) -> Array:
         """Consistent element tangents (e, 81, 81) at a displacement (n, 3)."""
         blocks = elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
-        return blocks if self.prestress is None else blocks + elastic.prestress_tangent(self.prestress, self.data)
+        return blocks if self.prestress is None else blocks + self.prestress.tangent()
 
     def assemble(self, blocks: Array) -> sparse.csc_matrix:
         """Sparse matrix from element matrices (e, 81, 81)."""

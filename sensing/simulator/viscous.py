@@ -1,4 +1,4 @@
-"""Rate effects: a Prony series on the isochoric stress (MPa, s), off unless a :class:`ViscousPress` is asked for.
+"""Rate effects: a Prony series on the isochoric stress (MPa, s); a :class:`sensing.simulator.press.Press` may have one.
 
     S(t) = S_vol + S_inf + sum_i H_i,     dH_i/dt + H_i / tau_i = b_i dS_inf/dt,     b_i = g_i / (1 - sum g)
 
@@ -20,9 +20,8 @@ import numpy as np
 
 from cad.errors import ParameterError
 from cad.materials import HyperelasticLaw
+from sensing.simulator import elastic
 from sensing.simulator.element import Array
-from sensing.simulator.press import Press, Target
-from sensing.simulator.state import State
 from sensing.simulator.system import Solid
 
 Prony = tuple[tuple[float, float], ...]
@@ -58,16 +57,16 @@ def relaxed_share(prony: Prony, time_s: float) -> float:
     return 1 + sum(b * math.exp(-time_s / tau) for b, tau in _over_slow(prony))
 
 
-def isochoric_stress(law: HyperelasticLaw, solid: Solid, displacement: Array) -> tuple[Array, Array]:
-    """Second Piola-Kirchhoff stress of the isochoric energy (e, 27, 3, 3) and F (e, 27, 3, 3)."""
-    gradient = np.einsum("eai,eqaj->eqij", displacement[solid.mesh.cells], solid.data.gradient) + np.eye(3)
-    cauchy_green = np.einsum("eqki,eqkj->eqij", gradient, gradient)
+def isochoric_stress(law: HyperelasticLaw, solid: Solid, displacement: Array) -> Array:
+    """Second Piola-Kirchhoff stress of the isochoric energy (e, 27, 3, 3) at a displacement (n, 3)."""
+    gradient = elastic.deformation_gradient(solid.data, displacement[solid.mesh.cells])
+    cauchy_green = gradient.swapaxes(2, 3) @ gradient
     scale = np.linalg.det(gradient) ** (-2 / 3)
     first = np.trace(cauchy_green, axis1=2, axis2=3)
     x = scale * first - 3
     slope = 2 * scale * (law.c10_mpa + 2 * law.c20_mpa * x + 3 * law.c30_mpa * x * x)
     inverse = np.linalg.inv(cauchy_green)
-    return slope[..., None, None] * (np.eye(3) - first[..., None, None] / 3 * inverse), gradient
+    return slope[..., None, None] * (np.eye(3) - first[..., None, None] / 3 * inverse)
 
 
 def rest(solid: Solid, prony: Prony) -> ViscousHistory:
@@ -84,58 +83,24 @@ def step_solid(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float)
     """
     if not dt_s > 0:
         raise ParameterError(f"dt_s={dt_s:g} is not positive: time goes forward", name="dt_s", value=dt_s)
-    stiffer, prestress = 1.0, np.zeros_like(history.isochoric)
+    stiffer, known = 1.0, np.zeros_like(history.isochoric)
     for (b, tau), overstress in zip(_over_slow(prony), history.overstress, strict=True):
         middle = b * math.exp(-dt_s / (2 * tau))
         stiffer += middle
-        prestress += math.exp(-dt_s / tau) * overstress - middle * history.isochoric
+        known += math.exp(-dt_s / tau) * overstress - middle * history.isochoric
     law = solid.law
     scaled = HyperelasticLaw(stiffer * law.c10_mpa, stiffer * law.c20_mpa, stiffer * law.c30_mpa, law.bulk_mpa)
-    return replace(solid, law=scaled, prestress=prestress)
+    return replace(solid, law=scaled, prestress=elastic.prestress(known, solid.data))
 
 
 def remember(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float, displacement: Array) -> ViscousHistory:
     """History after a step that ended at a displacement (n, 3); ``solid`` with its slow law."""
-    now, _ = isochoric_stress(solid.law, solid, displacement)
+    now = isochoric_stress(solid.law, solid, displacement)
     overstress = [
         math.exp(-dt_s / tau) * h + b * math.exp(-dt_s / (2 * tau)) * (now - history.isochoric)
         for (b, tau), h in zip(_over_slow(prony), history.overstress, strict=True)
     ]
     return ViscousHistory(np.array(overstress), now)
-
-
-class ViscousPress:
-    """A level 1 press whose material relaxes: each step takes a time.
-
-    Raises:
-        ParameterError: see :func:`checked`.
-    """
-
-    def __init__(self, press: Press, prony: Prony) -> None:
-        self.press = press
-        self.prony = checked(prony)
-        self.history = rest(press.model.solid, prony)
-
-    def start(self) -> State:
-        """The undeformed shell, all strain forgotten."""
-        self.history = rest(self.press.model.solid, self.prony)
-        return self.press.start()
-
-    def advance(self, state: State, target: Target, dt_s: float) -> State:
-        """Equilibrium at ``target``, ``dt_s`` after ``state`` (the last one that this press gave).
-
-        Raises:
-            Refusal: as :meth:`sensing.simulator.press.Press.advance`.
-        """
-        slow = self.press.model
-        now = Press(
-            replace(slow, solid=step_solid(slow.solid, self.history, self.prony, dt_s)),
-            self.press.indenter,
-            self.press.friction,
-        )
-        found = now.advance(state, target)
-        self.history = remember(slow.solid, self.history, self.prony, dt_s, found.displacement)
-        return found
 
 
 def _over_slow(prony: Prony) -> Prony:

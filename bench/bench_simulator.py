@@ -168,7 +168,7 @@ def plot(rows: list[dict]) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     figure, (mesh, level) = pyplot.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
     chosen = [line for line in rows if line["curve"] == "mesh" and line["setting"] in DENSITIES]
@@ -198,6 +198,8 @@ def plot(rows: list[dict]) -> None:
     level.axhline(100 * data["error_35n"], color="C7", ls="--", label="the mesh's own error, 35 N")
     level.set(xlabel="processor ms a state", ylabel="marker error, %", title="The levels, N >= 5, mesh data")
     level.legend(fontsize=7)
+    for axes in (mesh, level):
+        axes.xaxis.set_minor_formatter(ticker.NullFormatter())  # labels of less than a decade overlap
     figure.savefig(HERE / "simulator.png", dpi=100)
 
 

@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed
 from sensing.live.open_caps import open_caps
 from sensing.live.page import PageServer
 from sensing.live.recording import Recording
-from sensing.live.run import LiveRun
+from sensing.live.run import LiveRun, favour_the_loop
 from sensing.live.scene import scene_config
 
 HERE = Path(__file__).resolve().parent
@@ -79,7 +79,6 @@ def main() -> int:
     if options.view:
         print(asyncio.run(view(options.view)))
         return 0
-    sys.setswitchinterval(0.001)
     config = scene_config()
     run = LiveRun(config, open_caps(config))
     rows = []
@@ -88,6 +87,7 @@ def main() -> int:
         page = PageServer(run, recording, "127.0.0.1", 0)
         with run.engine:
             page.start()
+            favour_the_loop()
             viewer = Viewer(page.url)
             time.sleep(5.0)
             begin, step = time.monotonic(), options.seconds / 20

@@ -11,5 +11,6 @@ from __future__ import annotations
 from typing import Any
 
 KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": True, "error_model": "numpy"}
+SHORT: dict[str, Any] = KERNEL | {"nogil": False}  # microseconds: to hand the lock over and wait for it costs more
 HELPER: dict[str, Any] = KERNEL | {"forceinline": True}
 KEEPS_NAN = {"reassoc", "contract", "arcp", "nsz"}  # fastmath flags under which NaN keeps its meaning

@@ -16,6 +16,7 @@ Notes:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,11 +127,11 @@ class ContactDetector:
 
     def update(self, wrench: Wrench) -> ContactState:
         """Judge one frame; a wrench that is not finite changes nothing and says so."""
-        force = float(np.linalg.norm(wrench.force_n))
-        known = bool(np.isfinite(force))
+        force = math.sqrt(float(wrench.force_n @ wrench.force_n))
+        known = math.isfinite(force)
         limit = self.threshold.off_n if self._touching else self.threshold.on_n
         now = force >= limit if known else self._touching
-        if now != self._touching or np.isnan(self._since_s):
+        if now != self._touching or math.isnan(self._since_s):
             self._since_s = wrench.time_s
         self._touching = now
         return ContactState(wrench.time_s, now, self._since_s, force, known)

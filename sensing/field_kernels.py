@@ -9,10 +9,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from sensing.compiled import HELPER, KEEPS_NAN, KERNEL
+from sensing.compiled import HELPER, KEEPS_NAN, SHORT
 
 
-@numba.njit(**KERNEL)
+@numba.njit(**SHORT)
 def stretch_at_dots(gradient, moved, limit):
     """(N, 2, 2) d displacement_i / d x_j at the dots, cut to -limit..limit, from displacements (N, 2)."""
     count = len(moved)
@@ -26,7 +26,7 @@ def stretch_at_dots(gradient, moved, limit):
     return result
 
 
-@numba.njit(**KERNEL)
+@numba.njit(**SHORT)
 def cells_of_dots(to_cells, moved):
     """(2, H * W) float32 mean displacement of the cells from displacements (N, 2)."""
     cells = np.zeros((2, to_cells.shape[1]), np.float32)
@@ -35,7 +35,7 @@ def cells_of_dots(to_cells, moved):
     return cells
 
 
-@numba.njit(**KERNEL | {"fastmath": KEEPS_NAN})
+@numba.njit(**SHORT | {"fastmath": KEEPS_NAN})
 def add_surprise(cells, bend, predicted, stretch, least, scatters):
     """Adds to ``cells`` what the measured stretch (N, 2, 2) says beyond the prediction's usual scatter.
 
@@ -66,24 +66,31 @@ def _add(cells, line, u, v):
         down[k] += v * line[k]
 
 
-@numba.njit(**KERNEL)
-def judge_dots(precision, moved, live, trust, fewest, most):
-    """Drops dots that the others contradict, worst first, and puts lost dots where the live ones predict them.
+@numba.njit(**SHORT)
+def judge_dots(precision, moved, quality, spacing, sure, trust, fewest, most):
+    """Which dots to believe, (N,) bool: those that match the reference and that the others do not contradict.
 
     Args:
         precision: (N, N) float64 Q of :class:`sensing.field_operator.FieldOperator`.
-        moved: (N, 2) float64 displacements; the rows of lost dots are overwritten.
-        live: (N,) bool, overwritten.
-        trust: (N,) float64 largest leave-one-out residual that is believed.
+        moved: (N, 2) float64 displacements; the rows of lost dots are overwritten by what the live ones predict.
+        quality: (N,) float64 correlation with the reference; cut to 1, and 0 for dots that the others contradict.
+        spacing: (N,) float64 distance to the next dot.
+        sure: quality under which a dot is lost, and from which it is trusted most.
+        trust: leave-one-out residual over the spacing that is believed at these two.
         fewest: stop dropping when so few are left.
-        most: drop at most so many.
+        most: drop at most so many, worst first.
 
     Notes:
         Taking dot i out of a Gaussian model is one step of elimination: Q' = Q - Q[:, i] Q[i, :] / Q_ii. With Q' the
         residual of dot j among the rest is (Q' d)_j / Q'_jj. The rows used for elimination, in reverse order, then
         predict the lost dots: d_i = -sum_k Q'_ik d_k / Q'_ii.
     """
-    count = len(live)
+    count = len(quality)
+    live, limit = quality > sure[0], np.empty(count)
+    for i in range(count):
+        share = min(max((quality[i] - sure[0]) / max(sure[1] - sure[0], 1e-9), 0.0), 1.0)
+        limit[i] = (trust[0] + share * (trust[1] - trust[0])) * spacing[i]
+        quality[i] = min(quality[i], 1.0)
     rest = precision.copy()
     x, y, present = np.where(live, moved[:, 0], 0.0), np.where(live, moved[:, 1], 0.0), np.ones(count, np.bool_)
     order = np.empty(count, np.int64)
@@ -96,15 +103,16 @@ def judge_dots(precision, moved, live, trust, fewest, most):
     for _ in range(most):
         if count - gone < fewest:
             break
-        worst, excess = _worst(rest, x, y, present, trust)
+        worst, excess = _worst(rest, x, y, present, limit)
         if excess <= 1:
             break
-        live[worst] = False
+        live[worst], quality[worst] = False, 0.0
         x[worst] = y[worst] = 0.0
         _eliminate(rest, worst, present)
         order[gone] = worst
         gone += 1
     _fill(rest, order[:gone], x, y, moved)
+    return live
 
 
 @numba.njit(**HELPER)

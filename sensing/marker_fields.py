@@ -25,7 +25,7 @@ from sensing.gelslim import CROP_PX
 
 Array = NDArray[np.float64]
 FRAME_PX = (640, 480)
-BORDER_PX = 6.0  # a dot's centre this near to the frame's edge is cut
+BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, and not tracked
 
 
 @dataclass(frozen=True)

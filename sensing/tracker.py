@@ -31,6 +31,7 @@ RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
 FEWEST_JUDGES = 5  # dots that are believed are not put in doubt by fewer than this
 TRUST = (0.1, 0.4)  # believed leave-one-out residual over the spacing, at least and at sure quality
 VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
+FEWEST_WHOLE = 8  # with fewer dots than this, those that the frame's edge cuts are better than none
 LARGEST_STRETCH = 0.5  # that a window starts from
 MOST_DROPPED = 12  # contradicted dots a judgement
 
@@ -179,12 +180,12 @@ class DotTracker:
 
     def _judged(self, fit: _Fit) -> _Fit:
         """Which dots to believe: good correlation, and not far from what the believed others predict."""
-        live = fit.quality > self.config.least_quality
-        trust = np.interp(fit.quality, (self.config.least_quality, self.config.sure_quality), TRUST) * self._spacing
-        moved = fit.moved.copy()
-        judge_dots(self.operator.precision, moved, live, trust, FEWEST_JUDGES, MOST_DROPPED)
-        contradicted = ~live & (fit.quality > self.config.least_quality)
-        return _Fit(moved, fit.stretch, np.where(contradicted, 0.0, np.minimum(fit.quality, 1.0)), live)
+        moved, quality = fit.moved.copy(), fit.quality.copy()
+        sure = (self.config.least_quality, self.config.sure_quality)
+        live = judge_dots(
+            self.operator.precision, moved, quality, self._spacing, sure, TRUST, FEWEST_JUDGES, MOST_DROPPED
+        )
+        return _Fit(moved, fit.stretch, quality, live)
 
     def _retry(self, image: NDArray[np.float32], fit: _Fit) -> _Fit:
         """Bad dots again, from the neighbours' prediction, from rest and from a search; the better correlation stays.
@@ -229,8 +230,12 @@ class _Fit:
 
 
 def _without_vague(dots: Dots, patches: Patches) -> Dots:
-    """Dots without those whose window slides along an edge (such as what the border of the view leaves of one)."""
+    """Dots without those whose window slides along an edge, and without those that the frame's edge cuts: what is seen
+    of them moves otherwise than their centre, by up to 0.7 px, and the whole field's sway hangs on the outermost dots.
+    """
     steady = patches.uncertainty_px <= VAGUE * np.median(patches.uncertainty_px)
+    if np.count_nonzero(steady & ~dots.cut) >= FEWEST_WHOLE:
+        steady &= ~dots.cut
     return Dots(dots.position_px[steady], dots.diameter_px[steady], dots.cut[steady])
 
 

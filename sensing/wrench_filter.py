@@ -11,8 +11,9 @@ between capture times, so 30 or 120 Hz and dropped frames need no setting. N and
 
 Notes:
     Constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, sec. 6.2.2): F = [[1, dt], [0, 1]],
-    Q = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]; update in Joseph's form, which stays positive definite. Lag removed
-    from a ramp is complete; from a sine of frequency w it is down to order (w lag)^2.
+    Q = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]; update in Joseph's form, which stays positive definite; a surprise
+    widens the rate first, so that an impact is followed at once. Lag removed from a ramp is complete; from a sine of
+    frequency w it is down to order (w lag)^2. The arithmetic is in :mod:`sensing.wrench_kernels`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from scipy import stats
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
+from sensing.wrench_kernels import ahead, correct
 
 Array = NDArray[np.float64]
 MANEUVER_NIS = float(stats.chi2.isf(1e-5, 6))  # innovation beyond this: the motion changed faster than the model
@@ -73,9 +75,11 @@ class WrenchFilter:
     def __init__(self, config: FilterConfig | None = None) -> None:
         self.config = config or FilterConfig()
         self.nis, self.late = float("nan"), 0
+        self._density, self._noise = np.array(self.config.acceleration), np.array(self.config.noise) ** 2
+        self._rates = np.array(self.config.start_rate) ** 2
         self._last: Wrench | None = None
-        self._state = np.zeros((6, 2))
-        self._covariance = np.zeros((6, 2, 2))
+        self._state = np.zeros((2, 6))  # values, rates
+        self._covariance = np.zeros((3, 6))  # of value, of value with rate, of rate
 
     def update(self, wrench: Wrench) -> Wrench:
         """Take one estimate; returns the filtered wrench at its capture time.
@@ -105,8 +109,8 @@ class WrenchFilter:
             return self._predicted(wrench.time_s, wrench.flags | {"missing"})
         if step > self.config.gap_s:
             return self._start(wrench, measured, variance)
-        self._state, self._covariance = self._ahead(step)
-        self._correct(measured, variance)
+        self._state, self._covariance = ahead(self._state, self._covariance, step, self._density)
+        self.nis = correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
         self._last = wrench
         return self._told(wrench.time_s, wrench.flags)
 
@@ -125,53 +129,33 @@ class WrenchFilter:
         return self._predicted(time_s, self._last.flags)
 
     def _start(self, wrench: Wrench, measured: Array, variance: Array) -> Wrench:
-        self._state = np.stack([measured, np.zeros(6)], axis=1)
-        self._covariance = np.zeros((6, 2, 2))
-        self._covariance[:, 0, 0], self._covariance[:, 1, 1] = variance, self.config.start_rate**2
+        self._state = np.stack([measured, np.zeros(6)])
+        self._covariance = np.stack([variance, np.zeros(6), self._rates])
         self._last, self.nis = wrench, float("nan")
         return self._told(wrench.time_s, wrench.flags)
 
     def _variance(self, covariance: Array) -> Array:
-        told = np.diagonal(covariance)
-        return np.where(np.isfinite(told) & (told > TINY), told, self.config.noise**2)
-
-    def _ahead(self, step: float) -> tuple[Array, Array]:
-        F = np.array([[1.0, step], [0.0, 1.0]])
-        Q = np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
-        return self._state @ F.T, F @ self._covariance @ F.T + self.config.acceleration[:, None, None] * Q
-
-    def _correct(self, measured: Array, variance: Array) -> None:
-        """Joseph's form; a surprise widens the rate first, so that an impact is followed at once."""
-        innovation = measured - self._state[:, 0]
-        spread = self._covariance[:, 0, 0] + variance
-        self.nis = float((innovation**2 / spread).sum())
-        if self.nis > MANEUVER_NIS:
-            self._covariance = self._covariance.copy()
-            self._covariance[:, 0, 0] += innovation**2
-            self._covariance[:, 1, 1] += self.config.start_rate**2
-            spread = self._covariance[:, 0, 0] + variance
-        gain = self._covariance[:, :, 0] / spread[:, None]  # (6, 2)
-        self._state = self._state + gain * innovation[:, None]
-        keep = np.tile(np.eye(2), (6, 1, 1))
-        keep[:, :, 0] -= gain
-        noise = gain[:, :, None] * gain[:, None, :] * variance[:, None, None]
-        self._covariance = keep @ self._covariance @ keep.transpose(0, 2, 1) + noise
+        told = covariance.diagonal()
+        return np.where((told > TINY) & (told < np.inf), told, self._noise)
 
     def _predicted(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
         step = time_s - self._last.time_s
-        state, covariance = self._ahead(step)
+        state, covariance = ahead(self._state, self._covariance, step, self._density)
         if step > self.config.ahead_s:
-            state, flags = self._ahead(self.config.ahead_s)[0], flags | {"stale"}
-        return _wrench(time_s, state[:, 0], covariance[:, 0, 0], self._last.frame, flags)
+            state = ahead(self._state, self._covariance, self.config.ahead_s, self._density)[0]
+            flags = flags | {"stale"}
+        return _wrench(time_s, state[0], covariance[0], self._last.frame, flags)
 
     def _told(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
-        return _wrench(time_s, self._state[:, 0], self._covariance[:, 0, 0], self._last.frame, flags)
+        return _wrench(time_s, self._state[0], self._covariance[0], self._last.frame, flags)
 
 
 def _wrench(time_s: float, value: Array, variance: Array, frame: str, flags: frozenset[str]) -> Wrench:
-    return Wrench(time_s, value[:3], value[3:], frame, np.diag(variance), flags)
+    covariance = np.zeros((6, 6))
+    covariance.flat[::7] = variance
+    return Wrench(time_s, value[:3], value[3:], frame, covariance, flags)
 
 
 def _flagged(wrench: Wrench) -> Wrench:

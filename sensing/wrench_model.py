@@ -6,7 +6,7 @@
 
 Wrenches on the endcap about the sphere's centre, N and N m. A file holds tensors and, as JSON, the design's digest, how
 it was trained and how well it did. Weights of another design are refused. Nothing is unpickled, and torch is not
-needed: the network of :mod:`sensing.wrench_net` is computed here with numpy.
+needed: the network of :mod:`sensing.wrench_net` is computed here with numpy, for one field by a compiled kernel.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.records import ShearField, Wrench
+from sensing.wrench_kernels import answer_one
 
 Array = NDArray[np.float64]
 FORMAT = "endcap-wrench-2"
@@ -105,15 +106,15 @@ class WrenchModel:
                 name="field",
                 value=field.channels.shape,
             )
-        x = np.where(field.valid | np.isfinite(field.channels), field.channels, 0.0).reshape(1, -1).astype(np.float64)
+        x = np.where(np.isfinite(field.channels), field.channels, 0.0).ravel().astype(np.float64)
         if not field.valid.any() or not np.abs(x).max() < LARGEST_PX:
             flags = frozenset({"missing", "out_of_range" if field.valid.any() else "dots_lost"})
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
-        value, covariance = self.predict(x)
-        flags = frozenset({"out_of_range"} if self.out_of_range(x)[0] else set())
-        if field.valid[self.range.cells].mean() < LEAST_VALID:
+        value, covariance, distance, rest = answer_one(x, *self._packed)
+        flags = frozenset({"out_of_range"} if distance > self.range.distance or rest > self.range.rest_px else ())
+        if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
             flags |= {"dots_lost"}
-        return Wrench(field.time_s, value[0, :3], value[0, 3:], "sphere", covariance[0], flags)
+        return Wrench(field.time_s, value[:3], value[3:], "sphere", covariance, flags)
 
     def predict(self, inputs: Array) -> tuple[Array, Array]:
         """(N, 6) wrenches and (N, 6, 6) covariances from (N, 2 H W)."""
@@ -163,6 +164,20 @@ class WrenchModel:
     @cached_property
     def _doubles(self) -> dict[str, Array]:
         return {name: value.astype(np.float64) for name, value in self.weights.items()}
+
+    @cached_property
+    def _packed(self) -> tuple[Any, ...]:
+        """What :func:`sensing.wrench_kernels.answer_one` takes after the field."""
+        w, back = {name: np.array(value, order="C") for name, value in self.weights.items()}, self._back
+        last = self._doubles["mean.last.weight"] * self._doubles["units"][:, None]
+        first, second = ("mean.first.weight", "mean.first.bias"), ("mean.second.weight", "mean.second.bias")
+        spread = [f"spread.{layer}.{part}" for layer in (0, 2, 4) for part in ("weight", "bias")]
+        return (
+            np.tile(self.range.cells.ravel(), 2).astype(np.float32), w["linear"], w["principal"], back.T @ back,
+            (*(w[name] for name in first + second), last),
+            tuple(w[name] for name in spread), self._doubles["calibration"] * self._doubles["units"],
+            (MIN_SPREAD, MAX_SPREAD, MAX_MIX),
+        )  # fmt: skip
 
     @cached_property
     def _back(self) -> Array:

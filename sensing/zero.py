@@ -190,9 +190,13 @@ def load_zero(path: Path | str) -> Zero:
     return zero
 
 
-def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks) -> Drift:
-    """What has changed between the reference and a frame with its tracks."""
-    ratio = _brightness(frame) / max(zero.brightness, 1e-6)
+def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | None = None) -> Drift:
+    """What has changed between the reference and a frame with its tracks; ``gray``: the frame if it is decoded already.
+
+    Raises:
+        FrameError: the frame cannot be decoded.
+    """
+    ratio = (_brightness(frame) if gray is None else cv2.mean(gray)[0]) / max(zero.brightness, 1e-6)
     live = ~tracks.lost
     unit = min(tracks.size) / 480.0
     if live.sum() < 4:
@@ -272,15 +276,17 @@ def _fit_similarity(
 ) -> tuple[NDArray[np.float64], float, float, NDArray[np.float64]]:
     """(shift at the picture's centre, turn, scale, (N,) residual), robust by two rounds of trimming.
 
-    Complex numbers: after = a before + b with positions from the centre; a = scale exp(i turn).
+    Complex numbers: after = a before + b with positions from the centre; a = scale exp(i turn); least squares.
     """
     centre = (np.array(size) - 1) / 2
     z = (before - centre) @ np.array([1, 1j])
     w = (after - centre) @ np.array([1, 1j])
     keep = np.ones(len(z), bool)
     for _ in range(3):
-        design = np.column_stack([z[keep], np.ones(keep.sum())])
-        (a, b), *_ = np.linalg.lstsq(design, w[keep], rcond=None)
+        z_mean, w_mean = z[keep].mean(), w[keep].mean()
+        arm = z[keep] - z_mean
+        a = np.vdot(arm, w[keep] - w_mean) / max(np.vdot(arm, arm).real, 1e-9)
+        b = w_mean - a * z_mean
         residual = np.abs(w - (a * z + b))
         keep = residual <= max(2.5 * np.median(residual), 1e-9)
         if keep.sum() < 3:

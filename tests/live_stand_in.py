@@ -69,7 +69,7 @@ def pipeline(name: str = "endcap_0", number: int = 0, zero_frames: int = 1, sour
     return CapPipeline(CapConfig(name, source), stand_in(), None, number, zero_frames)
 
 
-def wait_for(condition: Callable[[], object], seconds: float = 15.0) -> None:
+def wait_for(condition: Callable[[], object], seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited too long"

@@ -34,8 +34,9 @@ MECHANICS = """
 from cad.materials import silicone
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.press import Target
+from sensing.simulator.scene import Scene
 for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
     simulator = Simulator(shell_geometry(130, 8), law, "draft", level=level)
     for kind in ("plane", "sphere"):

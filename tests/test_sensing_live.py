@@ -3,6 +3,7 @@ import json
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,9 +22,10 @@ from sensing.live.pipeline import CapPipeline
 from sensing.live.reading import plain
 from sensing.live.robot import robot_state
 from sensing.live.run import LiveRun, run_until_stopped
+from sensing.live.stats import STAGES, WINDOW, CapStats
 from sensing.live.terminal import cap_line, robot_line, summary
 from sensing.records import Frame, ShearField, Wrench
-from sensing.sources.newest import SourceError
+from sensing.sources.newest import Health, SourceError
 
 
 @pytest.fixture(scope="module")
@@ -188,6 +190,27 @@ def test_a_size_change_and_a_corrupt_picture_are_told_and_survived(press, method
     assert pipe.update(replace(given[4], jpeg=b"\xff\xd8 no picture")) is None
     assert "no readable picture" in pipe.message and pipe.faults == 2
     assert pipe.update(given[5]) is not None and pipe.message == ""
+
+
+# --- figures ---------------------------------------------------------------------------------------------------
+def test_the_figures_are_those_of_the_last_readings():
+    rng, stats, made = np.random.default_rng(0), CapStats("endcap_0"), []
+    for number in range(WINDOW + 37):
+        ready_s = time.monotonic() - 0.01 * (WINDOW + 37 - number)
+        stages = {"decode": rng.uniform(), "track": rng.uniform()} | ({"drift": 5.0} if number % 30 == 0 else {})
+        made.append(SimpleNamespace(latency_ms=rng.uniform(1, 9), ready_s=ready_s, stage_ms=stages, dots=(1, 2)))
+        made[-1].captured_s, made[-1].drift = ready_s, None
+        stats.add(made[-1])
+    told = stats.health(Health(), "", 0, fresh=True)
+    latency = [reading.latency_ms for reading in made[-WINDOW:]]
+    assert told.frames == WINDOW + 37 and told.p50_ms == pytest.approx(np.median(latency))
+    assert told.p99_ms == sorted(latency)[round(0.99 * WINDOW)]
+    assert told.rate_hz == pytest.approx(100, abs=3)  # of the last two seconds, 10 ms apart
+    last = made[-STAGES:]
+    assert told.stage_ms["decode"] == pytest.approx(np.median([r.stage_ms["decode"] for r in last]))
+    assert told.stage_ms["drift"] == 5.0 and told.work_ms == pytest.approx(
+        np.median([sum(r.stage_ms.values()) for r in last])
+    )
 
 
 # --- engine ----------------------------------------------------------------------------------------------------

@@ -2,8 +2,10 @@ import asyncio
 import contextlib
 import itertools
 import json
+import os
 import random
 import re
+import signal
 import socket
 import sys
 import threading
@@ -24,7 +26,8 @@ from cad.errors import ParameterError
 from sensing.live.config import CapConfig, LiveConfig
 from sensing.live.engine import LiveCap
 from sensing.live.feed import CameraFeed
-from sensing.live.page import PageServer, parse_request
+from sensing.live.page import PageServer
+from sensing.live.page_link import parse_line, parse_request
 from sensing.live.recording import Recording
 from sensing.live.run import LiveRun
 
@@ -124,7 +127,7 @@ def test_the_page_needs_nothing_but_this_server():
 # --- who may see it --------------------------------------------------------------------------------------------
 def test_it_binds_to_loopback_and_answers_only_to_its_own_names(site):
     port = int(site.url.split(":")[2].strip("/"))
-    assert site.server._socket.getsockname()[0] == "127.0.0.1"
+    assert site.server.address[0] == "127.0.0.1"
     assert fetch(site.url)[0] == 200 and fetch(site.url, Host=f"localhost:{port}")[0] == 200
     for host in ("evil.example", f"evil.example:{port}", "127.0.0.1.evil.example", "", "[::1", "10.0.0.7"):
         status, _ = fetch(site.url + "state.json", Host=host)
@@ -136,7 +139,7 @@ def test_it_binds_to_loopback_and_answers_only_to_its_own_names(site):
 
 def test_on_another_address_it_wants_the_token(tmp_path):
     with Site(tmp_path, "0.0.0.0") as open_site:
-        port = open_site.server._socket.getsockname()[1]
+        port = open_site.server.address[1]
         base, token = f"http://127.0.0.1:{port}/", open_site.server.token
         assert len(token) >= 20 and open_site.url.endswith(f"?token={token}")
         for path in ("", "page.js", "state.json", "?token=", f"?token={token[:-1]}", "state.json?token=ä"):
@@ -176,6 +179,29 @@ def test_what_is_no_request_is_none():
         )
         assert parse_request(text, 3) is None or text == '{"do":"show"}'
     assert parse_request("[" * 100_000, 3) is None
+
+
+def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_caps():
+    assert parse_line(b"look 0 2\n", 3) == ("look", [0, 2]) and parse_line(b"zero 1\n", 3) == ("zero", [1])
+    for line in (b"", b"\n", b"look\n", b"look 3\n", b"look -1\n", b"erase 0\n", b"zero 0x1\n", b"zero \xb2\n",
+                 b"record ../x\n", b"\xff\xfe 0\n", b"look 1.0\n", b"look 00000000001\n"):  # fmt: skip
+        assert parse_line(line, 3) is None, line
+
+
+def test_a_page_whose_process_dies_is_told_and_the_loop_goes_on(tmp_path):
+    with Site(tmp_path) as doomed:
+        talk(doomed, '{"do":"show","cap":0}')
+        os.kill(doomed.server.pid, signal.SIGKILL)
+        wait_for(lambda: "page: gone" in doomed.server.note)
+        count = doomed.run.engine.caps[0].stats.frames
+        wait_for(lambda: doomed.run.engine.caps[0].stats.frames > count + 3)
+
+
+def test_the_pages_process_ends_when_the_run_is_no_more(tmp_path):
+    with Site(tmp_path) as orphan:
+        talk(orphan)
+        orphan.server._link.shutdown(socket.SHUT_RDWR)  # as the kernel does for a killed run
+        assert orphan.server._process.wait(10) == 0
 
 
 def test_malformed_requests_and_messages_leave_the_page_and_the_loop_running(site):

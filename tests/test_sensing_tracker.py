@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sensing.decode import FrameError
-from sensing.dots import Dots, NoDotsError
+from sensing.dots import Dots, NoDotsError, find_dots
 from sensing.patch_kernels import SATURATED, smoothed
 from sensing.patches import align, cut_patches
 from sensing.records import DotTracks, Frame
@@ -181,10 +181,21 @@ def test_alignment_is_blind_to_gain_offset_and_ramp():
 
 def test_alignment_of_a_window_over_the_frames_edge():
     gray = cv2.cvtColor(IMAGE, cv2.COLOR_BGR2GRAY)
-    tracker = DotTracker(REST)
+    tracker = DotTracker(REST, dots=find_dots(DotTracker(REST).decode(REST)))
     cut = np.flatnonzero(tracker.dots.cut)
     assert len(cut) > 0 and gray.shape == (480, 640)
     motion = Displacement((0.8, 0.4))
     tracks = tracker.update(frame(motion))
     off = np.linalg.norm(tracks.displacement_px[cut] - [0.8, 0.4], axis=1)
     assert off[~tracks.lost[cut]].max() < 1.0
+
+
+def test_dots_that_the_frames_edge_cuts_are_left_out_while_there_are_enough_others():
+    found = find_dots(cv2.cvtColor(IMAGE, cv2.COLOR_BGR2GRAY))
+    whole = DotTracker(REST).dots
+    assert found.cut.any() and not whole.cut.any()
+    assert len(whole) >= len(found) - np.count_nonzero(found.cut) - 2
+    few = IMAGE.copy()
+    few[40:] = cv2.medianBlur(IMAGE, 91)[40:]  # the dots of the uppermost rows alone
+    left = DotTracker(Frame(0.0, 0, "few", image=few)).dots
+    assert left.cut.any() and np.count_nonzero(~left.cut) < 8

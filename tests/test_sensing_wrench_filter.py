@@ -8,7 +8,7 @@ from scipy import stats
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
-from sensing.wrench_filter import FilterConfig, WrenchFilter
+from sensing.wrench_filter import MANEUVER_NIS, FilterConfig, WrenchFilter
 
 SIGMA = np.array([0.15] * 3 + [0.02] * 3)
 
@@ -44,6 +44,35 @@ def test_filter_is_the_batch_gaussian_posterior():
     told = tracker.at(now)
     assert told.force_n[0] == pytest.approx(weight @ data[:, 0], abs=1e-4)
     assert told.covariance[0, 0] == pytest.approx(prior[-1, -1] - weight @ prior[:-1, -1], rel=1e-3)
+
+
+def test_a_step_is_that_of_the_textbooks_matrices():
+    """Every axis apart with 2 x 2 matrices, Joseph's form as it is printed; the last step is a surprise."""
+    rng, config = np.random.default_rng(4), FilterConfig()
+    tracker = WrenchFilter(config)
+    tracker.update(wrench(np.zeros(6), 0.0))
+    x = np.zeros((6, 2))
+    P = np.array([np.diag([r, s]) for r, s in zip(config.noise**2, config.start_rate**2, strict=True)])
+    for k, dt in enumerate((0.033, 0.05, 0.033, 0.4, 0.033)):
+        measured = SIGMA * rng.normal(size=6) + (k == 4) * 40.0
+        F, G = np.array([[1, dt], [0, 1]]), np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        for axis in range(6):
+            x[axis], P[axis] = F @ x[axis], F @ P[axis] @ F.T + config.acceleration[axis] * G
+        innovation = measured - x[:, 0]
+        surprise = (innovation**2 / (P[:, 0, 0] + config.noise**2)).sum() > MANEUVER_NIS
+        assert surprise == (k == 4)
+        for axis in range(6):
+            if surprise:
+                P[axis] += np.diag([innovation[axis] ** 2, config.start_rate[axis] ** 2])
+            R = config.noise[axis] ** 2
+            K = P[axis][:, :1] / (P[axis][0, 0] + R)
+            keep = np.eye(2) - K @ np.array([[1.0, 0.0]])
+            x[axis] += K[:, 0] * innovation[axis]
+            P[axis] = keep @ P[axis] @ keep.T + R * K @ K.T
+        told = tracker.update(wrench(measured, tracker._last.time_s + dt))
+        assert np.concatenate([told.force_n, told.torque_nm]) == pytest.approx(x[:, 0], rel=1e-9)
+        assert tracker._state[1] == pytest.approx(x[:, 1], rel=1e-9)
+        assert tracker._covariance == pytest.approx(np.array([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]]), rel=1e-9)
 
 
 @pytest.mark.parametrize("rate_hz", [30, 60, 120])
@@ -155,6 +184,6 @@ def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():
                 told = tracker.at(t + float(rng.uniform(0, 0.3)))
                 assert np.isfinite(told.force_n).all() and np.isfinite(told.covariance).all()
                 assert (np.linalg.eigvalsh(told.covariance) > 0).all()
-        assert (np.isfinite(tracker._state).all() and (np.linalg.eigvalsh(tracker._covariance) > 0).all()) or (
-            tracker._last is None
-        )
+        value, mixed, rate = tracker._covariance
+        definite = (value > 0).all() and (rate > 0).all() and (value * rate > mixed**2).all()
+        assert (np.isfinite(tracker._state).all() and definite) or tracker._last is None

@@ -18,7 +18,8 @@ from sensing.fit_config import FitConfig  # noqa: E402
 from sensing.fitting import fit  # noqa: E402
 from sensing.ridge import fit_ridge  # noqa: E402
 from sensing.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
-from sensing.wrench_model import SHIPPED, load_wrench_model  # noqa: E402
+from sensing.wrench_kernels import answer_one  # noqa: E402
+from sensing.wrench_model import SHIPPED, load_wrench_model, range_measures  # noqa: E402
 
 SIDE = 6
 PARAMS = EndcapParams(130, 8)
@@ -147,6 +148,20 @@ def test_strange_fields_are_flagged_and_known_ones_are_not(model, data):
     rng = np.random.default_rng(0)
     assert model.out_of_range(data.inputs[11::12] * 8).all()
     assert model.out_of_range(rng.normal(size=(20, 72)) * 2).all()
+
+
+def test_one_field_alone_gives_what_it_gives_among_others(model, data):
+    """The compiled kernel against numpy."""
+    value, covariance = model.predict(data.inputs)
+    distance, rest = range_measures(
+        model._doubles["principal"], model._back, data.inputs * np.tile(model.range.cells.ravel(), 2)
+    )
+    for k in range(0, len(data), 17):
+        wrench = model.estimate(ShearField(0.0, data.fields[k]))
+        assert np.allclose(np.concatenate([wrench.force_n, wrench.torque_nm]), value[k], rtol=1e-9, atol=1e-9)
+        assert np.allclose(wrench.covariance, covariance[k], rtol=1e-9)
+        told = answer_one(data.inputs[k].astype(float), *model._packed)
+        assert told[2:] == pytest.approx((distance[k], rest[k]), rel=1e-6)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, 1e5, 1.0, -3.0])

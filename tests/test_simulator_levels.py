@@ -7,8 +7,9 @@ from cad.errors import ParameterError
 from cad.materials import silicone
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.press import Press, Target
+from sensing.simulator.scene import Scene
 from sensing.simulator.state import Refusal
 from sensing.simulator.surface import turn_wrench
 
@@ -67,6 +68,6 @@ def test_bad_requests_are_refused() -> None:
         Simulator(GEOMETRY, LAW, level=7)
     with pytest.raises(ParameterError, match=r"tolerance=0\.5 outside"):
         Simulator(GEOMETRY, LAW, tolerance=0.5)
-    press = Press(Simulator(GEOMETRY, LAW, "draft")._model(True), Indenter(), 0.5)
+    press = Press(Simulator(GEOMETRY, LAW, "draft")._shell.model(True), Indenter(), 0.5)
     with pytest.raises(Refusal, match=r"^path: .*levels\.Simulator"):
         press.advance(press.start(), Target(normal_n=1.0, tangential_n=(0.1, 0.0)))

@@ -11,9 +11,10 @@ from cad.materials import silicone
 from sensing.simulator import library_fit
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.library import Library, lagrange_terms, polynomial_terms
 from sensing.simulator.press import Target
+from sensing.simulator.scene import Scene
 from sensing.simulator.surface import dot_directions
 
 GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()

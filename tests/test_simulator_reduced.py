@@ -11,10 +11,11 @@ from sensing.simulator import reduced_press
 from sensing.simulator.frozen import FrozenPress
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.press import Press, Target
 from sensing.simulator.reduced_basis import ReducedModel, sparse_weights
 from sensing.simulator.reduced_press import ReducedPress, trained
+from sensing.simulator.scene import Scene
 from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.state import Refusal, State
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from cad.errors import EndcapError, FileError, ParameterError
 from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
 from sensing.live.outputs import add_outputs
-from sensing.live.run import LiveRun, run_until_stopped
+from sensing.live.run import LiveRun, favour_the_loop, run_until_stopped
 from sensing.methods import METHODS
 
 DESCRIPTION = """\
@@ -29,7 +29,6 @@ Wrench and contact of endcaps, live. Without arguments: a simulated robot on six
 Cameras are zeroed at the start: leave the caps untouched for a second. Forces in N and torques in N m act on the
 endcap, at the origin of its frame.
 """
-SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
 EPILOG = "exit status: 0 ended or stopped by Ctrl-C, 1 --check found a difference, 2 bad input (one line on stderr)"
 
 
@@ -48,7 +47,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     from sensing.live.open_caps import open_caps
 
-    sys.setswitchinterval(SWITCH_S)
     config = _config(options)
     if options.check:
         return _check(options.replay, config)
@@ -66,6 +64,7 @@ def _run(options: argparse.Namespace) -> int:
     stream = sys.stderr if options.json else sys.stdout
     with ExitStack() as outputs:
         add_outputs(run, options, outputs, stream)
+        favour_the_loop()
         run_until_stopped(run, stream, options.seconds, outputs)
     return 0
 

@@ -48,6 +48,7 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, s
         page = PageServer(run, recording, options.host, options.port)
         page.start()
         outputs.callback(page.close)
+        run.notes.append(lambda: page.note)
         print(f"page: {page.url}", file=stream, flush=True)
 
 

@@ -29,11 +29,10 @@ def hello(run: LiveRun) -> dict[str, Any]:
     return {"hello": caps, "weight_n": run.config.weight_n, "model": run.config.model}
 
 
-def state(run: LiveRun, selected: int, note: str, recording: bool) -> dict[str, Any]:
-    """The newest numbers of all caps, and dots and field of the selected one."""
+def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
+    """The newest numbers of all caps."""
     readings, robot = run.latest.all(), run.robot()
     caps = [_cap(health, readings.get(health.cap)) for health in run.engine.health()]
-    chosen = readings.get(run.config.caps[selected].name)
     return {
         "time_s": time.monotonic(),
         "caps": caps,
@@ -42,7 +41,6 @@ def state(run: LiveRun, selected: int, note: str, recording: bool) -> dict[str, 
         "consistent": robot.consistent,
         "recording": recording,
         "note": note,
-        "selected": None if chosen is None else _detail(chosen, selected),
     }
 
 
@@ -65,8 +63,8 @@ def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
     return told
 
 
-def _detail(reading: CapReading, selected: int) -> dict[str, Any]:
-    """Dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
+def detail(reading: CapReading, number: int) -> dict[str, Any]:
+    """Of one cap: dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
     assert reading.frame.size is not None
     dots: list[list[float]] = []
     if reading.tracks is not None:
@@ -81,7 +79,7 @@ def _detail(reading: CapReading, selected: int) -> dict[str, Any]:
     for row, column in np.argwhere(~field.valid[pick]):
         arrows[row][column] = None
     return {
-        "number": selected,
+        "number": number,
         "sequence": reading.frame.sequence,
         "size": list(reading.frame.size),
         "dots": dots,

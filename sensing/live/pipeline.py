@@ -26,7 +26,7 @@ from sensing.live.model import LiveModel
 from sensing.live.reading import CapReading
 from sensing.methods import DotField, FieldMethod, field_method
 from sensing.nominal_view import NominalField
-from sensing.records import DotTracks, Frame, ShearField, Wrench
+from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracker import TrackerConfig
 from sensing.wrench_filter import WrenchFilter
 from sensing.zero import Drift, Zero, measure_drift, single_zero, take_zero
@@ -193,7 +193,7 @@ class CapPipeline:
     def _read(self, frame: Frame, captured_s: float) -> CapReading:
         watch = _Watch()
         self._require_size(frame)
-        tracks, field = self._field(frame, watch)
+        tracks, field, gray = self._field(frame, watch)
         estimate = self.model.estimator.estimate(field)
         watch.lap("wrench")
         smooth = self._filter.update(estimate)
@@ -203,7 +203,7 @@ class CapPipeline:
         watch.lap("contact")
         assert self.zero is not None
         if self._count % DRIFT_EVERY == 0 and tracks is not None:
-            self._drift = measure_drift(self.zero, frame, tracks)
+            self._drift = measure_drift(self.zero, frame, tracks, gray)
             watch.lap("drift")
         self._count += 1
         if not self.message.startswith(("zeroing", "not zeroed", "the clock")):
@@ -229,20 +229,20 @@ class CapPipeline:
                 "camera's mode back, or zero again"
             )
 
-    def _field(self, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField]:
+    def _field(self, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image | None]:
         method = self._method
         if not isinstance(method, DotField | NominalField):
             assert method is not None
             field = method.update(frame)
             watch.lap("field")
-            return None, field
+            return None, field, None
         gray = method.tracker.decode(frame)
         watch.lap("decode")
         tracks = method.tracker.track(gray, frame.time_s)
         watch.lap("track")
         field = method.field(tracks) if isinstance(method, NominalField) else method.tracker.field(tracks)
         watch.lap("field")
-        return tracks, field
+        return tracks, field, gray
 
     def _judge(self, estimate: Wrench, smooth: Wrench) -> ContactState:
         """Contact from the filtered wrench; an estimate that is none leaves the last known answer."""

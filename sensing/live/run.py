@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -14,6 +16,8 @@ from sensing.live.engine import Engine, LiveCap
 from sensing.live.latest import Latest
 from sensing.live.robot import RobotState, robot_state
 from sensing.live.terminal import REFRESH_S, Terminal, summary
+
+SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
 
 
 class LiveRun:
@@ -50,6 +54,16 @@ class LiveRun:
         for each in self.engine.caps:
             if cap is None or each.name == cap:
                 each.pipeline.request_zero()
+
+
+def favour_the_loop() -> None:
+    """Settings of the whole process for a run: threads hand over soon, and the collector leaves alone what is there.
+
+    A collection of everything that the libraries have loaded stops all threads for tens of milliseconds.
+    """
+    sys.setswitchinterval(SWITCH_S)
+    gc.collect()
+    gc.freeze()
 
 
 def run_until_stopped(

@@ -53,26 +53,27 @@ class SceneSource:
     """One camera of the scene, for ever.
 
     Args:
-        number: of the cap, 0..5. rate_hz: frames a second; the scene's own pace stays.
+        number: of the cap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame it
+            is late; None for a sixth later than the camera before.
 
     Raises:
         ParameterError: no such cap, or a rate that is not 1..240.
     """
 
-    def __init__(self, number: int, rate_hz: float = 30.0) -> None:
+    def __init__(self, number: int, rate_hz: float = 30.0, phase: float | None = None) -> None:
         if not 0 <= number < CAPS:
             raise ParameterError(f"{WORD}{number}: give {WORD}0 to {WORD}{CAPS - 1}", name="source", value=number)
         if not 1 <= rate_hz <= 240:
             raise ParameterError(f"rate_hz={rate_hz:g} outside 1..240", name="rate_hz", value=rate_hz)
         self.number, self.name, self._rate_hz = number, f"{WORD}{number}", rate_hz
         self._film, self._start_s = scene_film(), scene_start_s()
+        self._phase = number / CAPS if phase is None else phase
 
     def __iter__(self) -> Iterator[Frame]:
-        phase = self.number / CAPS
-        count = int((time.monotonic() - self._start_s) * self._rate_hz - phase) + 1
+        count = int((time.monotonic() - self._start_s) * self._rate_hz - self._phase) + 1
         sequence = 0
         while True:
-            due_s = self._start_s + (count + phase) / self._rate_hz
+            due_s = self._start_s + (count + self._phase) / self._rate_hz
             time.sleep(max(0.0, due_s - time.monotonic()))
             yield Frame(due_s, sequence, self.name, jpeg=self.picture(count), size=SIZE)
             sequence += 1

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sensing.live.reading import CapReading
 from sensing.sources.newest import Health
@@ -66,18 +67,18 @@ class CapStats:
         self.cap = cap
         self.frames = 0
         self.last: CapReading | None = None
-        self._latency_ms: deque[float] = deque(maxlen=WINDOW)
-        self._ready_s: deque[float] = deque(maxlen=WINDOW)
+        self._latency_ms = np.full(WINDOW, np.nan)  # rings: row frames % length
+        self._ready_s = np.full(WINDOW, -np.inf)
         self._stages: deque[Mapping[str, float]] = deque(maxlen=STAGES)
         self._timing = _Timing(0.0)
 
     def add(self, reading: CapReading) -> None:
         """Take one reading."""
+        row = self.frames % WINDOW
+        self._latency_ms[row], self._ready_s[row] = reading.latency_ms, reading.ready_s
+        self._stages.append(reading.stage_ms)
         self.frames += 1
         self.last = reading
-        self._latency_ms.append(reading.latency_ms)
-        self._ready_s.append(reading.ready_s)
-        self._stages.append(reading.stage_ms)
 
     def health(self, source: Health, message: str, faults: int, fresh: bool = False) -> CapHealth:
         """State now, from this and from what source and pipeline say.
@@ -88,7 +89,7 @@ class CapStats:
         now, last = time.monotonic(), self.last
         if fresh or now > self._timing.until_s:
             self._timing = self._look(now)
-        timing, ready = self._timing, list(self._ready_s)
+        timing = self._timing
         dots = (0, 0) if last is None else last.dots
         return CapHealth(
             cap=self.cap,
@@ -97,7 +98,7 @@ class CapStats:
             frames=self.frames,
             dropped=source.dropped,
             faults=faults + source.corrupt,
-            rate_hz=(len(ready) - bisect_left(ready, now - RATE_S)) / RATE_S,
+            rate_hz=float(np.count_nonzero(self._ready_s > now - RATE_S) / RATE_S),
             age_s=float("nan") if last is None else now - last.captured_s,
             p50_ms=timing.p50_ms,
             p99_ms=timing.p99_ms,
@@ -110,12 +111,19 @@ class CapStats:
         )
 
     def _look(self, now: float) -> _Timing:
-        latency, stages = list(self._latency_ms), list(self._stages)
+        latency, stages = np.sort(self._latency_ms[: self.frames]), list(self._stages)
         if not stages:
             return _Timing(now + HOLD_S)
         names = dict.fromkeys(name for stage in stages for name in stage)
-        medians = {name: median(s[name] for s in stages if name in s) for name in names}
-        ordered = sorted(latency)
-        last = ordered[min(len(ordered) - 1, round(0.99 * len(ordered)))]
-        work = median(sum(s.values()) for s in stages)
-        return _Timing(now + HOLD_S, median(ordered), last, work, medians)
+        times = np.array([[stage.get(name, np.nan) for name in names] for stage in stages])
+        medians = dict(zip(names, _medians(times).tolist(), strict=True))
+        last = latency[min(len(latency) - 1, round(0.99 * len(latency)))]
+        work = _medians(np.nansum(times, axis=1)[:, None])[0]
+        return _Timing(now + HOLD_S, float(_medians(latency[:, None])[0]), float(last), float(work), medians)
+
+
+def _medians(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of every column; NaN counts as absent (numpy's own takes ten times as long for so few)."""
+    ordered, count = np.sort(rows, axis=0), np.count_nonzero(~np.isnan(rows), axis=0)
+    columns = np.arange(rows.shape[1])
+    return (ordered[(count - 1) // 2, columns] + ordered[count // 2, columns]) / 2

@@ -12,9 +12,10 @@ from itertools import groupby
 import numpy as np
 
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, SceneState, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.loading import LoadPath, Waypoint
 from sensing.simulator.press import Target
+from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.state import Refusal
 
 

@@ -24,10 +24,11 @@ from cad.materials import DEFAULT_SILICONE, silicone
 from sensing.simulator.element import Array
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, SceneState, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.library import SCALARS_EVEN, Library, local_variables, polynomial_terms, shell_key
 from sensing.simulator.mesh import Index
 from sensing.simulator.press import Target
+from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.state import Refusal
 from sensing.simulator.surface import InnerSurface
 

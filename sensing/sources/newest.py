@@ -79,6 +79,8 @@ class NewestQueue:
 
     def get(self, timeout_s: float | None = None) -> Frame | None:
         """The oldest frame still kept; None after the timeout, or when closed and empty."""
+        if timeout_s == 0 and not self._frames:  # a look costs no lock
+            return None
         with self._changed:
             self._changed.wait_for(lambda: self._frames or self._closed, timeout_s)
             return self._frames.popleft() if self._frames else None
@@ -200,7 +202,8 @@ class LiveSource:
                 size_changes=self._health.size_changes + changed,
                 message=f"size is now {frame.size}: take a new reference" if changed else self._clean_message(),
             )
-            self._queue.put(replace(frame, sequence=self._health.frames - 1))
+            number = self._health.frames - 1
+            self._queue.put(frame if frame.sequence == number else replace(frame, sequence=number))
             self._notify()
 
     def _clean_message(self) -> str:

@@ -1,0 +1,60 @@
+"""What a simulation is asked and what it answers, whatever level does (mm, N, N mm; endcap frame, azimuth 0)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sensing.simulator.element import Array
+from sensing.simulator.indenter import Indenter
+from sensing.simulator.mesh import Index
+from sensing.simulator.state import Certificate, Patch
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What presses on the shell: the body, where it first touches, and its friction (Coulomb's mu)."""
+
+    indenter: Indenter
+    friction: float = 0.5
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """One answer, whatever level gave it; contact on azimuth 0.
+
+    Attributes:
+        level: that answered (1 is the full model).
+        depth_mm, shift_mm: place of the body from first touch.
+        normal_n: force along the inward normal at first touch.
+        tangential_n: force on the shell along (meridian, lateral).
+        wrench: on the endcap at its origin (6,), N and N mm.
+        surface_mm: displacement of :attr:`sensing.simulator.levels.Simulator.surface` (k, 3).
+        patch_mm2: area in contact, whole shell. slip_share: share of the normal force on slipping points; NaN at
+            level 4.
+        error_estimate: expected relative rms error of the markers against level 1 on the same mesh; 0 at level 1.
+        patch: points in contact with pressure, friction and slip (both halves), or None at level 4.
+        certificate: of the equilibrium, or None at level 4.
+    """
+
+    level: int
+    depth_mm: float
+    shift_mm: tuple[float, float]
+    normal_n: float
+    tangential_n: tuple[float, float]
+    wrench: Array
+    surface_mm: Array
+    patch_mm2: float
+    slip_share: float
+    error_estimate: float
+    patch: Patch | None
+    certificate: Certificate | None
+
+
+@dataclass(frozen=True)
+class BulkStates:
+    """Many states at once: markers (s, m, 3), wrench (s, 6), error estimate (s,), level that answered (s,)."""
+
+    marker_mm: Array
+    wrench: Array
+    error_estimate: Array
+    level: Index

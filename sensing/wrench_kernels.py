@@ -1,0 +1,148 @@
+"""Compiled loops of :mod:`sensing.wrench_model` and :mod:`sensing.wrench_filter` for one field at a time.
+
+A field's wrench is a hundred small steps: in numpy their calls cost five times what they compute. N, N m, px, s.
+"""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from sensing.compiled import HELPER, SHORT
+
+EXACT = {"reassoc", "contract"}  # fastmath flags that leave a / b and exp(a) what they are: zero stays exactly zero
+
+
+@numba.njit(**SHORT | {"fastmath": EXACT})
+def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
+    """Answer of the network of :mod:`sensing.wrench_net` for one field, and how unlike those of training it is.
+
+    Args:
+        x: (D,) float64, finite. cells: (D,) float32, 1 for cells that count. linear: (6, D) float32.
+        principal: (K, D) float32. gram: (K, K) float64, see :func:`explained`.
+        mean: layers of the perceptron that bends the answer, five float32 arrays, but the last
+            float64, in N and N m.
+        spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
+        limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
+
+    Returns:
+        Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and of what it leaves (px).
+    """
+    count = len(principal)
+    z, seen = np.zeros(count), np.zeros(count)
+    for k in range(count):
+        z[k], seen[k] = _products(principal[k], x, cells)
+    square = 0.0
+    for d in range(x.size):
+        square += cells[d] * x[d] * x[d]
+    value, raw = np.empty(6), np.empty(21)
+    h = _units(mean[2], mean[3], _units(mean[0], mean[1], z, True), True)
+    for k in range(6):
+        value[k] = _product(linear[k], x) + _product(mean[4][k], h)
+    h = _units(spread[2], spread[3], _units(spread[0], spread[1], z, False), False)
+    for k in range(21):
+        raw[k] = _product(spread[4][k], h) + spread[5][k]
+    distance, left = _range(seen, gram, square)
+    return value, _covariance(raw, scale, limits), distance, left
+
+
+@numba.njit(**HELPER | {"fastmath": EXACT})
+def _products(line, x, cells):
+    whole = part = 0.0
+    for d in range(x.size):
+        a = line[d] * x[d]
+        whole += a
+        part += cells[d] * a
+    return whole, part
+
+
+@numba.njit(**HELPER | {"fastmath": EXACT})
+def _product(line, x):
+    total = 0.0
+    for d in range(x.size):
+        total += line[d] * x[d]
+    return total
+
+
+@numba.njit(**HELPER | {"fastmath": EXACT})
+def _units(weight, bias, inputs, anchored):
+    """Answers silu(a + b) of a layer's units; ``anchored``: minus silu(b)."""
+    told = np.empty(len(bias))
+    for k in range(len(bias)):
+        told[k] = _silu(_product(weight[k], inputs) + bias[k])
+        if anchored:
+            told[k] -= _silu(np.float64(bias[k]))
+    return told
+
+
+@numba.njit(**HELPER | {"fastmath": EXACT})
+def _silu(a):
+    return a / (1.0 + math.exp(-max(a, -700.0)))
+
+
+@numba.njit(**HELPER | {"fastmath": EXACT})
+def _covariance(raw, scale, limits):
+    """(6, 6) L L' from the (21,) raw entries of L, row by row: L = spread of each axis times a unit lower triangle."""
+    least, most, mix = limits
+    root, place = np.zeros((6, 6)), 0
+    for k in range(6):
+        a = most * math.tanh(raw[place + k] / most)
+        spread = (least + max(a, 0.0) + math.log1p(math.exp(-abs(a)))) * scale[k]
+        for m in range(k):
+            root[k, m] = spread * mix * math.tanh(raw[place + m] / mix)
+        root[k, k] = spread
+        place += k + 1
+    covariance = np.empty((6, 6))
+    for k in range(6):
+        for m in range(k + 1):
+            covariance[k, m] = covariance[m, k] = _product(root[k], root[m])
+    return covariance
+
+
+@numba.njit(**HELPER | {"fastmath": EXACT})
+def _range(seen, gram, square):
+    """Norm of the principal part, and of what it leaves of a field with that sum of squares."""
+    explained = 0.0
+    for k in range(len(seen)):
+        explained += seen[k] * _product(gram[k], seen)
+    return math.sqrt(_product(seen, seen)), math.sqrt(max(square - explained, 0.0))
+
+
+@numba.njit(**SHORT | {"fastmath": EXACT})
+def ahead(state, covariance, step, density):
+    """State (2, 6) and covariance (3, 6: of values, with rates, of rates) a time ``step`` later."""
+    value, spread = state.copy(), covariance.copy()
+    for k in range(6):
+        vv, vr, rr, q = covariance[0, k], covariance[1, k], covariance[2, k], density[k]
+        value[0, k] += step * state[1, k]
+        spread[0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3
+        spread[1, k] = vr + step * rr + q * step**2 / 2
+        spread[2, k] = rr + q * step
+    return value, spread
+
+
+@numba.njit(**SHORT | {"fastmath": EXACT})
+def correct(state, covariance, measured, variance, surprise, rates):
+    """Takes a measurement (6,) of a variance (6,) into ``state`` and ``covariance``; returns the innovation's square.
+
+    A normalised square beyond ``surprise`` widens values by the innovation and rates by ``rates`` (variances) first.
+    """
+    innovation = measured - state[0]
+    square = 0.0
+    for k in range(6):
+        square += innovation[k] ** 2 / (covariance[0, k] + variance[k])
+    for k in range(6):
+        if square > surprise:
+            covariance[0, k] += innovation[k] ** 2
+            covariance[2, k] += rates[k]
+        vv, vr, rr, noise = covariance[0, k], covariance[1, k], covariance[2, k], variance[k]
+        keep, g, h = noise / (vv + noise), vv / (vv + noise), vr / (vv + noise)
+        state[0, k] += g * innovation[k]
+        state[1, k] += h * innovation[k]
+        covariance[0, k] = keep * vv * keep + g * noise * g
+        covariance[1, k] = keep * (vr - h * vv) + g * noise * h
+        covariance[2, k] = rr - 2 * h * vr + h * vv * h + h * noise * h
+    return square

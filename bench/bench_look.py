@@ -1,11 +1,12 @@
-"""How rendered frames look against photos of the real sensor, in numbers.
+"""How rendered frames look against photos of the real sensor, in numbers: no pixel of a photo is kept.
 
-    python bench/bench_look.py [PHOTO ...]          # 640x480 photos; default: ../shared/reference/photos, if there
-    writes bench/look.csv and bench/look.png (numbers only, no pictures)
+    python bench/bench_look.py PHOTO ...          # 640x480 photos of undeformed 130 x 8 mm sensors
+    writes bench/look.csv and bench/look.png
 
 Dots found by darkness, in three zones of distance to the picture's centre: their areas, the green value from their
-centre outward, and how much centres differ. Ground: the median green value against distance. Noise: what a blur of
-1.5 px takes away where nothing is painted, and the spread in a black corner.
+centre outward, and how much centres differ. Ground: the median green value against distance, and red and blue over it.
+Noise: what a blur of 1.5 px takes away where nothing is painted, and the spread in a black corner. Places: what a
+calibration on the frame's own dots (:mod:`sensing.calibrate`) leaves over.
 """
 
 from __future__ import annotations
@@ -21,19 +22,22 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+from cad.errors import EndcapError
 from cad.params import EndcapParams
+from sensing.calibrate import calibrate_from_dots
+from sensing.calibrate_dots import find_dots, pattern_points
 from sensing.calibrate_picture import read_image
 from sensing.camera_nominal import nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_settings import Paint, RenderSettings
 
 HERE = Path(__file__).parent
-PHOTOS = HERE.parent.parent / "shared" / "reference" / "photos"
 PARAMS = EndcapParams(130, 8)
 ZONES_PX = ((60, 150), (150, 240), (240, 320))
 REACH = 14  # px round a dot
 COLUMNS = ("picture", "zone_px", "dots", "area_px", "area_p10", "area_p90", "centre", "edge", "centre_spread")
-COLUMNS += ("noise", "black_spread")
+COLUMNS += ("noise", "black_spread", "place_rms_px")
+SEEDS = 3  # rendered frames
 
 
 def green_and_ground(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -69,16 +73,26 @@ def noise(image: np.ndarray) -> tuple[float, float]:
 
 
 def ground_profile(image: np.ndarray) -> np.ndarray:
-    """(2, n): distance to the centre, px, and the median green value there."""
-    green = image[..., 1]
+    """(4, n): distance to the centre, px, the median green value there, and red and blue over green."""
+    blue, green, red = (image[..., k].astype(float) for k in range(3))
     rows, columns = np.mgrid[: green.shape[0], : green.shape[1]]
     ring = (np.hypot(rows - green.shape[0] / 2, columns - green.shape[1] / 2) / 10).astype(int)
-    return np.array([[10 * k + 5, np.median(green[ring == k])] for k in range(35)]).T
+    shares = [value / np.maximum(green, 1) for value in (red, blue)]
+    return np.array([[10 * k + 5, *(np.median(v[ring == k]) for v in (green, *shares))] for k in range(35)]).T
+
+
+def places(image: np.ndarray) -> np.ndarray:
+    """(2, n): distance of every matched dot to the picture's centre, and to where the calibration puts it, px."""
+    size = image.shape[1], image.shape[0]
+    found = calibrate_from_dots(find_dots(image), PARAMS, size)
+    pixels = found.mounted.project(pattern_points(PARAMS)[0][found.pattern_index]) - found.residual_px
+    away = np.linalg.norm(pixels - np.array(size) / 2, axis=1)
+    return np.array([away, np.linalg.norm(found.residual_px, axis=1)])
 
 
 def zone_rows(name: str, image: np.ndarray) -> list[tuple]:
     """One row a zone."""
-    found, (grain, black) = dots(image), noise(image)
+    found, (grain, black), (away, wrong) = dots(image), noise(image), places(image)
     rows = []
     for low, high in ZONES_PX:
         chosen = [dot for dot in found if low <= dot[0] < high]
@@ -86,22 +100,26 @@ def zone_rows(name: str, image: np.ndarray) -> list[tuple]:
         profiles = np.array([dot[2] for dot in chosen])
         middle = profiles[:, :3].mean(axis=1)
         values = (np.median(area), *np.percentile(area, [10, 90]), np.median(middle), np.median(profiles.min(axis=1)))
-        rest = (*values, middle.std(), grain, black)
+        own = wrong[(low <= away) & (away < high)]
+        rest = (*values, middle.std(), grain, black, np.sqrt((own**2).mean()))
         rows.append((name, f"{low}..{high}", len(chosen), *(round(float(v), 2) for v in rest)))
     return rows
 
 
-def main() -> None:
-    """Measure, print and write table and plot."""
-    paths = [Path(p) for p in sys.argv[1:]] or sorted(PHOTOS.glob("*.jpg"))
-    if not paths:
-        print("no photos: name some", file=sys.stderr)
-        return
-    pictures = {path.stem: read_image(path) for path in paths}
-    for seed in range(3):
-        settings = RenderSettings(seed=seed, paint=Paint(digit=str(seed)))
-        pictures[f"rendered_{seed}"] = DomeRenderer(PARAMS, nominal_mount(PARAMS), settings).render().image_bgr
-    rows = [row for name, image in pictures.items() for row in zone_rows(name, image)]
+def main() -> int:
+    """Measure, print and write table and plot; returns the exit status."""
+    if len(sys.argv) < 2:
+        print("no photos of an undeformed sensor: nothing measured; name some on the command line")
+        return 0  # `make bench` runs every script
+    try:
+        pictures = {Path(path).stem: read_image(path) for path in sys.argv[1:]}
+        for seed in range(SEEDS):
+            settings = RenderSettings(seed=seed, paint=Paint(digit=str(seed)))
+            pictures[f"rendered_{seed}"] = DomeRenderer(PARAMS, nominal_mount(PARAMS), settings).render().image_bgr
+        rows = [row for name, image in pictures.items() for row in zone_rows(name, image)]
+    except EndcapError as error:
+        print(error, file=sys.stderr)
+        return 2
     for row in rows:
         print(*row)
     with (HERE / "look.csv").open("w", newline="") as stream:
@@ -109,26 +127,44 @@ def main() -> None:
         writer.writerow(COLUMNS)
         writer.writerows(rows)
     draw(pictures)
+    return 0
 
 
 def draw(pictures: dict[str, np.ndarray]) -> None:
-    """Ground and dot profiles, photos in grey and rendered in colour."""
-    figure, axes = plt.subplots(1, 4, figsize=(14, 3.6), constrained_layout=True)
+    """Ground, dots and their places; photos in grey and rendered in colour."""
+    figure, axes = plt.subplots(2, 4, figsize=(14, 6.8), constrained_layout=True)
+    light, *profiles, tint, area, contrast, place = axes.ravel()
     for name, image in pictures.items():
         style = {"color": "C1", "zorder": 3} if name.startswith("rendered") else {"color": "0.45"}
-        axes[0].plot(*ground_profile(image), **style)
+        radius, green, red, blue = ground_profile(image)
+        light.plot(radius, green, **style)
+        lit = green > 30  # black has no colour
+        tint.plot(radius[lit], red[lit], **style)
+        tint.plot(radius[lit], blue[lit], "--", **style)
         found = dots(image)
-        for axis, (low, high) in zip(axes[1:], ZONES_PX, strict=True):
+        for axis, (low, high) in zip(profiles, ZONES_PX, strict=True):
             axis.plot(np.median([dot[2] for dot in found if low <= dot[0] < high], axis=0), **style)
-            axis.set(title=f"dots {low} to {high} px out", xlabel="from the dot's centre, px", ylim=(0, 210))
-    axes[0].set(title="ground", xlabel="from the picture's centre, px", ylabel="green value", ylim=(0, 210))
-    axes[0].plot([], [], color="0.45", label="photos")
-    axes[0].plot([], [], color="C1", label="rendered")
-    axes[0].legend()
-    for axis in axes:
+        away = np.array([dot[0] for dot in found])
+        values = np.array([(dot[1], 1 - dot[2][:3].mean() / dot[2][-1]) for dot in found])
+        for axis, value in zip((area, contrast), values.T, strict=True):
+            axis.plot(away, value, ".", markersize=4, **style)
+        wrong = np.sort(places(image)[1])
+        place.plot(wrong, 100 * np.arange(1, len(wrong) + 1) / len(wrong), **style)
+    outward, from_dot = "from the picture's centre, px", "from the dot's centre, px"
+    light.set(title="silicone between the dots", xlabel=outward, ylabel="green value", ylim=(0, 210))
+    for axis, (low, high) in zip(profiles, ZONES_PX, strict=True):
+        axis.set(title=f"dots {low} to {high} px out", xlabel=from_dot, ylabel="green value", ylim=(0, 210))
+    tint.set(title="its red (line), blue (dashed)", xlabel=outward, ylabel="over green", ylim=(0, 2))
+    area.set(title="size of each dot", xlabel=outward, ylabel="px", ylim=(0, 500))
+    contrast.set(title="contrast of each dot", xlabel=outward, ylabel="1 - centre / surroundings", ylim=(0, 1))
+    place.set(title="places of the dots", xlabel="off the calibrated pattern, px", ylabel="dots, %", xlim=(0, 6))
+    light.plot([], [], color="0.45", label="photos")
+    light.plot([], [], color="C1", label="rendered")
+    light.legend()
+    for axis in axes.ravel():
         axis.grid(alpha=0.3)
     figure.savefig(HERE / "look.png", dpi=80)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

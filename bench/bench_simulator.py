@@ -1,7 +1,9 @@
 """Speed against error of the simulator: ``python bench/bench_simulator.py`` writes bench/simulator.csv and .png.
 
-Three curves on D = 130, T = 8, tilt 30, friction 0.5 (half model, processor time on one core): mesh density against the
-converged mesh, contact penalty against the stiffest, and both factorisations in the same run.
+On D = 130, T = 8, tilt 30, half model, processor time on one core: mesh density and element against the converged mesh,
+contact penalty against the stiffest, both factorisations in the same run, and the levels against level 1 on the mesh
+``data``, on a path and at a friction that level 3 has not seen (level 4 where build/library.npz lies, as
+``python -m sensing.simulator.verify --only library`` leaves it). Minutes.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import csv
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,64 +19,84 @@ import numpy as np
 from cad.materials import silicone
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
+from sensing.simulator.levels import Scene, SceneState, Simulator
+from sensing.simulator.library import Library
 from sensing.simulator.mesh import DENSITIES, MeshDensity
 from sensing.simulator.press import Press, Target
-from sensing.simulator.shell import shell_model
+from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.surface import dot_directions, surface_sampler
 from sensing.simulator.system import factorise, factorise_sparse
+from sensing.simulator.verify_levels import LIBRARY
+from sensing.simulator.verify_reduced import ABOVE_N, UNSEEN_FRICTION, unseen_path
 
-FORCES_N = (2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
+FORCES_N = (2.0, 5.0, 10.0, 20.0, 35.0)
 GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()
+TILTED = Indenter(30.0)
+PENALTY = 25.0
 HERE = Path(__file__).parent
 
 
-def run(density: MeshDensity, penalty: float) -> dict:
-    """One path: markers, seconds a step, the model."""
-    model = shell_model(GEOMETRY, LAW, density, half=True, penalty_ratio=penalty)
+def constant_pressure(model: ShellModel) -> ShellModel:
+    """The same mesh with one pressure an element (hex27 / P0) instead of a linear one (P1)."""
+    data = model.solid.data
+    inverse = np.zeros_like(data.mass_inverse)
+    inverse[:, 0, 0] = 1 / data.weight.sum(axis=1)
+    return replace(model, solid=replace(model.solid, data=replace(data, mass_inverse=inverse)))
+
+
+def run(model: ShellModel) -> dict:
+    """One press: markers, seconds a step, the model."""
     sampler = surface_sampler(model, dot_directions(GEOMETRY))
-    press = Press(model, Indenter(30.0), 0.5)
-    press.advance(press.start(), Target(normal_n=1.0))  # compile
-    state, markers, depths = press.start(), [], []
+    press = Press(model, TILTED, 0.5)
+    state, markers = press.advance(press.start(), Target(normal_n=1.0)), []
     begin = time.process_time()
     for force in FORCES_N:
         state = press.advance(state, Target(normal_n=force))
         markers.append(sampler.sample(state.displacement))
-        depths.append(state.depth_mm)
-    seconds = (time.process_time() - begin) / len(FORCES_N)
-    return {"markers": markers, "depths": depths, "seconds": seconds, "model": model}
+    return {"markers": markers, "seconds": (time.process_time() - begin) / len(FORCES_N), "model": model}
 
 
-def errors(found: dict, best: dict) -> list[float]:
-    """Relative rms marker error at every force."""
-    pairs = zip(found["markers"], best["markers"], strict=True)
-    return [float(np.sqrt(((a - b) ** 2).mean() / (b**2).mean())) for a, b in pairs]
+def model_of(density: MeshDensity | str, penalty: float = PENALTY) -> ShellModel:
+    """Half a shell."""
+    return shell_model(GEOMETRY, LAW, density, half=True, penalty_ratio=penalty)
 
 
-def row(curve: str, setting: str, found: dict, wrong: list[float]) -> dict:
-    """One line of the table."""
-    return {
-        "curve": curve, "setting": setting, "unknowns": found["model"].solid.unknowns, "seconds": found["seconds"],
-        "error_2n": wrong[0], "error_5n": wrong[1], "error_15n_up": float(np.mean(wrong[3:])),
-    }  # fmt: skip
+def relative(found: list, exact: list) -> list[float]:
+    """Relative rms error of the markers, state by state."""
+    return [float(np.sqrt(((a - b) ** 2).mean() / (b**2).mean())) for a, b in zip(found, exact, strict=True)]
 
 
-def main() -> None:
-    """Run the curves and write table and plot."""
-    rows, curve = [], []
-    best = run(DENSITIES["converged"], 25.0)
-    for name in ("draft", "data", "fine", "reference", "converged"):
-        found = best if name == "converged" else run(DENSITIES[name], 25.0)
-        size = found["model"].solid.unknowns
-        wrong = errors(found, best)
-        curve.append((size, found["seconds"], wrong))
-        rows.append(row("mesh", name, found, wrong))
-    stiff = run(DENSITIES["data"], 400.0)
-    for penalty in (6.0, 25.0, 100.0, 400.0):
-        found = stiff if penalty == 400.0 else run(DENSITIES["data"], penalty)
-        wrong = errors(found, stiff)
-        rows.append(row("penalty", str(penalty), found, wrong))
+def row(curve: str, setting: str, found: dict, best: dict) -> dict:
+    """One line of the table; forces below the patch's resolution apart from those above."""
+    wrong = relative(found["markers"], best["markers"])
+    line = {"curve": curve, "setting": setting, "unknowns": found["model"].solid.unknowns, "seconds": found["seconds"]}
+    line |= {f"error_{force:g}n": error for force, error in zip(FORCES_N, wrong, strict=True)}
+    print(line, file=sys.stderr, flush=True)
+    return line
+
+
+def mesh_rows() -> list[dict]:
+    """Density, layers and element against the converged mesh."""
+    best = run(model_of("converged"))
+    settings: dict[str, ShellModel] = {name: model_of(name) for name in ("draft", "data", "fine", "reference")}
+    settings |= {f"{name}, 2 layers": model_of(replace(DENSITIES[name], layers=2)) for name in ("draft", "data")}
+    found = [row("mesh", name, run(model), best) for name, model in settings.items()]
+    found += [row("element P0", n, run(constant_pressure(settings[n])), best) for n in ("draft", "data", "fine")]
+    return [*found, row("mesh", "converged", best, best)]
+
+
+def penalty_rows() -> list[dict]:
+    """Contact penalty over E / T."""
+    stiff = run(model_of("data", 400.0))
+    found = {str(value): run(model_of("data", value)) for value in (6.0, PENALTY, 100.0)}
+    return [row("penalty", name, part, stiff) for name, part in {**found, "400.0": stiff}.items()]
+
+
+def factor_rows() -> list[dict]:
+    """One factorisation of the tangent."""
+    found = []
     for name in ("data", "reference"):
-        solid = shell_model(GEOMETRY, LAW, name, half=True).solid
+        solid = model_of(name).solid
         blocks = solid.tangent(np.zeros_like(solid.mesh.points))
         matrix = solid.assemble(blocks)
         for label, call in (
@@ -85,32 +108,99 @@ def main() -> None:
                 begin = time.process_time()
                 call()
                 times.append(time.process_time() - begin)
-            rows.append({"curve": "factorisation", "setting": f"{label} {name}", "unknowns": solid.unknowns,
-                         "seconds": min(times)})  # fmt: skip
+            found.append({"curve": "factorisation", "setting": f"{label} {name}", "unknowns": solid.unknowns,
+                          "seconds": min(times)})  # fmt: skip
+    return found
+
+
+def level_rows() -> list[dict]:
+    """Every level along one path, against level 1; the second round has what the first one taught."""
+    path = unseen_path(half=True)
+    found, answered = [], {}
+    exact: list[SceneState] = []
+    for name, level, tolerance in (("1", 1, 1e-3), ("2, 1e-2", 2, 1e-2), ("2, 1e-3", 2, 1e-3), ("3", 3, 1e-3)):
+        simulator = Simulator(GEOMETRY, LAW, level=level, tolerance=tolerance)
+        for _ in range(1 if level == 1 else 2):
+            walk = simulator.walk(Scene(TILTED, UNSEEN_FRICTION), half=True)
+            begin = time.process_time()
+            states = [walk(target) for target in path]
+            seconds = (time.process_time() - begin) / len(path)
+        answered[name] = [simulator.markers(state) for state in states]
+        exact = exact or states
+        own = sum(state.level == level for state in states)
+        found.append(level_row(name, seconds, answered[name], answered["1"], exact, own))
+    if LIBRARY.exists():
+        library = Library.load(LIBRARY)
+        dots = simulator.surface.sampler(dot_directions(GEOMETRY))
+        modes = np.array([dots.sample(mode) for mode in library.modes])
+        tilt, normal = np.full(len(exact), TILTED.tilt_deg), np.array([s.normal_n for s in exact])
+        pull, repeats = np.array([s.tangential_n for s in exact]), 400
+        begin = time.process_time()
+        many = library.states(np.tile(tilt, repeats), np.tile(normal, repeats), np.tile(pull, (repeats, 1)))
+        markers = library.fields(many.weights, modes)[: len(exact)]
+        seconds = (time.process_time() - begin) / len(exact) / repeats
+        found.append(level_row("4", seconds, list(markers), answered["1"], exact, int(many.inside[: len(exact)].sum())))
+    return found
+
+
+def level_row(name: str, seconds: float, markers: list, best: list, exact: list[SceneState], own: int) -> dict:
+    """Mean and 95 % above 5 N."""
+    wrong = np.array(relative(markers, best))[[state.normal_n >= ABOVE_N for state in exact]]
+    line = {"curve": "level", "setting": name, "seconds": seconds, "mean": wrong.mean(),
+            "p95": np.percentile(wrong, 95), "answered": f"{own} of {len(exact)}"}  # fmt: skip
+    print(line, file=sys.stderr, flush=True)
+    return line
+
+
+def main() -> None:
+    """Run the curves and write table and plot."""
+    rows = mesh_rows() + penalty_rows() + factor_rows() + level_rows()
+    columns = list(dict.fromkeys(name for line in rows for name in line))
     with (HERE / "simulator.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]))
+        writer = csv.DictWriter(stream, columns)
         writer.writeheader()
-        writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows)
-    plot(curve[:-1])
-    for line in rows:
-        print(line, file=sys.stderr)
+        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows)
+    plot(rows)
 
 
-def plot(curve: list) -> None:
-    """Error against seconds a step."""
+def plot(rows: list[dict]) -> None:
+    """Mesh and element at four forces, and the levels."""
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
-    figure, axes = pyplot.subplots(figsize=(5, 3.2), layout="constrained")
-    for index, label in ((0, "2 N"), (1, "5 N"), (4, "20 N"), (7, "35 N")):
-        axes.loglog([c[1] for c in curve], [100 * c[2][index] for c in curve], marker="o", label=label)
-    for unknowns, seconds, wrong in curve:
-        axes.annotate(f"{unknowns}", (seconds, 100 * wrong[7]), fontsize=7)
-    axes.set(xlabel="processor seconds a press step", ylabel="marker error, % rms", title="Level 1")
-    axes.legend(fontsize=7)
-    figure.savefig(HERE / "simulator.png", dpi=110)
+    figure, (mesh, level) = pyplot.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    chosen = [line for line in rows if line["curve"] == "mesh" and line["setting"] in DENSITIES]
+    chosen = [line for line in chosen if line["setting"] != "converged"]
+    for color, force in enumerate((2, 5, 10, 35)):
+        key = f"error_{force}n"
+        mesh.loglog([r["seconds"] for r in chosen], [100 * r[key] for r in chosen], "o-", label=f"{force} N",
+                    color=f"C{color}")  # fmt: skip
+    coarse = [line for line in rows if line["curve"] == "element P0"]
+    mesh.loglog([r["seconds"] for r in coarse], [100 * r["error_35n"] for r in coarse], "x--", color="C3",
+                label="35 N, constant pressure")  # fmt: skip
+    double = [line for line in rows if line["setting"].endswith("layers")]
+    mesh.loglog([r["seconds"] for r in double], [100 * r["error_35n"] for r in double], "^:", color="C3",
+                label="35 N, two layers")  # fmt: skip
+    for line in chosen:
+        mesh.annotate(f"{line['setting']}, {line['unknowns']}", (line["seconds"], 100 * line["error_35n"]), fontsize=7)
+    mesh.set(xlabel="processor seconds a step", ylabel="marker error, % rms", title="Level 1: mesh and element")
+    mesh.legend(fontsize=7)
+    levels = [line for line in rows if line["curve"] == "level" and line["mean"] > 0]
+    for key, mark in (("mean", "o"), ("p95", "^")):
+        level.loglog([1000 * r["seconds"] for r in levels], [100 * r[key] for r in levels], mark, label=key)
+    for line in levels:
+        level.annotate(f"level {line['setting']}", (1000 * line["seconds"], 100 * line["mean"]), fontsize=7)
+    first = next(line for line in rows if line["curve"] == "level")
+    level.axvline(1000 * first["seconds"], color="k", ls=":", label="level 1")
+    data = next(line for line in chosen if line["setting"] == "data")
+    level.axhline(100 * data["error_35n"], color="C7", ls="--", label="the mesh's own error, 35 N")
+    level.set(xlabel="processor ms a state", ylabel="marker error, %", title="The levels, N >= 5, mesh data")
+    level.legend(fontsize=7)
+    for axes in (mesh, level):
+        axes.xaxis.set_minor_formatter(ticker.NullFormatter())  # labels of less than a decade overlap
+    figure.savefig(HERE / "simulator.png", dpi=100)
 
 
 if __name__ == "__main__":

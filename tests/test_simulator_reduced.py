@@ -82,6 +82,52 @@ def test_few_elements_stand_for_all(shell: ShellModel, reduced: ReducedModel, fa
     assert np.linalg.norm((up - down) / 2e-5 - slope) < 1e-6 * np.linalg.norm(slope)
 
 
+def test_interpolated_tangent_is_near_the_assembled_one(
+    shell: ShellModel, reduced: ReducedModel, fast: FrozenPress
+) -> None:
+    tangents = reduced.tangents
+    for place in tangents.places[::7]:
+        exact = reduced.stiffness(LAW, place)
+        assert np.linalg.norm(tangents.at(place) - exact) < 1e-3 * np.linalg.norm(exact)
+    for state in follow(fast)[1:]:  # not a training state: in the measure of the tangent itself, soft modes count
+        weights = reduced.modes.T @ shell.solid.gather(state.displacement)
+        root = np.linalg.inv(np.linalg.cholesky(reduced.stiffness(LAW, weights)))
+        missed, crude = (
+            np.linalg.norm(root @ k @ root.T - np.eye(20), 2) for k in (tangents.at(weights), tangents.mean)
+        )
+        assert missed < 0.5 and missed < 0.5 * crude
+
+
+def test_the_tangent_steers_and_does_not_decide(fast: FrozenPress, reduced: ReducedModel) -> None:
+    mean_only = replace(reduced.tangents, parts=np.zeros_like(reduced.tangents.parts))
+    plain = ReducedPress(fast, replace(reduced, estimate_factor=0.0))
+    crude = ReducedPress(fast, replace(reduced, estimate_factor=0.0, tangents=mean_only))
+    found, other = follow(plain), follow(crude)
+    assert crude.fast_steps == plain.fast_steps >= 4
+    assert max(gap(a, b) for a, b in zip(other, found, strict=True)) < 2e-3
+    spent, more = (sum(s.certificate.iterations for s in way if s.certificate) for way in (found, other))
+    assert spent < more
+
+
+def test_a_kink_that_no_search_gets_over_is_leapt(
+    fast: FrozenPress, reduced: ReducedModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = replace(reduced, estimate_factor=0.0)
+    plain = ReducedPress(fast, own)
+    found = follow(plain)
+    searched = reduced_press._Step._searched
+    monkeypatch.setattr(
+        reduced_press._Step, "_searched", lambda self, here: searched(self, here) if self.spent > 2 else None
+    )
+    leaping = ReducedPress(fast, own)
+    assert max(gap(a, b) for a, b in zip(follow(leaping), found, strict=True)) < 2e-3
+    assert leaping.fast_steps == plain.fast_steps
+    monkeypatch.setattr(reduced_press, "MAX_LEAPS", 0)
+    stuck = ReducedPress(fast, own)
+    follow(stuck)
+    assert stuck.fast_steps == 0
+
+
 def test_level_3_meets_level_2_on_a_path_it_has_not_seen(fast: FrozenPress, reduced: ReducedModel) -> None:
     level_3 = ReducedPress(fast, replace(reduced, estimate_factor=0.0))
     exact, found = follow(fast), follow(level_3)
@@ -95,7 +141,8 @@ def test_what_level_3_cannot_be_trusted_with_goes_to_level_2(fast: FrozenPress, 
     exact = follow(fast)
     plain = ReducedPress(fast, replace(reduced, estimate_factor=1.0))
     follow(plain)
-    softened = replace(reduced, estimate_factor=1.0, weights=0.7 * reduced.weights, tangents=0.7 * reduced.tangents)
+    tangents = replace(reduced.tangents, mean=0.7 * reduced.tangents.mean, parts=0.7 * reduced.tangents.parts)
+    softened = replace(reduced, estimate_factor=1.0, weights=0.7 * reduced.weights, tangents=tangents)
     strict = ReducedPress(fast, softened)
     found = follow(strict)  # a wrong cubature: the residual on the full mesh gives it away
     assert strict.fast_steps == 0 < plain.fast_steps

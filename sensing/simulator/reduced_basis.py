@@ -8,6 +8,10 @@ Internal forces are summed over a cubature: elements e with weights w_e >= 0 cho
 
 (energy-conserving sampling and weighting: Farhat, Chapman, Avery 2015, doi:10.1002/nme.4820; the greedy non-negative
 least squares of Lawson and Hanson, stopped early). Since w >= 0, the sum keeps an energy with a positive tangent.
+
+Assembling that tangent costs as much as twenty evaluations of the forces, so it is interpolated from those at the
+training states, K(q) = K_mean + sum_k g(|q - q_k|) C_k with a Gaussian g (radial basis functions); it steers Newton's
+iteration and has no say in what is accepted.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from cad.materials import HyperelasticLaw
 from sensing.simulator import elastic
@@ -34,12 +39,33 @@ MODES = 50
 STATES = 90  # of training
 CUBATURE_ERROR = 2e-3  # of the projected internal forces
 MAX_ELEMENTS = 60
-TANGENTS = 24  # kept ready
+REACH = 1.0  # of the tangents' interpolation, in median distances of the training states
+RIDGE = 1e-6  # added to its kernel's diagonal of ones
 FACE_MARGIN_MM = 4.0  # faces that came nearer than this to the body in training may touch
 NORMAL_N = (0.5, 38.0)
 CONE = 0.95  # T / N of the paths, at friction 1
 FRICTION = 1.0
 STIFFNESS_N_MM = 4.5  # tangential, to steer the paths (E)
+
+
+@dataclass(frozen=True)
+class TangentMap:
+    """The elastic tangent by interpolation.
+
+    Attributes:
+        places: weights of the modes at the training states (t, m). reach_mm: width of the Gaussians.
+        mean: K_mean (m, m). parts: C (t, m m).
+    """
+
+    places: Array
+    reach_mm: float
+    mean: Array
+    parts: Array
+
+    def at(self, weights: Array) -> Array:
+        """Tangent (m, m) at a place (m,)."""
+        away = ((self.places - weights) ** 2).sum(axis=1) / self.reach_mm**2
+        return np.asarray(self.mean + (np.exp(-away) @ self.parts).reshape(self.mean.shape))
 
 
 @dataclass(frozen=True)
@@ -50,7 +76,7 @@ class ReducedModel:
         modes: V over the unknowns (u, m), orthonormal.
         cells: chosen elements (k,). weights: w (k,). element_modes: V over their nodes (k, 81, m).
         data: element data of the chosen ones, volumes not weighted.
-        places: weights of the modes (t, m) at which elastic tangents (t, m, m) are kept ready, ``tangents``.
+        tangents: elastic tangent by interpolation.
         faces: faces that may touch (f,). surface: their quadrature, nodes numbered within. nodes: those nodes (s,).
         node_modes: V over them (3 s, m). face_modes: V over each face's nodes (f, 27, m).
         estimate_factor: marker error over the indicator (:mod:`sensing.simulator.reduced_press`), 95 % of states.
@@ -61,8 +87,7 @@ class ReducedModel:
     weights: Array
     element_modes: Array
     data: elastic.ElementData
-    places: Array
-    tangents: Array
+    tangents: TangentMap
     faces: Index
     surface: ContactSurface
     nodes: Index
@@ -81,10 +106,6 @@ class ReducedModel:
         flat = self.element_modes.reshape(-1, len(weights))
         blocks = elastic.tangent(law, self.data, (flat @ weights).reshape(-1, 27, 3)) * self.weights[:, None, None]
         return np.asarray(flat.T @ (blocks @ self.element_modes).reshape(flat.shape))
-
-    def nearest_tangent(self, weights: Array) -> Array:
-        """The tangent (m, m) kept nearest to a place."""
-        return np.asarray(self.tangents[int(((self.places - weights) ** 2).sum(axis=1).argmin())])
 
 
 def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> list[State]:
@@ -138,8 +159,7 @@ def reduced_model(
         data=elastic.ElementData(
             data.gradient[cells], data.rows[cells], data.weight[cells], data.psi, data.mass_inverse[cells]
         ),
-        places=np.zeros((0, len(nodal))),
-        tangents=np.zeros((0, len(nodal), len(nodal))),
+        tangents=TangentMap(np.zeros((0, len(nodal))), 1.0, np.zeros((0, 0)), np.zeros((0, 0))),
         faces=faces,
         surface=local,
         nodes=nodes,
@@ -147,17 +167,17 @@ def reduced_model(
         face_modes=_by_nodes(nodal, surface.nodes[faces]),
         estimate_factor=math.inf,
     )
-    places = _spread_out(np.array([basis.T @ solid.gather(state.displacement) for state in states]), TANGENTS)
-    return replace(found, places=places, tangents=np.array([found.stiffness(solid.law, place) for place in places]))
+    places = np.array([basis.T @ solid.gather(state.displacement) for state in states])
+    return replace(found, tangents=tangent_map(places, np.array([found.stiffness(solid.law, q) for q in places])))
 
 
-def _spread_out(places: Array, count: int) -> Array:
-    """Some of the places (p, m), each the farthest from those before it, from the nearest to the origin on."""
-    chosen = [int(np.linalg.norm(places, axis=1).argmin())]
-    while len(chosen) < min(count, len(places)):
-        apart = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)
-        chosen.append(int(apart.argmax()))
-    return places[chosen]
+def tangent_map(places: Array, tangents: Array) -> TangentMap:
+    """Interpolation of tangents (t, m, m) known at places (t, m)."""
+    apart = cdist(places, places, "sqeuclidean")
+    reach = REACH * math.sqrt(float(np.median(apart)))
+    kernel = np.exp(-apart / reach**2) + RIDGE * np.eye(len(places))
+    mean = tangents.mean(axis=0)
+    return TangentMap(places, reach, mean, np.linalg.solve(kernel, (tangents - mean).reshape(len(places), -1)))
 
 
 def _winding(rng: np.random.Generator, states: int, half: bool) -> list[tuple[float, Array]]:

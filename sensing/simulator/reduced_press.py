@@ -2,7 +2,7 @@
 
 Unknowns are the mode weights q and, where the force is given, the depth d:
 
-    [K_q + V'KcV   V'k  ] [dq]     [V'r(Vq, d)]      K_q from the cubature, kept while it serves; Kc, k, kappa as in
+    [K_q + V'KcV   V'k  ] [dq]     [V'r(Vq, d)]      K_q interpolated, or from the cubature; Kc, k, kappa as in
     [k'V           kappa] [dd] = - [N - N*    ]      :mod:`sensing.simulator.newton`, true friction bound
 
 Every answer is then judged on the full mesh: what its residual r there would still move, |H r| / |u| with a stored
@@ -34,7 +34,8 @@ LIMIT = 0.04  # error estimate over which level 2 answers
 CONVERGED = 2e-4  # reduced residual over the load
 MAX_ITERATIONS = 25
 LEAST_COSINE = 1e-3  # between what a tangent missed and the move, below which nothing is learned
-RENEW_AFTER = 6  # iterations after which K_q is taken anew
+MAX_LEAPS = 2  # full Newton steps of a state that may raise the residual
+RENEW_AFTER = 10  # iterations after which K_q is assembled
 JUDGES, JUDGE_FRICTION = 20, 0.6  # states and friction of the path that sets ``estimate_factor``
 QUANTILE = 95.0
 
@@ -63,6 +64,8 @@ class ReducedPress:
         self.fast_steps = 0
         self.fallbacks = 0
         self.error_estimate = 0.0  # of the last answer of its own
+        self._touchable = np.zeros(len(self.press.model.surface.nodes), dtype=bool)
+        self._touchable[reduced.faces] = True
 
     def start(self) -> State:
         """The undeformed shell."""
@@ -95,7 +98,7 @@ class ReducedPress:
         unknowns = self.reduced.modes @ found.weights
         end = newton.evaluate(step.problem, solid.spread(unknowns), found.depth)
         loaded = np.flatnonzero((end.contact.pressure > 0).any(axis=1))
-        if not len(loaded) or not np.isin(loaded, self.reduced.faces).all():
+        if not len(loaded) or not self._touchable[loaded].all():
             return None
         missed = self.fast.tangents[-1].factor.solve_roughly(end.residual)
         solution = newton.Solution(end, -1, step.slope, (0.0,) * (step.spent + 1))
@@ -112,7 +115,7 @@ class _Step:
         self.slope = float("nan")
         self.law = problem.model.solid.law
         memory = problem.memory
-        self.tangent = reduced.tangents[0]
+        self.tangent = reduced.tangents.mean
         self.points = problem.model.solid.mesh.points[reduced.nodes]
         faces = reduced.faces
         self.memory = ContactMemory(memory.traction[faces], memory.position[faces], memory.gap[faces])
@@ -120,9 +123,10 @@ class _Step:
     def solve(self, weights: Array, state: State, target: Target) -> _Point | None:
         """Equilibrium, or None; the first guess lets the body's travel enter linearly."""
         depth = state.depth_mm if target.depth_mm is None else target.depth_mm
-        self.tangent = self.reduced.nearest_tangent(weights)
+        self.tangent = self.reduced.tangents.at(weights)
         here = self._predicted(weights, state, target) or self._evaluate(weights, depth)
-        since = 0
+        self.tangent = self.reduced.tangents.at(here.weights)
+        since, own, leaps = 0, False, 0
         while here.error >= CONVERGED:
             self.spent += 1
             if self.spent > MAX_ITERATIONS or not np.isfinite(here.error):
@@ -132,10 +136,15 @@ class _Step:
             if found is not None:
                 self.tangent = _learned(self.tangent, found.weights - here.weights, found.internal - here.internal)
                 here = found
-            elif since == 1:
-                return None  # not even with its own tangent
             else:
-                self.tangent, since = self.reduced.stiffness(self.law, here.weights), 0
+                if own and since == 1:  # not even with its own tangent: the way leads over a kink of the friction
+                    if leaps == MAX_LEAPS:
+                        return None
+                    change, depth = self._direction(here, here.residual, here.force_gap)
+                    here, leaps = self._evaluate(here.weights + change, here.depth + depth), leaps + 1
+                    if not np.isfinite(here.error):
+                        return None
+                self.tangent, since, own = self.reduced.stiffness(self.law, here.weights), 0, True
         return here
 
     def _searched(self, here: _Point) -> _Point | None:
@@ -197,7 +206,7 @@ class _Step:
         column = flat.T @ (blocks @ outward).ravel()
         row = (outward @ blocks).ravel() @ flat
         kappa = float(outward @ blocks.sum(axis=0) @ outward) if len(active) else 0.0
-        both = np.linalg.solve(matrix, np.stack([-residual, column], axis=1))
+        both = np.asarray(np.linalg.solve(matrix, np.stack([-residual, column], axis=1)), dtype=float)
         schur = kappa - float(row @ both[:, 1])
         self.slope = schur / problem.model.force_share
         if problem.normal_n is None:

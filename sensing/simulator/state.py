@@ -144,10 +144,11 @@ def contact_patch(model: ShellModel, state: State) -> Patch:
 
 def contact_wrench(model: ShellModel, position: Array, contact: ContactResponse) -> Array:
     """Wrench on the endcap (6,) from pressure and friction at the Gauss points."""
-    traction = contact.pressure[..., None] * contact.gradient + contact.traction
-    points = np.einsum("ga,fai->fgi", model.surface.shape, position[model.surface.nodes])
-    forces = (model.surface.area[..., None] * traction).reshape(-1, 3)
-    return model.whole_wrench(forces, points.reshape(-1, 3))
+    touching = np.flatnonzero((contact.pressure > 0).any(axis=1))
+    traction = contact.pressure[touching, :, None] * contact.gradient[touching] + contact.traction[touching]
+    points = model.surface.shape @ position[model.surface.nodes[touching]]
+    forces = model.surface.area[touching, :, None] * traction
+    return model.whole_wrench(forces.reshape(-1, 3), points.reshape(-1, 3))
 
 
 def reaction_wrench(model: ShellModel, internal: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -29,6 +30,7 @@ from sensing.simulator.surface import dot_directions, surface_sampler
 from sensing.simulator.verify_levels import rms, table
 
 HEAD = "# Verification of the simulator\n\nWritten by `python -m sensing.simulator.verify`; do not edit.\n"
+ORDER = ("The solid", "Contact", "The shell", "CalculiX", "Level 2", "Level 3", "Level 4", "Hard cases")
 HARD_PARTS = 4  # sections, so that none takes many minutes
 FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
 
@@ -53,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     temporary = path.with_name(".verification.md.part")
-    text = [HEAD, *(f"{title}\n{body}" for title, body in parts.items())]
+    text = [HEAD, *(f"{title}\n{parts[title]}" for title in sorted(parts, key=_place))]
     temporary.write_text("\n".join(text), encoding="utf-8")
     temporary.replace(path)
     print(path)
@@ -66,6 +68,12 @@ def _read(path: Path) -> dict[str, str]:
         return {}
     parts = path.read_text(encoding="utf-8").split("\n## ")[1:]
     return {"## " + part.split("\n", 1)[0]: part.split("\n", 1)[1].rstrip("\n") + "\n" for part in parts}
+
+
+def _place(title: str) -> tuple[int, int, str]:
+    """Where a section stands, whenever it was written."""
+    number = re.search(r", (\d+) to ", title)
+    return [title.startswith(f"## {name}") for name in ORDER].index(True), int(number[1]) if number else 0, title
 
 
 def _solid(_: Path) -> str:
@@ -209,7 +217,7 @@ SECTIONS: dict[str, Callable[[Path], str]] = {
     "shell": _shell,
     "levels": lambda _: verify_levels.level_2_section(),
     "reduced-half": lambda _: verify_reduced.level_3_section(half=True, tilts_deg=(30.0,)),
-    "reduced-whole": lambda _: verify_reduced.level_3_section(half=False, tilts_deg=(20.0, 40.0)),
+    "reduced-whole": lambda _: verify_reduced.level_3_section(half=False, tilts_deg=(40.0,)),
     "library": lambda _: verify_levels.level_4_section(),
     "calculix": lambda _: verify_levels.calculix_section(),
     **{f"hard-{part + 1}": partial(_hard, part) for part in range(HARD_PARTS)},

@@ -303,7 +303,7 @@ def draw(rows: list[dict]) -> None:
             axis.annotate(f" {row['model']}, {row['method']}", (row["work_ms"], row["force_error_n"]))
     axis.set(xscale="log", xlabel="CPU time on a frame, ms", ylabel="rms force error on the robot scene, N")
     axis.set_ylim(bottom=0)
-    axis.set_xticks([2, 5, 10, 20], ["2", "5", "10", "20"])
+    axis.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     axis.minorticks_off()
     axis.margins(x=0.3)
     axis.grid(alpha=0.3)

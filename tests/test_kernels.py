@@ -57,6 +57,16 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
         for number in (1, 2):
             frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
             tell(method.update(frame).channels)
+from sensing.tracker import DotTracker, TrackerConfig
+from sensing.wrench_filter import WrenchFilter
+from sensing.wrench_model import load_wrench_model
+model, smooth = load_wrench_model(EndcapParams(130, 8)), WrenchFilter()
+tracker = DotTracker(Frame(0.0, 0, "test", image=first.image_bgr), TrackerConfig(shape=model.shape))
+for number in (1, 2, 3):
+    frame = Frame(number / 30, number, "test", image=np.roll(first.image_bgr, number, axis=1))
+    estimate = model.estimate(tracker.field(tracker.update(frame)))
+    for told in (estimate, smooth.update(estimate), smooth.at(number / 30 + 0.01)):
+        tell(np.concatenate([told.force_n, told.torque_nm, told.covariance.ravel()]))
 """
 
 

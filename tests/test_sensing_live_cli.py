@@ -17,6 +17,7 @@ from sensing.live.replay import read_config, verify
 from sensing.live.scene_server import mjpeg_server
 
 HERE = Path(__file__).resolve().parent
+STARTED: list[subprocess.Popen] = []
 COMMAND = """
 import sys
 import sensing.live.open_caps as caps
@@ -30,10 +31,22 @@ sys.exit(main(sys.argv[1:]))
 def start(*arguments: str, **options) -> subprocess.Popen:
     """The command in a process of its own, with the stand-in model."""
     environment = {**os.environ, "PYTHONPATH": f"{HERE}{os.pathsep}{HERE.parent}"}
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=environment, **options,
     )  # fmt: skip
+    STARTED.append(process)
+    return process
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left_running():
+    """Also where a test fails."""
+    yield
+    while STARTED:
+        process = STARTED.pop()
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +63,7 @@ def test_a_stop_is_clean_and_tells_what_was_done(camera, tmp_path, number):
     process = start("--url", camera, "--port", "0", "--record", str(path))
     said = []
     threading.Thread(target=lambda: said.extend(process.stdout), daemon=True).start()
-    wait_for(lambda: path.exists() and path.stat().st_size > 1_000_000, 40)
+    wait_for(lambda: path.exists() and path.stat().st_size > 1_000_000, 120)
     process.send_signal(number)
     assert process.wait(15) == 0
     wait_for(lambda: any("frames recorded" in line for line in said))

@@ -19,10 +19,11 @@ import numpy as np
 from cad.materials import silicone
 from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
-from sensing.simulator.levels import Scene, SceneState, Simulator
+from sensing.simulator.levels import Simulator
 from sensing.simulator.library import Library
 from sensing.simulator.mesh import DENSITIES, MeshDensity
 from sensing.simulator.press import Press, Target
+from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.surface import dot_directions, surface_sampler
 from sensing.simulator.system import factorise, factorise_sparse

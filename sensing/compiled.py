@@ -12,5 +12,5 @@ from typing import Any
 
 KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": True, "error_model": "numpy"}
 SHORT: dict[str, Any] = KERNEL | {"nogil": False}  # microseconds: to hand the lock over and wait for it costs more
-HELPER: dict[str, Any] = KERNEL | {"forceinline": True}
+HELPER: dict[str, Any] = KERNEL | {"forceinline": True, "cache": False}  # lies in its callers' files
 KEEPS_NAN = {"reassoc", "contract", "arcp", "nsz"}  # fastmath flags under which NaN keeps its meaning

@@ -27,7 +27,7 @@ def tell(values):
 {code}
 for name, module in list(sys.modules.items()):
     for kernel in vars(module).values() if name.startswith("sensing") else ():
-        if isinstance(kernel, Dispatcher) and len(kernel.signatures) > 1:
+        if isinstance(kernel, Dispatcher) and kernel._cache.cache_path and len(kernel.signatures) > 1:
             print(name, kernel.py_func.__name__, kernel.signatures)
 """
 MECHANICS = """

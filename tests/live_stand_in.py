@@ -15,6 +15,7 @@ from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.newest import FrameSource
 from sensing.sources.warp import Bump, Displacement, warp_image
+from sensing.tracker import DotTracker
 
 PUSH = Displacement(bumps=(Bump((330.0, 230.0), (9.0, 4.0), 90.0),))
 SHAPE = (16, 16)
@@ -45,6 +46,11 @@ def film(pushes: list[float], noise: bool = True) -> list[bytes]:
             picture[-4:, : 1 + index % 600] ^= 8  # a corner without dots
         found.append(cv2.imencode(".jpg", picture)[1].tobytes())
     return found
+
+
+def dots() -> int:
+    """How many dots of the drawn dome are followed: those that the frame's edge does not cut."""
+    return len(DotTracker(frames(film([0]))[0]).dots)
 
 
 def frames(jpegs: list[bytes], start_s: float = 100.0, rate_hz: float = 30.0) -> list[Frame]:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from live_stand_in import LinearModel, endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import LinearModel, dots, endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
@@ -363,9 +363,9 @@ def test_the_terminals_line_says_what_counts(press):
     with Engine([cap]) as engine:
         engine.wait(20)
     line = cap_line(cap.health, cap.stats.last)
-    assert "touch" in line and "97/97 dots" in line and f"{cap.stats.last.wrench.force_n[0]:+6.1f}" in line
+    assert "touch" in line and f"{dots()}/{dots()} dots" in line and f"{cap.stats.last.wrench.force_n[0]:+6.1f}" in line
     assert "16 frames, 0 dropped" in summary([cap.health], 1.0)[1]
-    assert plain(cap.stats.last)["dots"] == 97
+    assert plain(cap.stats.last)["dots"] == dots() > 90
 
 
 def test_a_run_ends_with_its_sources_and_a_summary(press):

@@ -50,7 +50,7 @@ def main() -> None:
     design = EndcapParams(130.0, 8.0)
     model = load_wrench_model(design, options.weights)
     rows, norms = [], {}
-    stand = Rest(model, RenderSettings(seed=0, fresh_noise=True).at_level("data"))
+    stand = Rest(model, replace(RenderSettings(seed=0).at_level("data"), fresh_noise=True))
     threshold = threshold_from_rest(np.array([w.force_n for w in stand.told(Lamp(), options.frames, 0)]), FALSE_RATE)
     for number, (name, lamp) in enumerate(LAMPS.items(), 1):
         told = list(stand.told(lamp, options.frames, number * options.frames))
@@ -74,7 +74,7 @@ class Rest:
     """One untouched endcap, zeroed on an average picture under the nominal lamp."""
 
     def __init__(self, model: WrenchModel, settings: RenderSettings) -> None:
-        self.model, self.settings = model, replace(settings, fresh_noise=True)
+        self.model, self.settings = model, settings
         self.renderer = DomeRenderer(model.design, settings=self.settings)
         first = np.mean([self.picture(Lamp(), -1 - k).astype(float) for k in range(10)], axis=0)
         self.zero = Frame(0.0, 0, "rest", image=np.round(first).astype(np.uint8))

@@ -79,10 +79,12 @@ def fit(
     net.cpu().eval()
     kept.remove()
     held = np.union1d(validation.path, calibration.path)
-    seen = (pictures or samples).take(np.isin((pictures or samples).path, held))
-    _calibrate(net, seen if len(seen) else samples.take(np.isin(samples.path, held)))
-    about = _provenance(samples, config, start)
-    about["metrics"] = {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)}
+    views = [view.take(np.isin(view.path, held)) for view in (pictures, samples) if view is not None]
+    _calibrate(net, next(view for view in views if len(view)))
+    about = {
+        "training": _provenance(samples, config, start),
+        "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
+    }
     weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
     covered = _covered(weights["principal"].astype(float), rest, config, height, start)
     return WrenchModel(weights, samples.design, samples.method, (height, width), covered, about)
@@ -249,12 +251,11 @@ def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, s
 
 
 def _provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:
-    training = {
+    return {
         "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),
         "config": asdict(config), "torch": str(torch.__version__), "data_digest": samples.digest,
         "start": start.about.get("training") if start is not None else None,
     }  # fmt: skip
-    return {"training": training}
 
 
 def _rmse(net: WrenchNet, samples: Samples) -> list[float]:

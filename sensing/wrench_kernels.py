@@ -14,17 +14,17 @@ import numpy as np
 from sensing.compiled import HELPER, SHORT
 
 EXACT = {"reassoc", "contract"}  # fastmath flags that leave a / b and exp(a) what they are: zero stays exactly zero
+_KERNEL, _HELPER = SHORT | {"fastmath": EXACT}, HELPER | {"fastmath": EXACT}
 
 
-@numba.njit(**SHORT | {"fastmath": EXACT})
+@numba.njit(**_KERNEL)
 def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
     """Answer of the network of :mod:`sensing.wrench_net` for one field, and how unlike those of training it is.
 
     Args:
         x: (D,) float64, finite. cells: (D,) float32, 1 for cells that count. linear: (6, D) float32.
-        principal: (K, D) float32. gram: (K, K) float64, see :func:`explained`.
-        mean: layers of the perceptron that bends the answer, five float32 arrays, but the last
-            float64, in N and N m.
+        principal: (K, D) float32. gram: (K, K) float64, inner products of the fields that ``principal`` takes to ones.
+        mean: layers of the perceptron that bends the answer, four float32 arrays and the last float64, in N and N m.
         spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
         limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
 
@@ -49,7 +49,7 @@ def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
     return value, _covariance(raw, scale, limits), distance, left
 
 
-@numba.njit(**HELPER | {"fastmath": EXACT})
+@numba.njit(**_HELPER)
 def _products(line, x, cells):
     whole = part = 0.0
     for d in range(x.size):
@@ -59,7 +59,7 @@ def _products(line, x, cells):
     return whole, part
 
 
-@numba.njit(**HELPER | {"fastmath": EXACT})
+@numba.njit(**_HELPER)
 def _product(line, x):
     total = 0.0
     for d in range(x.size):
@@ -67,7 +67,7 @@ def _product(line, x):
     return total
 
 
-@numba.njit(**HELPER | {"fastmath": EXACT})
+@numba.njit(**_HELPER)
 def _units(weight, bias, inputs, anchored):
     """Answers silu(a + b) of a layer's units; ``anchored``: minus silu(b)."""
     told = np.empty(len(bias))
@@ -78,12 +78,12 @@ def _units(weight, bias, inputs, anchored):
     return told
 
 
-@numba.njit(**HELPER | {"fastmath": EXACT})
+@numba.njit(**_HELPER)
 def _silu(a):
     return a / (1.0 + math.exp(-max(a, -700.0)))
 
 
-@numba.njit(**HELPER | {"fastmath": EXACT})
+@numba.njit(**_HELPER)
 def _covariance(raw, scale, limits):
     """(6, 6) L L' from the (21,) raw entries of L, row by row: L = spread of each axis times a unit lower triangle."""
     least, most, mix = limits
@@ -102,7 +102,7 @@ def _covariance(raw, scale, limits):
     return covariance
 
 
-@numba.njit(**HELPER | {"fastmath": EXACT})
+@numba.njit(**_HELPER)
 def _range(seen, gram, square):
     """Norm of the principal part, and of what it leaves of a field with that sum of squares."""
     explained = 0.0
@@ -111,7 +111,7 @@ def _range(seen, gram, square):
     return math.sqrt(_product(seen, seen)), math.sqrt(max(square - explained, 0.0))
 
 
-@numba.njit(**SHORT | {"fastmath": EXACT})
+@numba.njit(**_KERNEL)
 def ahead(state, covariance, step, density):
     """State (2, 6) and covariance (3, 6: of values, with rates, of rates) a time ``step`` later."""
     value, spread = state.copy(), covariance.copy()
@@ -124,7 +124,7 @@ def ahead(state, covariance, step, density):
     return value, spread
 
 
-@numba.njit(**SHORT | {"fastmath": EXACT})
+@numba.njit(**_KERNEL)
 def correct(state, covariance, measured, variance, surprise, rates):
     """Takes a measurement (6,) of a variance (6,) into ``state`` and ``covariance``; returns the innovation's square.
 

@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,27 +41,51 @@ def test_a_full_disk_is_one_line_and_what_was_written_stays(small_set: Path, tmp
     assert len(list(LabelledSet(tmp_path).frames())) == 6 and not list(tmp_path.rglob("*.part"))
 
 
-def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
-    """As a terminal sends it: to the command and to its workers alike."""
+@contextmanager
+def running(folder: Path) -> Iterator[subprocess.Popen]:
+    """A long run on two workers that has written its first shard; what is left of it in the end is killed."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
     # a shell's background job ignores SIGINT, and its children inherit that: this one is in the foreground
     hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
-    run = subprocess.Popen(command("long", tmp_path), env=environment(), **pipes, **hears)
+    run = subprocess.Popen(command("long", folder), env=environment(), **pipes, **hears)
     deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("shards/[0-9]*.npz")) and run.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.05)
-    os.killpg(run.pid, signal.SIGINT)
     try:
+        while not list(folder.glob("shards/[0-9]*.npz")) and run.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        yield run
+    finally:
+        if group_lives(run.pid):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+
+
+def ends(run: subprocess.Popen) -> bool:
+    """Whether the command and its workers are all gone soon."""
+    deadline = time.monotonic() + 30
+    while group_lives(run.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not group_lives(run.pid)
+
+
+def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
+    """As a terminal sends it: to the command and to its workers alike."""
+    with running(tmp_path) as run:
+        os.killpg(run.pid, signal.SIGINT)
         errors = run.communicate(timeout=60)[1]
         assert run.returncode == 130, errors
         assert errors == "stopped; run the same command again to go on\n"
         assert list(LabelledSet(tmp_path).frames()) and not list(tmp_path.rglob("*.part"))
-        while group_lives(run.pid) and time.monotonic() < deadline:
-            time.sleep(0.05)
-        assert not group_lives(run.pid)
-    finally:
-        if group_lives(run.pid):
-            os.killpg(run.pid, signal.SIGKILL)
+        assert ends(run)
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_go_with_a_command_that_is_ended(tmp_path: Path, how: signal.Signals) -> None:
+    """It cannot end them itself then, and nobody told them."""
+    with running(tmp_path) as run:
+        os.kill(run.pid, how)
+        assert run.wait(timeout=30) == -how
+        assert ends(run)
+        assert list(LabelledSet(tmp_path).frames())
 
 
 def test_progress_is_for_terminals(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:

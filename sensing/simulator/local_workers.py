@@ -1,7 +1,8 @@
 """Work on processes of this machine that ends at once, and leaves nobody behind, when it is interrupted.
 
 A terminal sends Ctrl-C to a command and to its workers alike. Workers here do not hear it; the command ends them. (A
-pool whose workers are interrupted while they hold the lock of its queue may never come back.)
+pool whose workers are interrupted while they hold the lock of its queue may never come back.) A command that is ended
+or killed itself cannot: so each worker watches its parent, and goes with it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
@@ -32,7 +34,7 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
     waiting, running = iter(arguments), set[Future[Result]]()
     others = set(multiprocessing.active_children())
     with _one_thread_each():
-        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_deaf)
+        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
             while True:
                 running |= {pool.submit(job, *each) for each in islice(waiting, 2 * workers - len(running))}
@@ -49,8 +51,16 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
             pool.shutdown(cancel_futures=True)
 
 
-def _deaf() -> None:
+def _follow_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)  # whatever the worker is in the middle of: nobody is left to take it
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

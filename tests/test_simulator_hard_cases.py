@@ -12,6 +12,9 @@ EXPECTED = {
     "35 N in one step": "converged",
     "pulling": "refused: range",
     "too deep for the model": "refused: range",
+    "sharp edge, radius 1 mm": "refused: mesh",
+    "small bump, radius 3 mm, light": "refused: mesh",
+    "edge, radius 8 mm": "converged",
 }
 
 

@@ -9,9 +9,12 @@ from cad.dots import dot_pattern, dot_position_mm
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.simulator import newton
+from sensing.simulator.contact import deepest_mm, free_memory
 from sensing.simulator.geometry import ShellGeometry, shell_geometry
 from sensing.simulator.indenter import Indenter
+from sensing.simulator.levels import Simulator
 from sensing.simulator.press import Press, Target
+from sensing.simulator.scene import Scene
 from sensing.simulator.shell import ShellModel, shell_model
 from sensing.simulator.state import Refusal, State, contact_patch
 from sensing.simulator.surface import dot_directions, surface_sampler, turn_about_axis, turn_wrench
@@ -59,6 +62,25 @@ def test_friction_stays_in_its_cone_and_pressure_does_not_pull(tilted: tuple[Pre
     assert (np.linalg.norm(patch.traction, axis=1) <= 0.5 * patch.pressure * (1 + 1e-9)).all()
     assert 0 < patch.slip_share < 1  # partly stick, partly slip
     assert state.certificate is not None and state.certificate.penetration_mm < 0.01 * state.depth_mm
+
+
+@pytest.mark.parametrize("kind", ["plane", "sphere", "edge"])
+def test_how_deep_a_body_reaches_into_the_undeformed_dome_is_its_depth(half: ShellModel, kind: str) -> None:
+    """Whatever its radius, and though no Gauss point lies at the place of first touch."""
+    indenter = Indenter(tilt_deg=30, kind=kind, radius_mm=1.0)
+    translation = indenter.frame() @ np.array([-0.3, 0.0, 0.0])
+    reach = deepest_mm(half.surface, indenter.packed(half.geometry), half.solid.mesh.points, translation)
+    assert reach == pytest.approx(0.3, abs=0.02)  # the mesh follows the sphere to 0.01 mm
+    felt = free_memory(half.surface, half.solid.mesh.points - translation, indenter.packed(half.geometry))
+    assert kind == "plane" or felt.gap.min() > 0  # the points alone would have said: no contact
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_a_body_too_small_for_the_mesh_is_refused(level: int) -> None:
+    simulator = Simulator(GEOMETRY, LAW, "draft", level=level)
+    scene = Scene(Indenter(30, "edge", 1.0), friction=0.5)
+    with pytest.raises(Refusal, match=r"mesh: the edge reaches .* take a finer density"):
+        list(simulator.follow(scene, [Target(depth_mm=0.5)]))
 
 
 def test_whole_and_half_model_agree(whole: ShellModel, half: ShellModel) -> None:

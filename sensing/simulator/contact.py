@@ -27,6 +27,7 @@ from sensing.simulator.mesh import HexMesh, Index
 POINTS_PER_SIDE = 4
 PENALTY_RATIO = 25.0  # eps_n over E / T; the report measures what the penalty costs
 TANGENTIAL_RATIO = 0.5  # eps_t over eps_n
+BETWEEN_PER_SIDE = 13  # places along a face where a body may lie that no Gauss point feels
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class ContactSurface:
         shape: shape functions at the Gauss points (g, 9).
         area: reference area of every Gauss point (f, g), mm2.
         normal_mpa_mm, tangential_mpa_mm: penalties eps_n and eps_t.
+        between: local points (s, 2) of a fine grid on the face.
     """
 
     cells: Index
@@ -47,6 +49,7 @@ class ContactSurface:
     area: Array
     normal_mpa_mm: float
     tangential_mpa_mm: float
+    between: Array
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,9 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
     area = np.linalg.norm(np.cross(tangent[..., 0], tangent[..., 1]), axis=-1) * rule
     normal = ratio * young_mpa / wall_mm
     nodes = np.ascontiguousarray(nodes)  # one memory layout: kernels have one signature (tests/test_kernels.py)
-    return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal)
+    side = np.linspace(-1, 1, BETWEEN_PER_SIDE)
+    between = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal, between)
 
 
 def free_memory(surface: ContactSurface, position: Array, body: Array) -> ContactMemory:
@@ -115,6 +120,17 @@ def free_memory(surface: ContactSurface, position: Array, body: Array) -> Contac
         surface, ContactMemory(np.zeros_like(y), y, np.zeros(y.shape[:2])), body, position, np.zeros(3), 0.0
     )
     return ContactMemory(np.zeros_like(y), y, np.maximum(response.gap, 0.0))
+
+
+def deepest_mm(surface: ContactSurface, body: Array, position: Array, translation: Array) -> float:
+    """How far the body reaches into the surface anywhere, Gauss points or not; negative where it is apart.
+
+    A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
+    """
+    face, place, _ = _nearest(surface.nodes, shape_quad(surface.between)[0], body, position, translation)
+    fine = surface.between[place] + surface.between * (2 / (BETWEEN_PER_SIDE - 1))
+    shape, _ = shape_quad(np.clip(fine, -1, 1))
+    return -_nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2]
 
 
 def respond(
@@ -179,6 +195,22 @@ def _distance(body, y, gradient, hessian):  # type: ignore[no-untyped-def]
             if body[0] == 2.0:
                 hessian[i, j] -= body[5 + i] * body[5 + j] / radius
     return radius - body[1]
+
+
+@njit(cache=True)
+def _nearest(nodes, shape, body, position, translation):  # type: ignore[no-untyped-def]
+    y, normal, hessian = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    nearest, face, place = np.inf, 0, 0
+    for f in range(len(nodes)):
+        for q in range(len(shape)):
+            for i in range(3):
+                y[i] = -translation[i]
+                for a in range(9):
+                    y[i] += shape[q, a] * position[nodes[f, a], i]
+            gap = _distance(body, y, normal, hessian)
+            if gap < nearest:
+                nearest, face, place = gap, f, q
+    return face, place, nearest
 
 
 @njit(cache=True)

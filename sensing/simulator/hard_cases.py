@@ -97,7 +97,9 @@ CASES: tuple[HardCase, ...] = (
     HardCase("35 N in one step", _press(35)),
     HardCase("plane starts 10 mm inside", _depths(10)),
     HardCase("sharp edge, radius 1 mm", _depths(0.5, 1, 2), indenter=Indenter(30, "edge", 1.0)),
-    HardCase("small bump, radius 3 mm", _depths(0.5, 1, 2, 4), indenter=Indenter(30, "sphere", 3.0)),
+    HardCase("edge, radius 8 mm", _depths(0.5, 1, 2, 4), indenter=Indenter(30, "edge", 8.0)),
+    HardCase("small bump, radius 3 mm, light", _depths(0.5), indenter=Indenter(30, "sphere", 3.0)),
+    HardCase("small bump, radius 3 mm", _depths(2, 4), indenter=Indenter(30, "sphere", 3.0)),
     HardCase("too deep for the model", _depths(45)),
     HardCase("pulling", _press(-1)),
 )
@@ -127,7 +129,8 @@ def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
         case.name,
         "converged",
         f"{reached}; residual {certificate.residual:.0e}, wrench {certificate.wrench_gap:.0e}, penetration "
-        f"{certificate.penetration_mm:.4f} mm, {certificate.substeps} sub-steps in the last step{buckled}",
+        f"{certificate.penetration_mm:.4f} mm ({certificate.reach_mm:.3f} between the contact's points), "
+        f"{certificate.substeps} sub-steps in the last step{buckled}",
     )
 
 

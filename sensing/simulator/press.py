@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sensing.simulator import branch, closed_forms, newton, viscous
-from sensing.simulator.contact import ContactResponse, free_memory
+from sensing.simulator.contact import ContactResponse, deepest_mm, free_memory
 from sensing.simulator.element import Array
 from sensing.simulator.indenter import Indenter
 from sensing.simulator.shell import ShellModel
@@ -27,6 +27,8 @@ MAX_HALVINGS = 6
 MAX_DEPTH_RATIO = 0.6  # of R: the contact law knows no self-contact of the inner surface
 MAX_FRICTION = 5.0
 FIRST_TOUCH_MM = 1e-3
+MAX_REACH = 0.15  # of depth or radius, unfelt between the Gauss points: about what the force is then wrong by
+REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
 WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms
 
 
@@ -105,7 +107,7 @@ class Press:
             switched |= here.certificate.switched
         assert here.certificate is not None
         certificate = replace(here.certificate, iterations=spent, substeps=substeps, switched=switched)
-        return replace(here, certificate=certificate)
+        return self.felt(replace(here, certificate=certificate))
 
     def problem(self, state: State, target: Target) -> newton.StepProblem:
         """The step from a state to a target, ready for :func:`sensing.simulator.newton.solve`."""
@@ -156,6 +158,7 @@ class Press:
             residual=here.error,
             wrench_gap=float(np.abs((wrench - reaction) / scale).max()),
             penetration_mm=float(max(0.0, -here.contact.gap.min())),
+            reach_mm=max(0.0, self._reach_mm(position, here.depth_mm, target.shift_mm)),
             cone_excess_mpa=_cone_excess(here.contact, self.friction),
             negative_pivots=solution.negative_pivots,
             force_stiffness_n_mm=solution.force_stiffness_n_mm,
@@ -176,6 +179,28 @@ class Press:
             time_s=state.time_s if target.time_s is None else target.time_s,
             history=self._history(state, target, here.displacement),
         )
+
+    def felt(self, state: State) -> State:
+        """The state itself.
+
+        Raises:
+            Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low.
+        """
+        assert state.certificate is not None
+        unfelt = state.certificate.reach_mm - state.certificate.penetration_mm
+        blunt = self.indenter.radius_mm if self.indenter.kind != "plane" else np.inf
+        limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(state.depth_mm, 0.0), blunt))
+        if unfelt > limit:
+            raise Refusal(
+                "mesh",
+                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where contact "
+                f"is felt, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small for this mesh "
+                "at this depth; take a finer density, a larger radius, or press deeper",
+            )
+        return state
+
+    def _reach_mm(self, position: Array, depth_mm: float, shift_mm: tuple[float, float]) -> float:
+        return deepest_mm(self.model.surface, self.body, position, self.frame @ np.array([-depth_mm, *shift_mm]))
 
     def _history(self, state: State, target: Target, displacement: Array) -> viscous.ViscousHistory | None:
         if state.history is None or target.time_s is None:

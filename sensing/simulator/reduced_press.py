@@ -84,7 +84,7 @@ class ReducedPress:
             if found is not None and found[1] * self.reduced.estimate_factor <= self.limit:
                 self.fast_steps += 1
                 self.error_estimate = found[1] * self.reduced.estimate_factor
-                return found[0]
+                return self.press.felt(found[0])
         self.fallbacks += 1
         return self.fast.advance(state, target)
 

@@ -22,7 +22,7 @@ class Refusal(EndcapError):
 
     Attributes:
         reason: ``path`` (a path that the model does not cover), ``unconverged``, ``unstable`` (no stable equilibrium
-            under this control), ``range`` (past the model's validity).
+            under this control), ``range`` (past the model's validity), ``mesh`` (too coarse to feel this body).
     """
 
     def __init__(self, reason: str, message: str) -> None:
@@ -37,7 +37,8 @@ class Certificate:
     Attributes:
         residual: norm of the force imbalance over the norm of the contact forces.
         wrench_gap: largest difference of contact and clamp wrench, over the load (moments over load times R).
-        penetration_mm: deepest penetration (gap times pressure is nowhere else violated: penalty contact).
+        penetration_mm: deepest at a Gauss point (gap times pressure is nowhere else violated: penalty contact).
+        reach_mm: deepest anywhere on the surface; what it exceeds ``penetration_mm`` by, no Gauss point felt.
         cone_excess_mpa: largest excess of friction over mu p.
         negative_pivots: of the last symmetric tangent; 0 means a stable branch at the controlled depth, -1 unknown.
         force_stiffness_n_mm: slope of normal force by depth; positive means stable under force control too.
@@ -49,6 +50,7 @@ class Certificate:
     residual: float
     wrench_gap: float
     penetration_mm: float
+    reach_mm: float
     cone_excess_mpa: float
     negative_pivots: int
     force_stiffness_n_mm: float

@@ -5,15 +5,18 @@
         tracker.update(wrench)
         print(tracker.at(time.monotonic()))       # lag removed: told for now, not for the frame
 
-Each of the six axes has a value and a rate that changes by white noise of density ``acceleration``; measurement noise
-is the estimate's own covariance where it tells one (its diagonal: axes are filtered apart). Time steps are those
-between capture times, so 30 or 120 Hz and dropped frames need no setting. N and N m, seconds.
+Six motions are followed at once, from one that stands nearly still to one that jumps; each axis believes those that
+foretold its last measurements. Measurement noise is the estimate's own covariance where it tells one (its diagonal:
+axes are filtered apart). Time steps are those between capture times, so 30 or 120 Hz and dropped frames need no
+setting. N and N m, seconds.
 
 Notes:
-    Constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, sec. 6.2.2): F = [[1, dt], [0, 1]],
-    Q = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]; update in Joseph's form, which stays positive definite; a surprise
-    widens the rate first, so that an impact is followed at once. Lag removed from a ramp is complete; from a sine of
-    frequency w it is down to order (w lag)^2. The arithmetic is in :mod:`sensing.wrench_kernels`.
+    A motion has a value and a rate, F = [[1, dt], [0, 1]], and white noise on both, Q = q [[dt^3 / 3, dt^2 / 2],
+    [dt^2 / 2, dt]] + [[w dt, 0], [0, 0]] (Bar-Shalom, Li, Kirubarajan 2001, sec. 6.2.2); update in Joseph's form, which
+    stays positive definite; what surprises all motions widens them first, so that an impact is followed at once. They
+    are mixed as autonomous multiple models (ibid., sec. 11.6.2) whose past fades. Of the lag behind a ramp well over
+    the noise 0.3 % is left, of that behind a sine of frequency w an order (w lag)^2; a force that turns too fast to be
+    foretold is held by the motions without a rate. The arithmetic is in :mod:`sensing.wrench_kernels`.
 """
 
 from __future__ import annotations
@@ -27,11 +30,33 @@ from scipy import stats
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
-from sensing.wrench_kernels import ahead, correct
+from sensing.wrench_kernels import ahead, believe, correct, mixture
 
 Array = NDArray[np.float64]
 MANEUVER_NIS = float(stats.chi2.isf(1e-5, 6))  # innovation beyond this: the motion changed faster than the model
 TINY = 1e-12
+LEAST_BELIEF = 1e-3  # what a motion keeps, so that it can come back within some frames
+ARM_M = 0.07  # E: about R, by which torques about the sphere's centre go with forces on the dome
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a force may move; a torque moves likewise, as that of a force with an arm of ``ARM_M``.
+
+    Attributes:
+        walk: noise density of the value, N^2/s. acceleration: of the rate, N^2/s^3.
+        start_rate: standard deviation of the first rate, N/s; 0, without acceleration: no rate at all.
+    """
+
+    walk: float = 0.0
+    acceleration: float = 0.0
+    start_rate: float = 0.0
+
+
+STANDARD = (
+    Motion(walk=10.0), Motion(walk=300.0), Motion(walk=1e4),
+    Motion(0.0, 30.0, 50.0), Motion(0.0, 1e4, 300.0), Motion(0.0, 3e5, 1000.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -39,29 +64,32 @@ class FilterConfig:
     """Knobs of the filter.
 
     Attributes:
-        acceleration: (6,) noise density q, N^2/s^3 and (N m)^2/s^3.
+        motions: those that are followed.
+        memory: share of the logarithm of an axis's belief that lasts from one measurement to the next, in (0, 1].
         noise: (6,) standard deviation of a measurement where the estimate tells none, N and N m.
-        start_rate: (6,) standard deviation of the first rate, N/s and N m/s.
         ahead_s: longest prediction with a moving value; beyond it the value stays and "stale" is flagged.
         gap_s: after a longer silence the filter starts anew.
 
     Raises:
-        ParameterError: a number that is not positive and finite.
+        ParameterError: a number out of its range, or no motion.
     """
 
-    acceleration: Array = field(default_factory=lambda: np.array([300.0] * 3 + [1.5] * 3))
+    motions: tuple[Motion, ...] = STANDARD
+    memory: float = 0.9
     noise: Array = field(default_factory=lambda: np.array([0.15] * 3 + [0.02] * 3))
-    start_rate: Array = field(default_factory=lambda: np.array([50.0] * 3 + [3.0] * 3))
     ahead_s: float = 0.15
     gap_s: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("acceleration", "noise", "start_rate"):
-            value = np.broadcast_to(np.asarray(getattr(self, name), float), (6,))
-            _require(bool(np.isfinite(value).all() and (value > 0).all()), name, value)
-            object.__setattr__(self, name, value)
+        noise = np.broadcast_to(np.asarray(self.noise, float), (6,))
+        _require(bool(np.isfinite(noise).all() and (noise > 0).all()), "noise", noise)
+        object.__setattr__(self, "noise", noise)
         for name in ("ahead_s", "gap_s"):
             _require(bool(np.isfinite(getattr(self, name)) and getattr(self, name) > 0), name, getattr(self, name))
+        _require(0 < self.memory <= 1, "memory", self.memory, "over 0 and at most 1")
+        numbers = [n for motion in self.motions for n in (motion.walk, motion.acceleration, motion.start_rate)]
+        good = bool(np.isfinite(numbers).all() and min(numbers, default=-1.0) >= 0)
+        _require(good, "motions", self.motions, "one or more, with finite numbers of at least 0")
 
 
 class WrenchFilter:
@@ -75,11 +103,15 @@ class WrenchFilter:
     def __init__(self, config: FilterConfig | None = None) -> None:
         self.config = config or FilterConfig()
         self.nis, self.late = float("nan"), 0
-        self._density, self._noise = np.array(self.config.acceleration), np.array(self.config.noise) ** 2
-        self._rates = np.array(self.config.start_rate) ** 2
+        arm = np.array([1.0] * 3 + [ARM_M] * 3) ** 2
+        motions, self._noise = self.config.motions, np.array(self.config.noise) ** 2
+        self._walk = np.array([motion.walk for motion in motions])[:, None] * arm
+        self._density = np.array([motion.acceleration for motion in motions])[:, None] * arm
+        self._rates = np.array([motion.start_rate for motion in motions])[:, None] ** 2 * arm
         self._last: Wrench | None = None
-        self._state = np.zeros((2, 6))  # values, rates
-        self._covariance = np.zeros((3, 6))  # of value, of value with rate, of rate
+        self._weight = np.full((len(motions), 6), 1 / len(motions))
+        self._state = np.zeros((len(motions), 2, 6))  # values, rates
+        self._covariance = np.zeros((len(motions), 3, 6))  # of value, of value with rate, of rate
 
     def update(self, wrench: Wrench) -> Wrench:
         """Take one estimate; returns the filtered wrench at its capture time.
@@ -109,8 +141,13 @@ class WrenchFilter:
             return self._predicted(wrench.time_s, wrench.flags | {"missing"})
         if step > self.config.gap_s:
             return self._start(wrench, measured, variance)
-        self._state, self._covariance = ahead(self._state, self._covariance, step, self._density)
-        self.nis = correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
+        self._state, self._covariance = self._ahead(step)
+        value, spread = mixture(self._weight, self._state, self._covariance)
+        self.nis = float(((measured - value) ** 2 / (spread + variance)).sum())
+        self._weight = believe(
+            self._weight, self._state, self._covariance, measured, variance, self.config.memory, LEAST_BELIEF
+        )
+        correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
         self._last = wrench
         return self._told(wrench.time_s, wrench.flags)
 
@@ -129,10 +166,14 @@ class WrenchFilter:
         return self._predicted(time_s, self._last.flags)
 
     def _start(self, wrench: Wrench, measured: Array, variance: Array) -> Wrench:
-        self._state = np.stack([measured, np.zeros(6)])
-        self._covariance = np.stack([variance, np.zeros(6), self._rates])
+        self._weight[:] = 1 / len(self._weight)
+        self._state[:, 0], self._state[:, 1] = measured, 0.0
+        self._covariance[:, 0], self._covariance[:, 1], self._covariance[:, 2] = variance, 0.0, self._rates
         self._last, self.nis = wrench, float("nan")
         return self._told(wrench.time_s, wrench.flags)
+
+    def _ahead(self, step: float) -> tuple[Array, Array]:
+        return ahead(self._state, self._covariance, step, self._walk, self._density)
 
     def _variance(self, covariance: Array) -> Array:
         told = covariance.diagonal()
@@ -141,18 +182,19 @@ class WrenchFilter:
     def _predicted(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
         step = time_s - self._last.time_s
-        state, covariance = ahead(self._state, self._covariance, step, self._density)
+        state, covariance = self._ahead(step)
         if step > self.config.ahead_s:
-            state = ahead(self._state, self._covariance, self.config.ahead_s, self._density)[0]
+            state = self._ahead(self.config.ahead_s)[0]
             flags = flags | {"stale"}
-        return _wrench(time_s, state[0], covariance[0], self._last.frame, flags)
+        return _wrench(time_s, mixture(self._weight, state, covariance), self._last.frame, flags)
 
     def _told(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
-        return _wrench(time_s, self._state[0], self._covariance[0], self._last.frame, flags)
+        return _wrench(time_s, mixture(self._weight, self._state, self._covariance), self._last.frame, flags)
 
 
-def _wrench(time_s: float, value: Array, variance: Array, frame: str, flags: frozenset[str]) -> Wrench:
+def _wrench(time_s: float, told: tuple[Array, Array], frame: str, flags: frozenset[str]) -> Wrench:
+    value, variance = told
     covariance = np.zeros((6, 6))
     covariance.flat[::7] = variance
     return Wrench(time_s, value[:3], value[3:], frame, covariance, flags)
@@ -163,6 +205,6 @@ def _flagged(wrench: Wrench) -> Wrench:
     return Wrench(wrench.time_s, np.zeros(3), np.zeros(3), wrench.frame, flags=wrench.flags | {"missing"})
 
 
-def _require(good: bool, name: str, value: Any) -> None:
+def _require(good: bool, name: str, value: Any, wanted: str = "positive and finite") -> None:
     if not good:
-        raise ParameterError(f"{name}={value}: must be positive and finite", name=name, value=value)
+        raise ParameterError(f"{name}={value}: must be {wanted}", name=name, value=value)

@@ -112,37 +112,77 @@ def _range(seen, gram, square):
 
 
 @numba.njit(**_KERNEL)
-def ahead(state, covariance, step, density):
-    """State (2, 6) and covariance (3, 6: of values, with rates, of rates) a time ``step`` later."""
+def ahead(state, covariance, step, walk, density):
+    """States (M, 2, 6) and covariances (M, 3, 6: of values, with rates, of rates) of M motions after a ``step``."""
     value, spread = state.copy(), covariance.copy()
-    for k in range(6):
-        vv, vr, rr, q = covariance[0, k], covariance[1, k], covariance[2, k], density[k]
-        value[0, k] += step * state[1, k]
-        spread[0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3
-        spread[1, k] = vr + step * rr + q * step**2 / 2
-        spread[2, k] = rr + q * step
+    for m in range(len(state)):
+        for k in range(6):
+            vv, vr, rr, q = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], density[m, k]
+            value[m, 0, k] += step * state[m, 1, k]
+            spread[m, 0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3 + walk[m, k] * step
+            spread[m, 1, k] = vr + step * rr + q * step**2 / 2
+            spread[m, 2, k] = rr + q * step
     return value, spread
 
 
 @numba.njit(**_KERNEL)
-def correct(state, covariance, measured, variance, surprise, rates):
-    """Takes a measurement (6,) of a variance (6,) into ``state`` and ``covariance``; returns the innovation's square.
+def believe(weight, state, covariance, measured, variance, memory, least):
+    """Weights (M, 6) after a measurement (6,), before it is taken in: Bayes' rule with a fading past, none at zero."""
+    count, told = len(weight), np.empty(weight.shape)
+    for k in range(6):
+        best, total, kept = -math.inf, 0.0, 0.0
+        for m in range(count):
+            spread = covariance[m, 0, k] + variance[k]
+            innovation = measured[k] - state[m, 0, k]
+            told[m, k] = memory * math.log(weight[m, k]) - 0.5 * (innovation * innovation / spread + math.log(spread))
+            best = max(best, told[m, k])
+        for m in range(count):
+            told[m, k] = math.exp(told[m, k] - best)
+            total += told[m, k]
+        for m in range(count):
+            told[m, k] = max(told[m, k] / total, least)
+            kept += told[m, k]
+        for m in range(count):
+            told[m, k] /= kept
+    return told
 
-    A normalised square beyond ``surprise`` widens values by the innovation and rates by ``rates`` (variances) first.
+
+@numba.njit(**_KERNEL)
+def correct(state, covariance, measured, variance, surprise, rates):
+    """Takes a measurement (6,) of a variance (6,) into ``state`` and ``covariance`` of every motion.
+
+    Where its normalised square is beyond ``surprise`` for all of them, values are widened by the innovation and rates
+    by ``rates`` (M, 6: variances) first.
     """
-    innovation = measured - state[0]
-    square = 0.0
-    for k in range(6):
-        square += innovation[k] ** 2 / (covariance[0, k] + variance[k])
-    for k in range(6):
-        if square > surprise:
-            covariance[0, k] += innovation[k] ** 2
-            covariance[2, k] += rates[k]
-        vv, vr, rr, noise = covariance[0, k], covariance[1, k], covariance[2, k], variance[k]
-        keep, g, h = noise / (vv + noise), vv / (vv + noise), vr / (vv + noise)
-        state[0, k] += g * innovation[k]
-        state[1, k] += h * innovation[k]
-        covariance[0, k] = keep * vv * keep + g * noise * g
-        covariance[1, k] = keep * (vr - h * vv) + g * noise * h
-        covariance[2, k] = rr - 2 * h * vr + h * vv * h + h * noise * h
-    return square
+    least = math.inf
+    for m in range(len(state)):
+        square = 0.0
+        for k in range(6):
+            square += (measured[k] - state[m, 0, k]) ** 2 / (covariance[m, 0, k] + variance[k])
+        least = min(least, square)
+    for m in range(len(state)):
+        for k in range(6):
+            innovation = measured[k] - state[m, 0, k]
+            if least > surprise:
+                covariance[m, 0, k] += innovation**2
+                covariance[m, 2, k] += rates[m, k]
+            vv, vr, rr, noise = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], variance[k]
+            keep, g, h = noise / (vv + noise), vv / (vv + noise), vr / (vv + noise)
+            state[m, 0, k] += g * innovation
+            state[m, 1, k] += h * innovation
+            covariance[m, 0, k] = keep * vv * keep + g * noise * g
+            covariance[m, 1, k] = keep * (vr - h * vv) + g * noise * h
+            covariance[m, 2, k] = rr - 2 * h * vr + h * vv * h + h * noise * h
+
+
+@numba.njit(**_KERNEL)
+def mixture(weight, state, covariance):
+    """Value (6,) and variance (6,) of all motions together, how far they are apart included."""
+    value, variance = np.zeros(6), np.zeros(6)
+    for m in range(len(weight)):
+        for k in range(6):
+            value[k] += weight[m, k] * state[m, 0, k]
+    for m in range(len(weight)):
+        for k in range(6):
+            variance[k] += weight[m, k] * (covariance[m, 0, k] + (state[m, 0, k] - value[k]) ** 2)
+    return value, variance

@@ -8,7 +8,7 @@ work on the machine changes little; from it follow the rows "computed", the dela
 The other delays are wall time from capture to wrench in the real loop, cameras out of step as
 free-running ones are; they mean something only on a machine with nothing else to do: ``idle_share`` tells how often a
 thread that sleeps for 5 ms was woken within 1 ms of its time. ``core_share`` is of the run's process with its simulated
-cameras, ``page_share`` of the page's.
+cameras and that probe, ``loop_share`` of the threads that work on frames, ``page_share`` of the page's process.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ MORE = (  # of ours
 )  # fmt: skip
 COLUMNS = (
     "model", "method", "caps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
-    "frames_s_core", "core_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped", "force_error_n",
+    "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped", "force_error_n",
     "torque_error_nm", "contact_right",
 )  # fmt: skip
 
@@ -206,22 +206,27 @@ def _measured(run: LiveRun, latency: list[float], seconds: float, pid: int | Non
         time.sleep(2.0)
         latency.clear()
         before = [cap.health.dropped for cap in made]
-        probe, cpu, others, begin = IdleProbe(), time.process_time(), cpu_s(pid), time.monotonic()
+        probe, begin = IdleProbe(), np.array(clocks(run, pid))
         time.sleep(seconds)
-        spent, beside, wall = time.process_time() - cpu, cpu_s(pid) - others, time.monotonic() - begin
+        wall, spent, loop, beside = np.array(clocks(run, pid)) - begin
         dropped = sum(cap.health.dropped - b for cap, b in zip(made, before, strict=True))
     return {
-        "frames": len(latency), "core_share": spent / wall, "page_share": beside / wall,
+        "frames": len(latency), "core_share": spent / wall, "loop_share": loop / wall, "page_share": beside / wall,
         "p50_ms": float(np.median(latency)), "p99_ms": float(np.percentile(latency, 99)),
         "idle_share": probe.share(), "dropped": dropped,
     }  # fmt: skip
 
 
-def cpu_s(pid: int | None) -> float:
-    """CPU time of another process so far; 0 for none."""
-    if pid is None:
-        return 0.0
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+def clocks(run: LiveRun, pid: int | None) -> tuple[float, float, float, float]:
+    """Wall time, and CPU time of this process, of the loop's threads in it and of the page's process, s."""
+    threads = run.engine.threads
+    loop = sum(cpu_s(f"self/task/{thread.native_id}") for thread in threads)
+    return time.monotonic(), time.process_time(), loop, 0.0 if pid is None else cpu_s(str(pid))
+
+
+def cpu_s(task: str) -> float:
+    """CPU time of a process or thread so far."""
+    fields = Path(f"/proc/{task}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 

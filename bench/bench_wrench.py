@@ -79,10 +79,10 @@ def size(train: list[Path], test: list[Path]) -> Iterator[Row]:
     plain = FitConfig(epochs=EPOCHS)
     for components, hidden in ((10, 64), (30, 64), (60, 16), (60, 64), (120, 128)):
         config = replace(plain, components=components, hidden=hidden)
-        yield trained(known, unseen, config) | {"name": f"{components} fields, width {hidden}", "x": components}
-    yield trained(known, unseen, replace(plain, symmetric=False)) | {"name": "without symmetries", "x": 60}
+        yield trained(known, unseen, config) | {"name": f"{components} fields, width {hidden}"}
+    yield trained(known, unseen, replace(plain, symmetric=False)) | {"name": "60, 64 without symmetries"}
     weights, _ = fit_ridge(known.inputs, known.wrenches, known.path, known.fields.shape[2])
-    yield errors(unseen.inputs @ weights.T, unseen) | {"name": "ridge", "x": 0}
+    yield errors(unseen.inputs @ weights.T, unseen) | {"name": "ridge"}
 
 
 def cells(train: list[Path], test: list[Path]) -> Iterator[Row]:
@@ -180,13 +180,14 @@ def tracking(train: list[Path], test: list[Path]) -> Iterator[Row]:
 
 
 def trained(known: Samples, unseen: Samples, config: FitConfig) -> Row:
-    """Error, CPU seconds of the fit, and latency of one frame."""
+    """Error, CPU seconds of the fit, weights of the perceptron (x), and latency of one frame."""
     begin = time.process_time()
     model: WrenchModel = fit(known, config)
     spent = time.process_time() - begin
     x = unseen.inputs
-    told = model.predict(x)[0]
-    return errors(told, unseen) | {"seconds": spent, "microseconds": microseconds(lambda: model.predict(x[:1]))}
+    told, count = model.predict(x)[0], sum(w.size for name, w in model.weights.items() if name.startswith("mean."))
+    latency_us = microseconds(lambda: model.predict(x[:1]))
+    return errors(told, unseen) | {"seconds": spent, "microseconds": latency_us, "x": count}
 
 
 def microseconds(run: Callable[[], object], calls: int = 300) -> float:
@@ -211,20 +212,20 @@ def plot(rows: list[Row], path: Path) -> None:
     figure, axes = pyplot.subplots(2, 2, figsize=(11, 8))
     for axis, (study, label, title) in zip(
         axes.ravel(),
-        (("size", "microseconds a frame (numpy)", "network size"), ("data", "loading paths", "training data"),
+        (("size", "weights of the perceptron", "network size"), ("data", "loading paths", "training data"),
          ("time", "CPU seconds of training", "training time"), ("cells", "cells along a side", "input field")),
         strict=True,
     ):  # fmt: skip
         part = [row for row in rows if row["study"] == study and row["force_rmse_n"] != ""]
         for name in dict.fromkeys("ours" if study == "cells" else row["name"] for row in part):
             chosen = [row for row in part if study == "cells" or row["name"] == name]
-            x = [row["microseconds"] if study == "size" else row["x"] for row in chosen]
-            if study == "size" and x == [""]:
+            x = [row["x"] for row in chosen]
+            if x == [""]:
                 axis.axhline(chosen[0]["force_rmse_n"], color="gray", ls=":", label=name)
                 continue
             axis.plot(x, [row["force_rmse_n"] for row in chosen], "o-", label=name, ms=4)
         axis.set(xlabel=label, ylabel="force RMSE, N", title=title, ylim=(0, None))
-        if study in ("time", "data"):
+        if study != "cells":
             axis.set_xscale("log")
         if len(axis.lines) > 1:
             axis.legend(fontsize=7)

@@ -69,6 +69,9 @@ class Engine:
     Args:
         caps: at least one. sinks: outputs that take every reading. workers: threads that share the caps.
 
+    Attributes:
+        caps: as given. threads: those that work on frames.
+
     Raises:
         ParameterError: no cap, or workers outside 1..number of caps.
     """
@@ -81,7 +84,7 @@ class Engine:
         self._stop = threading.Event()
         shares = [self.caps[k::workers] for k in range(workers)]
         self._wakes = [threading.Event() for _ in shares]
-        self._threads = [
+        self.threads = [
             threading.Thread(target=self._work, args=(share, wake), daemon=True)
             for share, wake in zip(shares, self._wakes, strict=True)
         ]
@@ -89,7 +92,7 @@ class Engine:
     def __enter__(self) -> Engine:
         for index, cap in enumerate(self.caps):
             cap.feed.start(self._wakes[index % len(self._wakes)].set)
-        for thread in self._threads:
+        for thread in self.threads:
             thread.start()
         return self
 
@@ -101,7 +104,7 @@ class Engine:
         self._stop.set()
         for wake in self._wakes:
             wake.set()
-        for thread in self._threads:
+        for thread in self.threads:
             if thread.is_alive():
                 thread.join(timeout=5.0)
         for cap in self.caps:
@@ -118,9 +121,9 @@ class Engine:
     def wait(self, timeout_s: float) -> bool:
         """True as soon as all sources have ended, False after the timeout."""
         end_s = time.monotonic() + timeout_s
-        for thread in self._threads:
+        for thread in self.threads:
             thread.join(max(0.0, end_s - time.monotonic()))
-        return not any(thread.is_alive() for thread in self._threads)
+        return not any(thread.is_alive() for thread in self.threads)
 
     def health(self, fresh: bool = False) -> list[CapHealth]:
         """State of every cap (see :meth:`LiveCap.look`)."""

@@ -73,8 +73,8 @@ MORE = (  # of ours
 )  # fmt: skip
 COLUMNS = (
     "model", "method", "caps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
-    "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped", "force_error_n",
-    "torque_error_nm", "contact_right",
+    "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped",
+    "force_error_n", "torque_error_nm", "contact_right",
 )  # fmt: skip
 
 

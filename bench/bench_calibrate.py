@@ -22,9 +22,9 @@ import matplotlib.pyplot as plt
 
 from cad.dots import POLAR_STEP_DEG, ring_count
 from cad.params import EndcapParams
-from sensing.calibrate import Calibration, MountPrior, calibrate_from_dots
-from sensing.calibrate_dots import find_dots, pattern_points
-from sensing.calibrate_picture import read_image
+from sensing.calibration.dots import find_dots, pattern_points
+from sensing.calibration.from_dots import Calibration, MountPrior, calibrate_from_dots
+from sensing.calibration.picture import read_image
 
 HERE = Path(__file__).parent
 PHOTOS = HERE.parent.parent / "shared" / "reference" / "photos"

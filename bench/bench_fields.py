@@ -23,8 +23,8 @@ import cv2
 import numpy as np
 from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, reference_of, sequence, summary
 
-from sensing.methods import METHODS, field_method
 from sensing.records import Image
+from sensing.tracking.methods import METHODS, field_method
 
 HERE = Path(__file__).resolve().parent
 Bags = dict[tuple[str, str], dict[str, np.ndarray]]  # (level, method) -> arrays

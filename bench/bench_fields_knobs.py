@@ -20,10 +20,10 @@ from pathlib import Path
 import cv2
 from field_scenes import LEVELS, PHOTOS, Scene, concatenated, measure, pictures, reference_of, sequence, summary
 
-from sensing.baselines import DisField, FarnebackField, LucasKanadeField
-from sensing.methods import DotField, FieldMethod
 from sensing.records import Frame
-from sensing.tracker import TrackerConfig
+from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField
+from sensing.tracking.methods import DotField, FieldMethod
+from sensing.tracking.tracker import TrackerConfig
 
 HERE = Path(__file__).resolve().parent
 SHAPE = (30, 30)

@@ -46,7 +46,7 @@ from sensing.live.recording import Recording
 from sensing.live.run import LiveRun, favour_the_loop
 from sensing.live.scene import SIZE, SceneSource, scene_film
 from sensing.records import Frame
-from sensing.zero import take_zero
+from sensing.tracking.zero import take_zero
 
 HERE = Path(__file__).resolve().parent
 CAPS = 6

@@ -6,7 +6,7 @@
 Dots found by darkness, in three zones of distance to the picture's centre: their areas, the green value from their
 centre outward, and how much centres differ. Ground: the median green value against distance, and red and blue over it.
 Noise: what a blur of 1.5 px takes away where nothing is painted, and the spread in a black corner. Places: what a
-calibration on the frame's own dots (:mod:`sensing.calibrate`) leaves over.
+calibration on the frame's own dots (:mod:`sensing.calibration.from_dots`) leaves over.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ import matplotlib.pyplot as plt
 
 from cad.errors import EndcapError
 from cad.params import EndcapParams
-from sensing.calibrate import calibrate_from_dots
-from sensing.calibrate_dots import find_dots, pattern_points
-from sensing.calibrate_picture import read_image
-from sensing.camera_nominal import nominal_mount
+from sensing.calibration.dots import find_dots, pattern_points
+from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.picture import read_image
+from sensing.camera.nominal import nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_settings import Paint, RenderSettings
 

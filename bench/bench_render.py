@@ -23,8 +23,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from cad.params import EndcapParams
-from sensing.camera_mount import mount, rotation_matrix
-from sensing.camera_nominal import nominal_lens
+from sensing.camera.mount import mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_settings import LEVELS, Paint, RenderSettings
 

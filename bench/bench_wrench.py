@@ -20,16 +20,16 @@ from typing import Any
 
 import numpy as np
 
-from sensing.contenders import RELEASED_SHAPE, read_all
-from sensing.fit_config import FitConfig
-from sensing.fitting import as_net, fit
-from sensing.paper_model import predict
-from sensing.paper_recipe import random_split, train_paper_model
+from sensing.learning.contenders import RELEASED_SHAPE, read_all
+from sensing.learning.fit_config import FitConfig
+from sensing.learning.fitting import as_net, fit
+from sensing.learning.paper_recipe import random_split, train_paper_model
+from sensing.learning.ridge import fit_ridge
+from sensing.learning.samples import MARKERS, Samples
 from sensing.records_labelled import LabelledSet
-from sensing.ridge import fit_ridge
-from sensing.samples import MARKERS, Samples
-from sensing.tracker import DotTracker
-from sensing.wrench_model import WrenchModel
+from sensing.tracking.tracker import DotTracker
+from sensing.wrench.model import WrenchModel
+from sensing.wrench.paper_model import predict
 from sensing.wrench_onnx import onnx_graph
 
 HERE = Path(__file__).parent
@@ -152,7 +152,7 @@ def latency(train: list[Path], test: list[Path]) -> Iterator[Row]:
 
 
 def tracking(train: list[Path], test: list[Path]) -> Iterator[Row]:
-    """What the real tracker's dots are off by on rendered frames: the noise that sensing.marker_fields assumes."""
+    """What the real tracker's dots are off by on rendered frames: the noise that learning.marker_fields assumes."""
     moved, off = [], []
     for folder in train[:1]:
         tracker, now = None, None

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from sensing.contact import ContactDetector, threshold_from_rest
 from sensing.records import Frame, Wrench
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_settings import Lamp, RenderSettings
-from sensing.tracker import DotTracker, TrackerConfig
-from sensing.wrench_model import WrenchModel, load_wrench_model
+from sensing.tracking.tracker import DotTracker, TrackerConfig
+from sensing.wrench.contact import ContactDetector, threshold_from_rest
+from sensing.wrench.model import WrenchModel, load_wrench_model
 
 HERE = Path(__file__).parent
 LAMPS = {

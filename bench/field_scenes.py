@@ -20,13 +20,13 @@ import numpy as np
 
 from cad.params import EndcapParams
 from sensing.decode import decode_bgr
-from sensing.methods import DotField, FieldMethod
 from sensing.records import Frame, Image
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_settings import Paint, RenderSettings
 from sensing.sources.degrade import LEVELS, degrade, random_degradation
 from sensing.sources.files import PICTURES, read_picture
 from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
+from sensing.tracking.methods import DotField, FieldMethod
 
 PHOTOS = Path(__file__).resolve().parent.parent.parent / "shared" / "reference" / "photos"
 RAMP = (1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6, 1.0)

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
-from sensing.contenders import Answer, Views, fitted, held_out, read_views
-from sensing.samples import Samples, read_samples, shared_between
-from sensing.scores import Score, score, table
-from sensing.timeliness import LATENCY_S, filtered_score
-from sensing.wrench_model import WrenchModel, load_wrench_model, replace_file
+from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
+from sensing.learning.samples import Samples, read_samples, shared_between
+from sensing.learning.scores import Score, score, table
+from sensing.learning.timeliness import LATENCY_S, filtered_score
+from sensing.wrench.model import WrenchModel, load_wrench_model, replace_file
 
 MOVING = ("circle", "drag", "impact")  # phases of motion, in the dynamic protocol
 HOLDOUTS = ("random", "path", "pose", "friction")
@@ -93,8 +93,8 @@ def cross_validate(
     train: Sequence[Path], holdouts: Sequence[str], paper_epochs: int = 100, seed: int = 0
 ) -> dict[str, Score]:
     """Scores by "model, leave out what": everything fitted to a part of the data and tested on the rest."""
-    from sensing.fit_config import FitConfig
-    from sensing.fitting import fit
+    from sensing.learning.fit_config import FitConfig
+    from sensing.learning.fitting import fit
 
     if not holdouts:
         return {}

@@ -3,10 +3,11 @@
     python -m sensing.export_dataset --data exports/data_D130_T8_static_0 --out exports/gelfoot
 
 Rows of ``index.csv``: ``wrench``, six numbers as text (N, N m), and ``array_path``, a (2, 30, 30) float32 shear field
-in pixels of the 200 x 200 crop against the untouched picture in the same light (:mod:`sensing.gelslim`; facts.md,
-"data"). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does to the
-plane, about the sphere's centre. Further columns say path, phase and level, so that splits can keep a path together.
-:mod:`sensing.authors_dataset` reads the result.
+in pixels of the 200 x 200 crop against the untouched picture in the same light (:mod:`sensing.tracking.gelslim`;
+facts.md, "data"). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does
+to the plane, about the sphere's centre. Further columns say path, phase and level, so that splits can keep a path
+together.
+:mod:`sensing.learning.authors_dataset` reads the result.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError
 from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
-from sensing.gelslim import GelslimField
 from sensing.records import Wrench
 from sensing.records_labelled import LabelledFrame, LabelledSet
+from sensing.tracking.gelslim import GelslimField
 
 COLUMNS = ("wrench", "array_path", "path", "phase", "level")
 

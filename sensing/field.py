@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
 from sensing.decode import FrameError, decode_bgr
-from sensing.field_picture import draw_field
-from sensing.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
-from sensing.methods import METHODS, DotField, FieldMethod, field_method
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
-from sensing.zero import load_zero
+from sensing.tracking.field_picture import draw_field
+from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
+from sensing.tracking.methods import METHODS, DotField, FieldMethod, field_method
+from sensing.tracking.zero import load_zero
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,11 @@ def compute_fields(
     """Fields of frames against one undeformed reference, one by one.
 
     Args:
-        method: one of :data:`sensing.methods.METHODS`.
+        method: one of :data:`sensing.tracking.methods.METHODS`.
         reference: the undeformed picture.
         frames: pictures of the same size.
         shape: (H, W) of the field.
-        channels: any of :data:`sensing.gelslim.CHANNELS`; changes (du ...) only with ``gelslim``.
+        channels: any of :data:`sensing.tracking.gelslim.CHANNELS`; changes (du ...) only with ``gelslim``.
 
     Raises:
         EndcapError: unknown method or channel, no dots in the reference, a frame of another size or unreadable.

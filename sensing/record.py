@@ -27,12 +27,12 @@ import numpy as np
 from cad.errors import EndcapError, FileError
 from cad.params import EndcapParams
 from sensing.frames import ACTION, REACTION, FtMount
-from sensing.ft_streams import COUNTS, CsvFt, NetFt
-from sensing.recording import Recording
+from sensing.recording.folder import Recording
+from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
+from sensing.recording.synchronise import SLOP_S, Synchroniser
 from sensing.records import Frame
 from sensing.sources.choose import open_frames
-from sensing.synchronise import SLOP_S, Synchroniser
-from sensing.zero import take_zero
+from sensing.tracking.zero import take_zero
 
 REST_FRAMES = 30
 MOST_WAITING = 300  # frames that wait for their force; more means that the stream lags

@@ -5,7 +5,7 @@
     for item in data.frames(train):
         item.frame, item.reference, item.wrench, item.contact, item.dots_px
 
-A folder holds ``manifest.json`` (what was asked for), ``camera.json`` (:mod:`sensing.camera_mount`), ``dots.npz``
+A folder holds ``manifest.json`` (what was asked for), ``camera.json`` (:mod:`sensing.camera.mount`), ``dots.npz``
 (positions at rest, mm, endcap frame) and ``shards/NNNNN.npz``. A shard's columns (:data:`COLUMNS`) have one row a
 frame; ``jpeg`` and ``reference_jpeg`` hold all its pictures end to end, picture i ending at ``jpeg_end[i]``. Units are
 in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at the origin of the endcap frame.

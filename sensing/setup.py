@@ -6,7 +6,7 @@
 
 Every camera is zeroed while nothing touches. Then each cap is touched in turn, in the order in which they are to be
 named, and the camera that sees it gets the name. The rest after each touch gives its contact threshold: the force that
-an untouched cap passes once in a thousand frames (:func:`sensing.contact.threshold_from_rest`). N, mm, s.
+an untouched cap passes once in a thousand frames (:func:`sensing.wrench.contact.threshold_from_rest`). N, mm, s.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
-from sensing.contact import threshold_from_rest
 from sensing.live.config import MODELS, CapConfig, LiveConfig, save_config
 from sensing.live.engine import Engine, LiveCap
 from sensing.live.open_caps import Models, configured_models, open_caps
 from sensing.live.reading import CapReading
 from sensing.live.warm_up import warm_up
 from sensing.sources.camera import list_devices
-from sensing.zero import save_zero
+from sensing.tracking.zero import save_zero
+from sensing.wrench.contact import threshold_from_rest
 
 REST_S, MOST_REST_S = 5.0, 90.0  # watched for a threshold at least, and at most until it has samples enough
 TOUCH_S, ZERO_S = 30.0, 20.0  # waited for a touch and for a zero

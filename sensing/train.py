@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
-from sensing.contenders import read_all
-from sensing.fit_config import FitConfig
+from sensing.learning.contenders import read_all
+from sensing.learning.fit_config import FitConfig
+from sensing.learning.samples import MARKERS, SHAPE
 from sensing.records_labelled import LabelledSet
-from sensing.samples import MARKERS, SHAPE
 
 DEFAULT = "default"
 
@@ -36,8 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sensing.fitting import fit  # torch takes seconds to load: bad options are told before
-    from sensing.wrench_model import load_wrench_model
+    from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are told before
+    from sensing.wrench.model import load_wrench_model
 
     config = FitConfig(
         components=options.components, hidden=options.hidden, epochs=options.epochs, seconds=options.seconds,

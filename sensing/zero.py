@@ -1,305 +1,151 @@
-"""The undeformed reference: taken from an interval without contact, stored, watched, and renewed.
-
-A touch deforms part of the skin; a lamp that ages or a camera that settles in its mount changes the whole picture at
-once. So drift is told apart by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
-all dots alike, and small, is the mounting; a change of brightness without motion is the lamp; the rest is contact.
+"""The undeformed reference of a sensor: take it, compare with it, keep it up to date.
 
     python -m sensing.zero take --source 0 --sensor "cap 3" --out cap3.npz
     python -m sensing.zero check --zero cap3.npz --source 0
     python -m sensing.zero watch --zero cap3.npz --source 0 --still 30
 
-Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
+What it is and when it is renewed: :mod:`sensing.tracking.zero`.
 """
 
 from __future__ import annotations
 
-import datetime
-import hashlib
-import json
-import os
-import tempfile
-import zipfile
+import argparse
+import itertools
+import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from cad.errors import EndcapError, FileError
-from sensing.decode import decode_bgr, decode_gray, working_reduction
-from sensing.dots import find_dots
-from sensing.records import DotTracks, Frame, Image
-from sensing.tracker import DotTracker
+from cad.errors import EndcapError, ParameterError
+from sensing.sources.choose import open_frames
+from sensing.tracking.tracker import DotTracker
+from sensing.tracking.zero import (
+    LEAST_FRAMES,
+    AutoZero,
+    Drift,
+    ZeroError,
+    load_zero,
+    measure_drift,
+    save_zero,
+    take_zero,
+)
 
-STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
-CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which it is contact
-MOUNT_PX = 0.3  # at 480: similarity motion from which the mounting has drifted
-LAMP = 0.1  # relative change of brightness from which the lamp has drifted
-LEAST_FRAMES = 3
-LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
-
-
-class ZeroError(EndcapError):
-    """A reference that cannot be taken: too few frames, no dots, or something moved."""
-
-
-@dataclass(frozen=True)
-class Zero:
-    """A reference and where it comes from.
-
-    Attributes:
-        image: (H, W, 3) BGR average of the interval.
-        sensor: name of the sensor.
-        date: ISO date and time (UTC) of the interval.
-        frames: number of frames averaged.
-        noise_px: (N,) rms motion of each dot within the interval.
-        brightness: mean gray of the picture.
-        exposure: as the driver stated it; NaN where it did not.
-    """
-
-    image: Image
-    sensor: str
-    date: str
-    frames: int
-    noise_px: NDArray[np.float64]
-    brightness: float
-    exposure: float = float("nan")
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the picture, by which fields and weights can name their reference."""
-        return hashlib.sha256(np.ascontiguousarray(self.image).tobytes()).hexdigest()
-
-    def frame(self) -> Frame:
-        """The reference as a frame for :class:`sensing.tracker.DotTracker` and the other methods."""
-        return Frame(0.0, 0, f"reference of {self.sensor}", image=self.image)
+MEANING = {
+    "none": "as when it was zeroed",
+    "lamp": "the light has changed: zero again if it stays",
+    "mounting": "camera or dome have moved as a whole: corrected, zero again when untouched",
+    "contact": "something touches the dome",
+}
 
 
-@dataclass(frozen=True)
-class Drift:
-    """What has changed since the reference was taken.
-
-    Attributes:
-        cause: ``none``, ``lamp``, ``mounting`` or ``contact`` (which hides the other two).
-        shift_px: (2,) x, y of the similarity motion at the picture's centre.
-        turn_rad: its rotation.
-        scale: its scale.
-        residual_px: third largest dot motion that it leaves.
-        brightness: gray level now over that of the reference.
-    """
-
-    cause: Literal["none", "lamp", "mounting", "contact"]
-    shift_px: NDArray[np.float64]
-    turn_rad: float
-    scale: float
-    residual_px: float
-    brightness: float
-
-
-def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
-    """Average an interval without contact.
-
-    Raises:
-        ZeroError: fewer than three frames, sizes that differ, or dots that moved (then the offender is named).
-        NoDotsError: a frame without dots.
-    """
-    if len(frames) < LEAST_FRAMES:
-        raise ZeroError(f"{len(frames)} frames: at least {LEAST_FRAMES} needed to tell rest from motion")
-    pictures = [decode_bgr(frame) for frame in frames]
-    if len({p.shape for p in pictures}) > 1:
-        raise ZeroError(f"frames of different sizes {sorted({p.shape[:2] for p in pictures})}: fix the camera mode")
-    tracker = DotTracker(frames[0])
-    limit = STILL_PX * min(tracker.size) / 480.0
-    moved = []
-    for frame in frames:
-        tracks = tracker.update(frame)
-        if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is told as what it is
-            reduction = working_reduction(tracker.size)
-            find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
-        live = ~tracks.lost
-        largest = np.percentile(np.linalg.norm(tracks.displacement_px[live], axis=1), 95) if live.any() else np.inf
-        if tracks.lost.mean() > LOST_SHARE or largest > limit:
-            raise ZeroError(
-                f"{frame.source}: frame {frame.sequence} moved by {largest:.2f} px, at most {limit:.2f} allowed: "
-                "keep the sensor untouched and still, and zero again"
-            )
-        moved.append(tracks.displacement_px)
-    mean = np.mean(np.stack(pictures).astype(np.float32), axis=0)
-    image = np.rint(mean).astype(np.uint8)
-    noise = np.sqrt(np.mean((np.stack(moved) - np.mean(moved, axis=0)) ** 2, axis=(0, 2)))
-    known = [f.exposure for f in frames if f.exposure is not None]
-    date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    exposure = float(np.mean(known)) if known else float("nan")
-    return Zero(image, sensor, date, len(frames), noise, _brightness(Frame(0.0, 0, sensor, image=image)), exposure)
-
-
-def single_zero(frame: Frame, sensor: str = "endcap") -> Zero:
-    """One picture as a reference, where no interval is to be had (a folder of photos); its noise is unknown.
-
-    Raises:
-        FrameError: the picture cannot be decoded.
-    """
-    image = decode_bgr(frame)
-    date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    brightness = _brightness(Frame(0.0, 0, sensor, image=image))
-    exposure = float("nan") if frame.exposure is None else frame.exposure
-    return Zero(image, sensor, date, 1, np.zeros(0), brightness, exposure)
-
-
-def save_zero(zero: Zero, path: Path | str) -> None:
-    """Write ``.npz`` under a temporary name, then rename.
-
-    Raises:
-        FileError: the place cannot be written.
-    """
-    path = Path(path)
-    about = {k: v for k, v in asdict(zero).items() if k not in ("image", "noise_px")} | {"digest": zero.digest}
-    png = cv2.imencode(".png", zero.image)[1]
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command; returns the exit status."""
+    options = _parser().parse_args(arguments)
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.savez(file, png=png, noise_px=zero.noise_px, about=np.array(json.dumps(about)))
-        os.replace(file.name, path)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}: give a folder that exists and may be written") from None
+        options.run(options)
+    except EndcapError as error:
+        print(f"sensing.zero: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("sensing.zero: stopped", file=sys.stderr)
+        return 130
+    return 0
 
 
-def load_zero(path: Path | str) -> Zero:
-    """Read what :func:`save_zero` wrote.
+def _take(options: argparse.Namespace) -> None:
+    with open_frames(options.source) as frames:
+        interval = list(itertools.islice(frames, options.frames))
+    zero = take_zero(interval, options.sensor)
+    save_zero(zero, options.out)
+    exposure = "unknown" if np.isnan(zero.exposure) else f"{zero.exposure:g}"
+    print(
+        f"{options.out}: {zero.sensor}, {zero.date}, {zero.frames} frames, {len(zero.noise_px)} dots, "
+        f"noise {np.median(zero.noise_px):.3f} px, exposure {exposure}, digest {zero.digest[:12]}"
+    )
 
-    Raises:
-        FileError: missing, no such file format, or the picture does not match its digest.
-    """
+
+def _check(options: argparse.Namespace) -> None:
+    zero = load_zero(options.zero)
+    tracker = DotTracker(zero.frame())
+    drift = None
+    with open_frames(options.source) as frames:
+        for frame in itertools.islice(frames, options.frames):
+            drift = measure_drift(zero, frame, tracker.update(frame))
+    if drift is None:
+        raise ZeroError(f"{options.source}: no frame: is the source empty?")
+    print(_said(drift))
+
+
+def _watch(options: argparse.Namespace) -> None:
+    """Prints every change of state, and renews the file when the sensor was surely untouched and has drifted."""
+    auto = AutoZero(load_zero(options.zero), options.still)
+    tracker = DotTracker(auto.zero.frame())
+    before = ""
+    with open_frames(options.source) as frames:
+        for frame in frames:
+            tracks = tracker.update(frame)
+            drift = measure_drift(auto.zero, frame, tracks)
+            if drift.cause != before:
+                print(f"{frame.time_s:.2f} s  {_said(drift)}", flush=True)
+                before = drift.cause
+            renewed = auto.update(frame, tracks)
+            if renewed is not None:
+                save_zero(renewed, options.zero)
+                tracker = DotTracker(renewed.frame())
+                print(f"{frame.time_s:.2f} s  {options.zero}: zeroed again, digest {renewed.digest[:12]}", flush=True)
+
+
+def _said(drift: Drift) -> str:
+    x, y = drift.shift_px
+    return (
+        f"{drift.cause}: {MEANING[drift.cause]} (shift {x:+.2f}, {y:+.2f} px, "
+        f"turn {np.degrees(drift.turn_rad):+.3f} deg, scale {drift.scale:.4f}, "
+        f"left {drift.residual_px:.2f} px, brightness x{drift.brightness:.2f})"
+    )
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or int(text) < LEAST_FRAMES:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number, at least {LEAST_FRAMES}")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
     try:
-        with np.load(path, allow_pickle=False) as data:
-            about = json.loads(str(data["about"]))
-            image = cv2.imdecode(data["png"], cv2.IMREAD_COLOR)
-            noise = np.array(data["noise_px"])
-        if image is None:
-            raise ValueError("no picture")
-        digest = about.pop("digest")
-        zero = Zero(image=image, noise_px=noise, **about)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: no reference file ({type(error).__name__}): zero the sensor again") from None
-    if zero.digest != digest:
-        raise FileError(f"{path}: the picture does not match its digest: the file is damaged, zero the sensor again")
-    return zero
+        value = float(text)
+        if not 0 < value < 86400:
+            raise ParameterError(text, name="still", value=value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: give seconds, more than 0 and less than a day") from None
+    return value
 
 
-def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | None = None) -> Drift:
-    """What has changed between the reference and a frame with its tracks; ``gray``: the frame if it is decoded already.
-
-    Raises:
-        FrameError: the frame cannot be decoded.
-    """
-    ratio = (_brightness(frame) if gray is None else cv2.mean(gray)[0]) / max(zero.brightness, 1e-6)
-    live = ~tracks.lost
-    unit = min(tracks.size) / 480.0
-    if live.sum() < 4:
-        return Drift("contact" if live.any() else "lamp", np.zeros(2), 0.0, 1.0, float("inf"), ratio)
-    similarity = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
-    shift, turn, scale, residual = similarity
-    left = float(np.sort(residual)[-3])  # one or two dots may be off for other reasons
-    reach = np.linalg.norm(shift) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
-    if left > CONTACT_PX * unit:
-        cause: Literal["none", "lamp", "mounting", "contact"] = "contact"
-    elif reach > MOUNT_PX * unit:
-        cause = "mounting"
-    elif abs(ratio - 1) > LAMP:
-        cause = "lamp"
-    else:
-        cause = "none"
-    return Drift(cause, shift, turn, scale, left, ratio)
-
-
-def without_mounting(tracks: DotTracks, drift: Drift) -> DotTracks:
-    """Tracks with the similarity motion of a drifted mounting taken out; unchanged for any other cause."""
-    if drift.cause != "mounting":
-        return tracks
-    centre = (np.array(tracks.size) - 1) / 2
-    arm = tracks.position_px - centre - drift.shift_px
-    cos, sin = np.cos(drift.turn_rad) / drift.scale, np.sin(drift.turn_rad) / drift.scale
-    back = np.stack([cos * arm[:, 0] + sin * arm[:, 1], -sin * arm[:, 0] + cos * arm[:, 1]], axis=1) + centre
-    stretch = None
-    if tracks.stretch is not None:
-        turn_back = np.array([[cos, sin], [-sin, cos]])
-        stretch = turn_back @ (np.eye(2) + tracks.stretch) - np.eye(2)
-    return replace(tracks, position_px=back, stretch=stretch)
-
-
-class AutoZero:
-    """Says when a new reference may be taken unasked: only after a long time without any contact, and with drift.
-
-    Args:
-        zero: the reference in use.
-        still_s: untouched and still for this long.
-        frames: frames kept for the new reference.
-    """
-
-    def __init__(self, zero: Zero, still_s: float = 30.0, frames: int = 10) -> None:
-        self.zero, self._still_s, self._keep = zero, still_s, frames
-        self._since_s: float | None = None
-        self._last: DotTracks | None = None
-        self._frames: list[Frame] = []
-
-    def update(self, frame: Frame, tracks: DotTracks) -> Zero | None:
-        """A new reference when it is surely time for one, else None."""
-        drift = measure_drift(self.zero, frame, tracks)
-        moved = self._last is not None and _step_px(self._last, tracks) > STILL_PX * min(tracks.size) / 480.0
-        self._last = tracks
-        if drift.cause == "contact" or moved:
-            self._since_s, self._frames = None, []
-            return None
-        self._since_s = frame.time_s if self._since_s is None else self._since_s
-        self._frames = [*self._frames, frame][-self._keep :]
-        waited = frame.time_s - self._since_s >= self._still_s and len(self._frames) == self._keep
-        if drift.cause == "none" or not waited:
-            return None
-        self.zero = take_zero(self._frames, self.zero.sensor)
-        self._since_s, self._frames, self._last = None, [], None
-        return self.zero
-
-
-def _step_px(before: DotTracks, now: DotTracks) -> float:
-    live = ~(before.lost | now.lost)
-    if not live.any():
-        return float("inf")
-    return float(np.percentile(np.linalg.norm((now.position_px - before.position_px)[live], axis=1), 95))
-
-
-def _fit_similarity(
-    before: NDArray[np.float64], after: NDArray[np.float64], size: tuple[int, int]
-) -> tuple[NDArray[np.float64], float, float, NDArray[np.float64]]:
-    """(shift at the picture's centre, turn, scale, (N,) residual), robust by two rounds of trimming.
-
-    Complex numbers: after = a before + b with positions from the centre; a = scale exp(i turn); least squares.
-    """
-    centre = (np.array(size) - 1) / 2
-    z = (before - centre) @ np.array([1, 1j])
-    w = (after - centre) @ np.array([1, 1j])
-    keep = np.ones(len(z), bool)
-    for _ in range(3):
-        z_mean, w_mean = z[keep].mean(), w[keep].mean()
-        arm = z[keep] - z_mean
-        a = np.vdot(arm, w[keep] - w_mean) / max(np.vdot(arm, arm).real, 1e-9)
-        b = w_mean - a * z_mean
-        residual = np.abs(w - (a * z + b))
-        keep = residual <= max(2.5 * np.median(residual), 1e-9)
-        if keep.sum() < 3:
-            break
-    return np.array([b.real, b.imag]), float(np.angle(a)), float(abs(a)), residual
-
-
-def _brightness(frame: Frame) -> float:
-    """Mean gray level; a quarter of the size is enough for a mean."""
-    return float(decode_gray(frame, 4).mean())
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.zero",
+        description="The undeformed reference of a sensor: take it, compare with it, keep it up to date.",
+        epilog="A source is a camera number, an http address, a folder of pictures or a video. "
+        "Bad input: one line on stderr, exit status 2.",
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    take = commands.add_parser("take", help="average frames of the untouched sensor and store them (zero, re-zero)")
+    take.add_argument("--sensor", default="endcap", help="name of the sensor")
+    take.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="replaced when it is there")
+    take.set_defaults(run=_take)
+    check = commands.add_parser("check", help="tell what has changed: nothing, lamp, mounting or contact")
+    check.set_defaults(run=_check)
+    watch = commands.add_parser("watch", help="tell changes as they come; renew the file when surely untouched")
+    watch.add_argument("--still", type=_seconds, default=30.0, help="untouched and still for so many seconds (30)")
+    watch.set_defaults(run=_watch)
+    for command in (take, check, watch):
+        command.add_argument("--source", required=True, help="camera number, address, folder or video")
+    for command in (take, check):
+        command.add_argument("--frames", type=_count, default=30, help="frames to use (30)")
+    for command in (check, watch):
+        command.add_argument("--zero", type=Path, required=True, metavar="FILE.npz", help="written by take")
+    return parser
 
 
 if __name__ == "__main__":
-    from sensing.zero_cli import main
-
     raise SystemExit(main())

@@ -15,7 +15,7 @@ from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.newest import FrameSource
 from sensing.sources.warp import Bump, Displacement, warp_image
-from sensing.tracker import DotTracker
+from sensing.tracking.tracker import DotTracker
 
 PUSH = Displacement(bumps=(Bump((330.0, 230.0), (9.0, 4.0), 90.0),))
 SHAPE = (16, 16)

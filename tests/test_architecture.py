@@ -1,7 +1,8 @@
 """The arrows between layers, as an allow-list over the source, and in a fresh interpreter.
 
 cad's bottom layer imports the standard library only; fab imports cad; sensing imports the bottom layer only and never
-the CAD kernel; fab and sensing never meet; the simulator shares nothing with the estimator but the camera model.
+the CAD kernel; fab and sensing never meet. Inside sensing the packages follow the data, from camera to contact, each
+with a list of those it may import; the simulator shares nothing with the estimator but camera and records.
 """
 
 from __future__ import annotations
@@ -19,7 +20,20 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
-SHARED_WITH_SIMULATOR = ("sensing.camera", "sensing.records")  # prefixes: camera_model, records_labelled and so on
+SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled")}
+ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
+    "camera": set(),
+    "sources": set(),
+    "simulator": {"camera"},
+    "calibration": {"camera"},
+    "tracking": {"camera"},
+    "wrench": {"camera", "tracking"},
+    "recording": {"tracking", "wrench"},
+    "learning": {"camera", "tracking", "wrench"},
+    "live": {"camera", "sources", "tracking", "wrench"},
+    "": {"calibration", "camera", "learning", "live", "recording", "sources", "tracking", "wrench"},
+}
+SHARED_WITH_SIMULATOR = {"sensing.records", "sensing.records_labelled"}  # besides the package camera
 PACKAGES = ("cad", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
 KERNEL = ("OCP", "build123d", "cadquery")
@@ -75,20 +89,21 @@ def own(names: set[str]) -> set[str]:
     return {name for name in names if name.split(".")[0] in PACKAGES}
 
 
-def within(name: str, prefixes: tuple[str, ...]) -> bool:
-    return any(name == p or name.startswith((f"{p}.", f"{p}_")) for p in prefixes)
+def part(module: str) -> str:
+    """Package of sensing that a module lies in, "" for the modules beside the packages."""
+    names = module.split(".")
+    return names[1] if len(names) > 1 and names[1] in ARROWS else ""
 
 
 def sensing_violations(module: str, names: set[str]) -> set[str]:
     allowed = BOTTOM | RECORDS | {"cad"}
     bad = {n for n in own(names) if not n.startswith("sensing") and n not in allowed}
     bad |= {n for n in names if n.split(".")[0] in KERNEL}
-    in_simulator = within(module, ("sensing.simulator",))
+    here = part(module)
+    shared = SHARED_WITH_SIMULATOR if here == "simulator" else SHARED
+    packages = set() if module in SHARED else ARROWS[here] | ({here} - {""})
     for name in names:
-        if name == "sensing" or not name.startswith("sensing."):
-            continue
-        crosses = within(name, ("sensing.simulator",)) != in_simulator
-        if crosses and not (in_simulator and within(name, SHARED_WITH_SIMULATOR)):
+        if name.startswith("sensing.") and name not in shared and part(name) not in packages:
             bad.add(name)
     return bad
 
@@ -116,6 +131,12 @@ def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(mo
     assert sensing_violations(module, imports_of(module)) == set()
 
 
+def test_every_package_of_sensing_has_its_arrows_and_they_have_no_cycle():
+    assert {path.parent.name for path in (ROOT / "sensing").glob("*/*.py")} == set(ARROWS) - {""}
+    order = list(ARROWS)
+    assert all(order.index(other) < order.index(package) for package in ARROWS for other in ARROWS[package])
+
+
 @pytest.mark.parametrize(
     ("module", "source", "bad"),
     [
@@ -124,14 +145,24 @@ def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(mo
         ("sensing.flow", "from cad import base, params", {"cad.base"}),
         ("sensing.flow", "from cad.mold_layout import MoldLayout", {"cad.mold_layout"}),
         ("sensing.flow", "from sensing.simulator.render import ray", {"sensing.simulator.render"}),
+        ("sensing.flow", "from sensing.train import main", {"sensing.train"}),
         ("sensing.simulator.render", "from sensing.flow import track", {"sensing.flow"}),
         ("sensing.simulator.render", "from ..flow import track", {"sensing.flow"}),
-        ("sensing.simulator.render", "from sensing.camera_model import project\nfrom .mesh import m", set()),
+        ("sensing.simulator.render", "from sensing.frames import rigid", {"sensing.frames"}),
+        ("sensing.simulator.render", "from sensing.tracking import dots", {"sensing.tracking.dots"}),
+        ("sensing.simulator.render", "from sensing.calibration.dots import f", {"sensing.calibration.dots"}),
+        ("sensing.simulator.render", "from sensing.camera.model import project\nfrom .mesh import m", set()),
+        ("sensing.tracking.dots", "from ..wrench.model import m", {"sensing.wrench.model"}),
+        ("sensing.tracking.dots", "import sensing.field", {"sensing.field"}),
+        ("sensing.camera.model", "from sensing.tracking.dots import find", {"sensing.tracking.dots"}),
+        ("sensing.records", "from sensing.camera.model import project", {"sensing.camera.model"}),
+        ("sensing.live.model", "def f():\n    import sensing.learning.net", {"sensing.learning.net"}),
+        ("sensing.learning.net", "from sensing import records, compiled\nfrom . import ridge", set()),
         ("sensing.flow", "from cad.params import EndcapParams\nfrom cad import dots\nimport numpy", set()),
     ],
 )
 def test_the_scan_sees_planted_arrows(module, source, bad):
-    known = frozenset({*MODULES, "sensing.flow", "sensing.simulator.render", "sensing.camera_model"})
+    known = frozenset({*MODULES, "sensing.flow"})
     assert sensing_violations(module, imports(module, source, known=known)) == bad
 
 

@@ -46,7 +46,7 @@ for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
 """
 PICTURES = """
 from cad.params import EndcapParams
-from sensing.methods import METHODS, field_method
+from sensing.tracking.methods import METHODS, field_method
 from sensing.records import Frame
 from sensing.simulator.render import DomeRenderer
 renderer = DomeRenderer(EndcapParams(130, 8))
@@ -57,9 +57,9 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
         for number in (1, 2):
             frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
             tell(method.update(frame).channels)
-from sensing.tracker import DotTracker, TrackerConfig
-from sensing.wrench_filter import WrenchFilter
-from sensing.wrench_model import load_wrench_model
+from sensing.tracking.tracker import DotTracker, TrackerConfig
+from sensing.wrench.filter import WrenchFilter
+from sensing.wrench.model import load_wrench_model
 model, smooth = load_wrench_model(EndcapParams(130, 8)), WrenchFilter()
 tracker = DotTracker(Frame(0.0, 0, "test", image=first.image_bgr), TrackerConfig(shape=model.shape))
 for number in (1, 2, 3):

@@ -11,13 +11,13 @@ from scipy.optimize._numdiff import approx_derivative
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from sensing.calibrate import MountPrior, calibrate_from_dots
-from sensing.calibrate_board import BoardView, _grouped_jacobian, calibrate_from_board
-from sensing.calibrate_cli import main
-from sensing.calibrate_dots import CalibrationError, find_dots, pattern_points, read_dots
-from sensing.camera_model import FisheyeCamera
-from sensing.camera_mount import MountedCamera, mount, rotation_matrix
-from sensing.camera_nominal import nominal_lens, nominal_mount
+from sensing.calibrate import main
+from sensing.calibration.dots import CalibrationError, find_dots, pattern_points, read_dots
+from sensing.calibration.from_board import BoardView, _grouped_jacobian, calibrate_from_board
+from sensing.calibration.from_dots import MountPrior, calibrate_from_dots
+from sensing.camera.model import FisheyeCamera
+from sensing.camera.mount import MountedCamera, mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_cli import main as render
 from sensing.simulator.render_settings import Paint, RenderSettings

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cad.errors import FileError, ParameterError
-from sensing.camera_model import FisheyeCamera, monotonic_half_angle_deg
-from sensing.camera_mount import MountedCamera, mount, rotation_matrix
+from sensing.camera.model import FisheyeCamera, monotonic_half_angle_deg
+from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 
 CAMERA = FisheyeCamera(640, 480, 246.0, 244.0, 318.0, 243.5, (-0.045, 0.004, -0.001, 0.0001), 100.0)
 

@@ -5,10 +5,10 @@ import pytest
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_nominal import nominal_mount
-from sensing.contact import ContactDetector, ContactThreshold, autocorrelation_time, threshold_from_rest
-from sensing.contact_place import friction_use, patch_centre_px, place_on_dome, pressure_centre
+from sensing.camera.nominal import nominal_mount
 from sensing.records import ShearField, Wrench
+from sensing.wrench.contact import ContactDetector, ContactThreshold, autocorrelation_time, threshold_from_rest
+from sensing.wrench.contact_place import friction_use, patch_centre_px, place_on_dome, pressure_centre
 
 PARAMS = EndcapParams(130, 8)
 

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from sensing.decode import decode_gray, to_full_px
-from sensing.dots import NoDotsError, find_dots
 from sensing.records import Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
+from sensing.tracking.dots import NoDotsError, find_dots
 
 
 def found_px(image: np.ndarray) -> np.ndarray:

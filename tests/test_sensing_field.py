@@ -6,10 +6,10 @@ import pytest
 
 from cad.errors import ParameterError
 from sensing.field import compute_fields, main
-from sensing.methods import METHODS, field_method
 from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
+from sensing.tracking.methods import METHODS, field_method
 
 IMAGE, _ = draw_dots(Drawing())
 PRESS = Displacement((1.0, 0.5), bumps=(Bump((400.0, 280.0), (8.0, 6.0), 60.0),))

@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cad.errors import ParameterError
-from sensing.field_operator import AFFINE_VARIANCE, field_operator
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth
+from sensing.tracking.field_operator import AFFINE_VARIANCE, field_operator
 
 SIZE = (640, 480)
 DOTS = draw_dots(Drawing())[1]

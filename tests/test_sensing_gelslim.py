@@ -6,10 +6,10 @@ import pytest
 from scipy import signal
 
 from cad.errors import ParameterError
-from sensing.gelslim import CHANNELS, GelslimConfig, GelslimField, helmholtz_parts, released_gray
 from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
+from sensing.tracking.gelslim import CHANNELS, GelslimConfig, GelslimField, helmholtz_parts, released_gray
 
 PRESS = Displacement((3.0, -2.0), 0.01, bumps=(Bump((400.0, 300.0), (12.0, 9.0), 60.0),))
 

@@ -6,13 +6,6 @@ import pytest
 
 from cad.params import EndcapParams
 from sensing.decode import FrameError, decode_gray
-from sensing.dots import Dots, NoDotsError, find_dots
-from sensing.field_kernels import judge_dots
-from sensing.field_operator import field_operator
-from sensing.field_picture import draw_field
-from sensing.gelslim import derived_channels
-from sensing.patch_kernels import smoothed
-from sensing.patches import cut_patches
 from sensing.records import Frame, ShearField
 from sensing.simulator.frame_source import RenderedSource
 from sensing.simulator.render import DomeRenderer
@@ -20,7 +13,14 @@ from sensing.simulator.render_settings import Paint, RenderSettings
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
-from sensing.tracker import DotTracker, _without_vague
+from sensing.tracking.dots import Dots, NoDotsError, find_dots
+from sensing.tracking.field_kernels import judge_dots
+from sensing.tracking.field_operator import field_operator
+from sensing.tracking.field_picture import draw_field
+from sensing.tracking.gelslim import derived_channels
+from sensing.tracking.patch_kernels import smoothed
+from sensing.tracking.patches import cut_patches
+from sensing.tracking.tracker import DotTracker, _without_vague
 
 IMAGE, _ = draw_dots(Drawing())
 REST = Frame(0.0, 0, "rest", image=IMAGE)

@@ -11,7 +11,6 @@ from live_stand_in import LinearModel, dots, endless, film, frames, pipeline, st
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.contact import ContactState
 from sensing.live.cli import main
 from sensing.live.config import CapConfig, LiveConfig, load_config, save_config
 from sensing.live.engine import Engine, LiveCap
@@ -26,6 +25,7 @@ from sensing.live.stats import STAGES, WINDOW, CapStats
 from sensing.live.terminal import cap_line, robot_line, summary
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.newest import Health, SourceError
+from sensing.wrench.contact import ContactState
 
 
 @pytest.fixture(scope="module")

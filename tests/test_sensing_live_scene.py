@@ -14,7 +14,7 @@ from sensing.live.pipeline import CapPipeline
 from sensing.live.robot import robot_state
 from sensing.records import Frame
 from sensing.simulator import robot_frames, robot_scene, tangential
-from sensing.zero import take_zero
+from sensing.tracking.zero import take_zero
 
 RATE_HZ = 30.0
 
@@ -164,8 +164,8 @@ def test_a_calibrated_camera_that_is_turned_tells_the_same_wrench(film, tmp_path
     """The picture turned by 180 degrees, and a calibration that says so."""
     import cv2
 
-    from sensing.camera_mount import mount, rotation_matrix
-    from sensing.camera_nominal import nominal_lens
+    from sensing.camera.mount import mount, rotation_matrix
+    from sensing.camera.nominal import nominal_lens
 
     params = EndcapParams(130, 8)
     model = load_model("default", params)

@@ -7,12 +7,12 @@ import pytest
 
 from cad.dots import dot_pattern
 from cad.params import EndcapParams
-from sensing.camera_mount import mount, rotation_matrix
-from sensing.camera_nominal import nominal_lens, nominal_mount
-from sensing.field_operator import field_operator
-from sensing.marker_fields import PLAIN, MarkerSensor, Scatter
-from sensing.nominal_view import NominalField
+from sensing.camera.mount import mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens, nominal_mount
+from sensing.learning.marker_fields import PLAIN, MarkerSensor, Scatter
 from sensing.records import DotTracks
+from sensing.tracking.field_operator import field_operator
+from sensing.tracking.nominal_view import NominalField
 
 PARAMS = EndcapParams(130, 8)
 SHAPE = (16, 16)

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from cad.errors import FileError, ParameterError
-from sensing.authors_dataset import download_authors_dataset, read_authors_dataset
 from sensing.decode import decode_bgr
-from sensing.gelslim import GelslimField
+from sensing.learning.authors_dataset import download_authors_dataset, read_authors_dataset
 from sensing.records import Frame, ShearField
 from sensing.sources.files import read_picture
+from sensing.tracking.gelslim import GelslimField
 
 torch = pytest.importorskip("torch")
 
-from sensing.paper_model import PaperEstimator, PaperModel, load_paper_model, predict  # noqa: E402
-from sensing.paper_recipe import random_split, train_paper_model  # noqa: E402
+from sensing.learning.paper_recipe import random_split, train_paper_model  # noqa: E402
+from sensing.wrench.paper_model import PaperEstimator, PaperModel, load_paper_model, predict  # noqa: E402
 
 PLACES = [parent / "shared" / "reference" / "wrench_regression_model.pth" for parent in Path(__file__).parents]
 CHECKPOINT = next((place for place in PLACES if place.exists()), Path("none"))

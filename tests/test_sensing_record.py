@@ -15,13 +15,13 @@ from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing import record
 from sensing.frames import FtMount
-from sensing.ft_streams import CSV_COLUMNS, CsvFt, FtSample, NetFt, StreamError
-from sensing.recording import Recording
+from sensing.recording.folder import Recording
+from sensing.recording.ft_streams import CSV_COLUMNS, CsvFt, FtSample, NetFt, StreamError
+from sensing.recording.synchronise import ClockError, Synchroniser
 from sensing.records import Frame
 from sensing.records_labelled import LabelledSet
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
-from sensing.synchronise import ClockError, Synchroniser
 
 RATE_HZ = 500.0
 

@@ -17,8 +17,8 @@ import pytest
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.authors_dataset import read_authors_dataset
 from sensing.export_dataset import export_dataset, main
+from sensing.learning.authors_dataset import read_authors_dataset
 from sensing.records_labelled import COLUMNS, FORMAT, LabelledSet
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -11,7 +11,7 @@ from sensing.live.endcap import Endcap, open_endcap
 from sensing.live.engine import LiveCap
 from sensing.live.feed import CameraFeed, FileFeed, Pace
 from sensing.live.scene_server import mjpeg_server
-from sensing.zero import load_zero
+from sensing.tracking.zero import load_zero
 
 
 class Hand:

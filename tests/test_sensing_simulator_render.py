@@ -11,8 +11,8 @@ import pytest
 from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_mount import mount, rotation_matrix
-from sensing.camera_nominal import nominal_lens, nominal_mount
+from sensing.camera.mount import mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_cli import main
 from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance

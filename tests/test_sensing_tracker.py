@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from sensing.decode import FrameError
-from sensing.dots import Dots, NoDotsError, find_dots
-from sensing.patch_kernels import SATURATED, smoothed
-from sensing.patches import align, cut_patches
 from sensing.records import DotTracks, Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
-from sensing.tracker import DotTracker
+from sensing.tracking.dots import Dots, NoDotsError, find_dots
+from sensing.tracking.patch_kernels import SATURATED, smoothed
+from sensing.tracking.patches import align, cut_patches
+from sensing.tracking.tracker import DotTracker
 
 IMAGE, _ = draw_dots(Drawing())
 REST = Frame(0.0, 0, "rest", jpeg=degrade(IMAGE, Degradation(), np.random.default_rng(9)), size=(640, 480))

@@ -18,12 +18,12 @@ pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from sensing import evaluate, train
-from sensing.compliance import contact_axes, fit_compliance, turned_field
-from sensing.contenders import Views, frame_keys, held_out
-from sensing.marker_fields import PLAIN, MarkerSensor
-from sensing.samples import VIEWS, read_samples, shared_between
-from sensing.scores import score, table
-from sensing.timeliness import lag_s
+from sensing.learning.compliance import contact_axes, fit_compliance, turned_field
+from sensing.learning.contenders import Views, frame_keys, held_out
+from sensing.learning.marker_fields import PLAIN, MarkerSensor
+from sensing.learning.samples import VIEWS, read_samples, shared_between
+from sensing.learning.scores import score, table
+from sensing.learning.timeliness import lag_s
 
 DOTS = len(dot_pattern(EndcapParams(130, 8)))
 PHASES = ["approach", "touch", "load", "circle", "unload", "clear", "drag", "impact", "stand", "airborne"]

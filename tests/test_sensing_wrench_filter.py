@@ -8,7 +8,7 @@ from scipy import stats
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
-from sensing.wrench_filter import ARM_M, MANEUVER_NIS, STANDARD, FilterConfig, Motion, WrenchFilter
+from sensing.wrench.filter import ARM_M, MANEUVER_NIS, STANDARD, FilterConfig, Motion, WrenchFilter
 
 SIGMA = np.array([0.15] * 3 + [0.02] * 3)
 ARM = np.array([1.0] * 3 + [ARM_M] * 3)

@@ -8,18 +8,18 @@ import pytest
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
+from sensing.learning.samples import Samples, shared_between
 from sensing.records import ShearField
-from sensing.samples import Samples, shared_between
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
-from sensing.fit_config import FitConfig  # noqa: E402
-from sensing.fitting import fit  # noqa: E402
-from sensing.ridge import fit_ridge  # noqa: E402
-from sensing.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
-from sensing.wrench_kernels import answer_one  # noqa: E402
-from sensing.wrench_model import SHIPPED, load_wrench_model, range_measures  # noqa: E402
+from sensing.learning.fit_config import FitConfig  # noqa: E402
+from sensing.learning.fitting import fit  # noqa: E402
+from sensing.learning.ridge import fit_ridge  # noqa: E402
+from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
+from sensing.wrench.kernels import answer_one  # noqa: E402
+from sensing.wrench.model import SHIPPED, load_wrench_model, range_measures  # noqa: E402
 
 SIDE = 6
 PARAMS = EndcapParams(130, 8)
@@ -270,7 +270,7 @@ def test_leaks_between_training_and_test_are_found(data):
 
 @pytest.mark.parametrize("stage", ["mean", "spread"])
 def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, monkeypatch):
-    monkeypatch.setattr("sensing.checkpoint.EVERY_S", 0.0)
+    monkeypatch.setattr("sensing.learning.checkpoint.EVERY_S", 0.0)
     small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=6), tmp_path / "kept"
     whole = fit(small, config)
     told = []
@@ -292,7 +292,7 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, mo
 
 
 def test_a_checkpoint_of_other_samples_or_damaged_is_not_used(tmp_path, monkeypatch):
-    monkeypatch.setattr("sensing.checkpoint.EVERY_S", 0.0)
+    monkeypatch.setattr("sensing.learning.checkpoint.EVERY_S", 0.0)
     small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=2), tmp_path / "kept"
 
     def stop(part, seconds, error):

@@ -6,7 +6,7 @@ import pytest
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.records import ShearField
-from sensing.wrench_model import SHAPES, Range, WrenchModel
+from sensing.wrench.model import SHAPES, Range, WrenchModel
 
 pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
@@ -60,7 +60,7 @@ def test_zero_stays_exactly_zero_and_huge_stays_finite(model, storage):
 
 def test_torch_onnx_and_numpy_agree(model):
     torch = pytest.importorskip("torch")
-    from sensing.fitting import as_net
+    from sensing.learning.fitting import as_net
 
     inputs = np.random.default_rng(2).normal(size=(20, 2 * SIDE**2))
     with torch.inference_mode():

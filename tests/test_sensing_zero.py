@@ -10,9 +10,9 @@ from sensing.records import Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
-from sensing.tracker import DotTracker
-from sensing.zero import AutoZero, ZeroError, load_zero, measure_drift, save_zero, take_zero, without_mounting
-from sensing.zero_cli import main
+from sensing.tracking.tracker import DotTracker
+from sensing.tracking.zero import AutoZero, ZeroError, load_zero, measure_drift, save_zero, take_zero, without_mounting
+from sensing.zero import main
 
 IMAGE, _ = draw_dots(Drawing())
 TOUCH = Displacement(bumps=(Bump((430.0, 280.0), (6.0, 4.0), 60.0),))

@@ -11,7 +11,7 @@ import pytest
 from small_data import short_path, small_request
 
 from cad.dots import dot_pattern
-from sensing.camera_mount import MountedCamera
+from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
 from sensing.simulator.data_frames import shard_arrays

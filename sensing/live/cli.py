@@ -13,7 +13,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
 from sensing.live.outputs import add_outputs
 from sensing.live.run import LiveRun, favour_the_loop, run_until_stopped
-from sensing.methods import METHODS
+from sensing.tracking.methods import METHODS
 
 DESCRIPTION = """\
 Wrench and contact of endcaps, live. Without arguments: a simulated robot on six caps.

@@ -14,8 +14,8 @@ import numpy as np
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.contact import ContactThreshold
 from sensing.records import ShearField, Wrench
+from sensing.wrench.contact import ContactThreshold
 
 CONTACT_N = 1.0  # E: above the answer at rest; python -m sensing.setup measures it
 RELEASE_N = 0.6
@@ -70,7 +70,7 @@ def load_model(name: str, params: EndcapParams, weights: Path | None = None, met
         ParameterError: unknown name. FileError: no weights, or those of another design.
     """
     if name == "default":
-        from sensing.wrench_model import load_wrench_model
+        from sensing.wrench.model import load_wrench_model
 
         model = load_wrench_model(params, weights)
         return live_model(name, model, model.shape, method or "dots")
@@ -82,7 +82,7 @@ def load_model(name: str, params: EndcapParams, weights: Path | None = None, met
             )
         import torch
 
-        from sensing.paper_model import PaperEstimator, load_paper_model
+        from sensing.wrench.paper_model import PaperEstimator, load_paper_model
 
         torch.set_num_threads(1)  # a network of 1800 x 64 gains nothing from more
         return live_model(name, PaperEstimator(load_paper_model(weights)), (30, 30), method or "gelslim")

@@ -14,7 +14,7 @@ from sensing.live.scene import SceneSource, scene_number
 from sensing.sources.camera import CameraConfig
 from sensing.sources.choose import source_opener
 from sensing.sources.files import FolderSource
-from sensing.zero import load_zero
+from sensing.tracking.zero import load_zero
 
 CAMERA_HZ, PHOTOS_HZ = 30.0, 1.0
 Models = Callable[[CapConfig], LiveModel]

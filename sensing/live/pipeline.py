@@ -16,20 +16,20 @@ from dataclasses import replace
 import numpy as np
 
 from cad.errors import EndcapError
-from sensing.camera_mount import MountedCamera
-from sensing.contact import ContactDetector, ContactState
-from sensing.contact_place import line_of_action
+from sensing.camera.mount import MountedCamera
 from sensing.decode import FrameError
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.config import CapConfig
 from sensing.live.model import LiveModel
 from sensing.live.reading import CapReading
-from sensing.methods import DotField, FieldMethod, field_method
-from sensing.nominal_view import NominalField
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
-from sensing.tracker import TrackerConfig
-from sensing.wrench_filter import WrenchFilter
-from sensing.zero import Drift, Zero, measure_drift, single_zero, take_zero
+from sensing.tracking.methods import DotField, FieldMethod, field_method
+from sensing.tracking.nominal_view import NominalField
+from sensing.tracking.tracker import TrackerConfig
+from sensing.tracking.zero import Drift, Zero, measure_drift, single_zero, take_zero
+from sensing.wrench.contact import ContactDetector, ContactState
+from sensing.wrench.contact_place import line_of_action
+from sensing.wrench.filter import WrenchFilter
 
 ZERO_FRAMES = 10  # averaged for a reference
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting

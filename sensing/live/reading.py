@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sensing.contact import ContactState
-from sensing.contact_place import PressureCentre
 from sensing.records import DotTracks, Frame, ShearField, Wrench
-from sensing.zero import Drift, Zero
+from sensing.tracking.zero import Drift, Zero
+from sensing.wrench.contact import ContactState
+from sensing.wrench.contact_place import PressureCentre
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from sensing.live.pipeline import CapPipeline
 from sensing.live.recorder import METADATA, TOPICS, configured
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
-from sensing.zero import Zero, single_zero
+from sensing.tracking.zero import Zero, single_zero
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
-from sensing.tracker import DotTracker
+from sensing.tracking.tracker import DotTracker
 
 PATIENCE_S = 1.5  # what takes longer is told
 JUMP_PX = 25  # a picture shifted by this makes the tracker search

@@ -10,8 +10,8 @@ import numpy as np
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
-from sensing.camera_mount import MountedCamera, mount, rotation_matrix
-from sensing.camera_nominal import nominal_lens
+from sensing.camera.mount import MountedCamera, mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens
 from sensing.simulator.levels import MAX_TOLERANCE
 from sensing.simulator.loading import LoadPath
 from sensing.simulator.mesh import DENSITIES

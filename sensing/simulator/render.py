@@ -25,9 +25,9 @@ from scipy.sparse import csr_matrix
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera_model import Array, monotonic_half_angle_deg
-from sensing.camera_mount import MountedCamera
-from sensing.camera_nominal import nominal_mount
+from sensing.camera.model import Array, monotonic_half_angle_deg
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance
 from sensing.simulator.render_mesh import interpolation_matrix, surface_mesh, vertex_normals
 from sensing.simulator.render_raster import draw, interpolate, rasterise

@@ -12,9 +12,9 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError
 from cad.params import EndcapParams
-from sensing.camera_model import Array
-from sensing.camera_mount import MountedCamera
-from sensing.camera_nominal import nominal_mount
+from sensing.camera.model import Array
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.simulator.render import DomeRenderer
 from sensing.simulator.render_sensor import Image
 from sensing.simulator.render_settings import LEVELS, Lamp, Paint, RenderSettings, Sensor

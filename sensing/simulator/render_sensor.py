@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.camera_model import FisheyeCamera
+from sensing.camera.model import FisheyeCamera
 from sensing.simulator.render_settings import Optics, Sensor
 
 Floats = NDArray[np.float32]

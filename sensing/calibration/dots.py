@@ -1,0 +1,190 @@
+"""Which dot of the pattern is which blob of a photo: a small finder for calibration, and the assignment.
+
+The finder works on one undeformed photo and is meant for calibration only (tracking has its own). The assignment needs
+no start: the spacing of the blobs gives the scale, candidate tips and azimuths are scored with rings 0 to 3, and the
+fit then grows ring by ring. Unpainted dots are simply not found; specks, digits and smears find no partner.
+
+The pattern's counts are all even, so it maps onto itself after half a turn: azimuth is known only modulo 180 degrees
+and the caller says which half (``azimuth_hint_deg``). Pixels as in :mod:`sensing.camera.model`.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cad.dots import dot_pattern, dot_position_mm
+from cad.errors import EndcapError, FileError
+from cad.params import EndcapParams
+from sensing.camera.model import Array
+from sensing.camera.mount import MountedCamera
+
+REFERENCE_HEIGHT_PX = 480  # blob sizes below are for a dot of 14 px at this image height
+BLUR_PX = 1.0
+BACKGROUND_PX = 37  # odd window of the median that removes dots: over twice a dot, under the dot spacing
+MIN_CONTRAST = 0.22  # relative to the silicone around it; ink measures 0.35 to 0.8, stains and seams under 0.15
+AREA_PX = (35.0, 520.0)
+SEARCH_RINGS = 4
+TIP_CANDIDATES = 20
+NOISE_PX = 1.0  # hand-painted dots scatter by about this much at 480 rows
+
+
+class CalibrationError(EndcapError):
+    """Photo, dots or views from which no camera can be calibrated."""
+
+
+@dataclass(frozen=True)
+class DotPairs:
+    """Pattern dots matched to image blobs.
+
+    Attributes:
+        pattern_index: (n,) index into ``cad.dots.dot_pattern(params)``.
+        blob_index: (n,) index into the given blobs.
+    """
+
+    pattern_index: NDArray[np.intp]
+    blob_index: NDArray[np.intp]
+
+
+Fit = Callable[[MountedCamera, Array, Array], MountedCamera]
+
+
+def find_dots(image_bgr: NDArray[np.uint8]) -> Array:
+    """Centres (n, 2) of the dark blobs of an undeformed photo, weighted by contrast, in px.
+
+    Args:
+        image_bgr: (h, w, 3) photo. Blue and green are used: ink near the tip glints orange and is bright in red.
+    """
+    scale = image_bgr.shape[0] / REFERENCE_HEIGHT_PX
+    gray = image_bgr[..., :2].astype(np.float32).mean(-1)
+    gray = cv2.GaussianBlur(gray, (0, 0), BLUR_PX * scale)
+    window = round(BACKGROUND_PX * scale / 2) * 2 + 1
+    background = cv2.medianBlur(np.clip(gray, 0, 255).astype(np.uint8), window).astype(np.float32)
+    contrast = (background - gray) / np.maximum(background, 25)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats((contrast > MIN_CONTRAST).astype(np.uint8))
+    area = stats[:, cv2.CC_STAT_AREA] / scale**2
+    weight = np.maximum(contrast, 0).ravel()
+    rows, columns = np.indices(labels.shape)
+    total = np.bincount(labels.ravel(), weight, count)
+    centres = np.stack(
+        [np.bincount(labels.ravel(), weight * axis.ravel(), count) / total for axis in (columns, rows)], -1
+    )
+    left, top, width, height = stats[:, :4].T
+    whole = (left > 0) & (top > 0) & (left + width < labels.shape[1]) & (top + height < labels.shape[0])
+    keep = (area > AREA_PX[0]) & (area < AREA_PX[1]) & whole  # a dot cut by the frame has its centre elsewhere
+    return centres[keep]
+
+
+def read_dots(path: str | Path) -> Array:
+    """Blob centres (n, 2) from a CSV with the columns u_px and v_px.
+
+    Raises:
+        FileError: missing file or columns, or text that is not a number (naming the line).
+    """
+    try:
+        with Path(path).open(newline="") as stream:
+            table = csv.DictReader(stream)
+            values = [(float(row["u_px"]), float(row["v_px"])) for row in table]
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error.strerror})") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(
+            f"{path}: line {table.line_num}: need numbers in the columns u_px and v_px ({error})"
+        ) from error
+    return np.array(values, dtype=float).reshape(-1, 2)
+
+
+def pattern_points(params: EndcapParams) -> tuple[Array, NDArray[np.intp]]:
+    """Positions (n, 3) of the pattern's dots in the endcap frame (mm) and their ring numbers (n,)."""
+    dots = dot_pattern(params)
+    return np.array([dot_position_mm(params, dot) for dot in dots]), np.array([dot.ring for dot in dots])
+
+
+def assign_dots(
+    blobs_px: Array, params: EndcapParams, start: MountedCamera, fit: Fit, azimuth_hint_deg: float = 0.0
+) -> tuple[DotPairs, MountedCamera]:
+    """Match blobs to the pattern without a known pose.
+
+    Args:
+        blobs_px: (n, 2) blob centres.
+        params: the design whose pattern it is.
+        start: a camera with plausible distortion; its focal length, centre and azimuth are searched.
+        fit: takes a camera, points (m, 3) and pixels (m, 2), returns the refined camera.
+        azimuth_hint_deg: rough turn of the image against the endcap, +-90 degrees.
+
+    Raises:
+        CalibrationError: too few blobs, or no pose under which rings 0 to 3 are seen.
+    """
+    points, rings = pattern_points(params)
+    if len(blobs_px) < 20:
+        raise CalibrationError(f"{len(blobs_px)} dots found, at least 20 needed: sharper photo, or give dots as a CSV")
+    tree = cKDTree(blobs_px)
+    mounted = _search(tree, points[rings < SEARCH_RINGS], start, azimuth_hint_deg)
+    spacing = _spacing_px(tree)
+    last = int(rings.max())
+    for ring in [*range(2, last + 1), last, last]:
+        tolerance = spacing * (0.3 if ring < last else 0.2)
+        pairs = _mutual_nearest(tree, mounted, points, rings <= ring, tolerance)
+        mounted = fit(mounted, points[pairs.pattern_index], blobs_px[pairs.blob_index])
+    pairs = _mutual_nearest(tree, mounted, points, rings <= last, 0.2 * spacing)
+    return pairs, mounted
+
+
+def _spacing_px(tree: cKDTree) -> float:
+    """Median distance of a blob to its nearest neighbour: about one polar step."""
+    return float(np.median(tree.query(tree.data, k=2)[0][:, 1]))
+
+
+def _search(tree: cKDTree, points: Array, start: MountedCamera, azimuth_hint_deg: float) -> MountedCamera:
+    """Best of candidate tips, scales and azimuths: a score of 1 for each pattern dot exactly on a blob."""
+    blobs, spacing = tree.data, _spacing_px(tree)
+    pattern = start.project(points)
+    pattern = pattern - pattern[0]
+    step = float(np.median(np.linalg.norm(pattern[1:7], axis=1)))
+    order = np.argsort(np.linalg.norm(blobs - np.median(blobs, axis=0), axis=1))
+    best, choice = -1.0, (1.0, 0.0, blobs[0])
+    for scale in spacing / step * np.geomspace(0.8, 1.35, 12):
+        for azimuth in np.radians(azimuth_hint_deg + np.arange(-90, 90, 2)):
+            turn = np.array([[np.cos(azimuth), -np.sin(azimuth)], [np.sin(azimuth), np.cos(azimuth)]])
+            moved = scale * pattern @ turn.T
+            where = blobs[order[:TIP_CANDIDATES], None] + moved
+            distance = tree.query(where, distance_upper_bound=0.2 * spacing)[0]
+            score = np.maximum(0, 1 - (distance / (0.2 * spacing)) ** 2).sum(-1)
+            if score.max() > best:
+                best, choice = float(score.max()), (scale, azimuth, where[score.argmax(), 0])
+    if best < 0.4 * len(points):
+        raise CalibrationError(
+            f"pattern not recognised: rings 0 to 3 scored {best:.1f} of {len(points)} (need {0.4 * len(points):.0f}); "
+            f"check --diameter and --wall, take an undeformed photo, or give dots as a CSV"
+        )
+    return _place(start, *choice, points[0])
+
+
+def _place(start: MountedCamera, scale: float, azimuth: float, tip_px: Array, tip_mm: Array) -> MountedCamera:
+    """The start camera with another focal length, turned about its axis, its centre moved to put the tip on a blob."""
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(azimuth), -np.sin(azimuth)], [np.sin(azimuth), np.cos(azimuth)]]
+    camera = replace(start.camera, fx_px=start.camera.fx_px * scale, fy_px=start.camera.fy_px * scale)
+    T = turn @ start.T_camera_endcap
+    offset = tip_px - MountedCamera(camera, T).project(tip_mm)
+    return MountedCamera(replace(camera, cx_px=camera.cx_px + offset[0], cy_px=camera.cy_px + offset[1]), T)
+
+
+def _mutual_nearest(
+    tree: cKDTree, mounted: MountedCamera, points: Array, use: NDArray[np.bool_], tolerance_px: float
+) -> DotPairs:
+    """Pairs that are each other's nearest, within a tolerance."""
+    predicted = mounted.project(points)
+    candidates = np.nonzero(use & np.isfinite(predicted[:, 0]))[0]
+    distance, blob = tree.query(predicted[candidates], distance_upper_bound=tolerance_px)
+    back = cKDTree(predicted[candidates]).query(tree.data)[1]
+    near = np.isfinite(distance)
+    near[near] = back[blob[near]] == np.nonzero(near)[0]
+    return DotPairs(candidates[near], blob[near])

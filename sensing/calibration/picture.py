@@ -1,0 +1,79 @@
+"""Photos in, photos with the fitted pattern drawn on them out (calibration only)."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError
+from cad.params import EndcapParams
+from sensing.calibration.dots import pattern_points
+from sensing.camera.model import Array
+
+if TYPE_CHECKING:
+    from sensing.calibration.from_dots import Calibration
+
+
+def draw_fit(image_bgr: NDArray[np.uint8], calibration: Calibration, params: EndcapParams) -> NDArray[np.uint8]:
+    """The photo with the fit: green cross matched (line: 10 x residual), gray cross unseen, red ring unclaimed blob."""
+    picture = image_bgr.copy()
+    predicted = calibration.mounted.project(pattern_points(params)[0])
+    matched = dict(zip(calibration.pattern_index.tolist(), calibration.residual_px, strict=True))
+    claimed = np.array([predicted[i] - r for i, r in matched.items()])
+    for blob in calibration.found_px:
+        if np.linalg.norm(claimed - blob, axis=1).min() > 1e-6:
+            cv2.circle(picture, _pixel(blob), 9, (40, 40, 255), 2, cv2.LINE_AA)
+    for index, dot in enumerate(predicted):
+        if not np.isfinite(dot).all():
+            continue
+        color = (60, 255, 60) if index in matched else (150, 150, 150)
+        cv2.drawMarker(picture, _pixel(dot), color, cv2.MARKER_CROSS, 7, 1, cv2.LINE_AA)
+        if index in matched:
+            cv2.line(picture, _pixel(dot), _pixel(dot - 10 * matched[index]), (60, 220, 255), 1, cv2.LINE_AA)
+    return picture
+
+
+def read_image(path: str | Path) -> NDArray[np.uint8]:
+    """A photo as (h, w, 3) BGR.
+
+    Raises:
+        FileError: missing, or not an image.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error.strerror})") from error
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    if image is None:
+        raise FileError(f"{path}: not an image that OpenCV can decode; give a JPEG or PNG")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:
+    """Write an image under a temporary name, then rename.
+
+    Raises:
+        FileError: unknown suffix, or the folder cannot be written.
+    """
+    path = Path(path)
+    try:
+        good, data = cv2.imencode(path.suffix or ".png", image)
+    except cv2.error:
+        good = False
+    if not good:
+        raise FileError(f"{path}: unknown picture format {path.suffix!r}; end the name in .png or .jpg")
+    temporary = path.with_name(path.name + ".part")
+    try:
+        temporary.write_bytes(data.tobytes())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
+
+
+def _pixel(point: Array) -> tuple[int, int]:
+    return round(float(point[0])), round(float(point[1]))

@@ -1,0 +1,119 @@
+"""A camera and where it sits in the endcap, as one file (mm; frames of :mod:`sensing.camera.model` and cad.params)."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cad.errors import FileError
+from sensing.camera.model import Array, FisheyeCamera, points_array, require
+
+FILE_FORMAT = "endcap-camera-1"
+
+
+@dataclass(frozen=True)
+class MountedCamera:
+    """A camera and where it sits in the endcap: what calibration finds and what tracking and rendering need.
+
+    Attributes:
+        camera: intrinsics.
+        T_camera_endcap: 4x4 rigid transform that takes endcap coordinates (mm) to camera coordinates (mm).
+
+    Raises:
+        ParameterError: a matrix that is not a rigid transform (rotation orthonormal to 1e-6, determinant +1).
+    """
+
+    camera: FisheyeCamera
+    T_camera_endcap: Array
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.T_camera_endcap, dtype=float)
+        good = matrix.shape == (4, 4) and np.isfinite(matrix).all() and np.allclose(matrix[3], [0, 0, 0, 1])
+        good = good and np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6)
+        good = good and np.linalg.det(matrix[:3, :3]) > 0
+        require(bool(good), "T_camera_endcap", "matrix", "a 4x4 rigid transform (rotation and translation)")
+        matrix.setflags(write=False)
+        object.__setattr__(self, "T_camera_endcap", matrix)
+
+    def to_camera(self, points_endcap_mm: ArrayLike) -> Array:
+        """Points (..., 3) from the endcap frame to the camera frame."""
+        return points_array(points_endcap_mm, 3) @ self.T_camera_endcap[:3, :3].T + self.T_camera_endcap[:3, 3]
+
+    def project(self, points_endcap_mm: ArrayLike) -> Array:
+        """Pixels (..., 2) of points (..., 3) in the endcap frame; ``nan`` beyond the view."""
+        return self.camera.project(self.to_camera(points_endcap_mm))
+
+    @property
+    def pupil_endcap_mm(self) -> Array:
+        """The entrance pupil in the endcap frame, shape (3,)."""
+        return -self.T_camera_endcap[:3, :3].T @ self.T_camera_endcap[:3, 3]
+
+    def rays_endcap(self, pixels: ArrayLike) -> Array:
+        """Unit rays (..., 3) of pixels (..., 2) in the endcap frame; they start at :attr:`pupil_endcap_mm`."""
+        return self.camera.unproject(pixels) @ self.T_camera_endcap[:3, :3]
+
+    def save(self, path: str | Path) -> None:
+        """Write JSON under a temporary name, then rename.
+
+        Raises:
+            FileError: the folder cannot be written.
+        """
+        record: dict[str, Any] = {"format": FILE_FORMAT, "camera": asdict(self.camera)}
+        record["T_camera_endcap"] = self.T_camera_endcap.tolist()
+        path = Path(path)
+        temporary = path.with_name(path.name + ".part")
+        try:
+            temporary.write_text(json.dumps(record, indent=1) + "\n")
+            os.replace(temporary, path)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
+
+    @classmethod
+    def load(cls, path: str | Path) -> MountedCamera:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            FileError: a file that is missing, is no such JSON, or holds numbers that make no camera.
+        """
+        try:
+            record = json.loads(Path(path).read_text())
+            if record["format"] != FILE_FORMAT:
+                raise ValueError(f"format={record['format']!r}")
+            return cls(FisheyeCamera(**record["camera"]), np.array(record["T_camera_endcap"], dtype=float))
+        except OSError as error:
+            raise FileError(f"{path}: cannot read ({error.strerror}); make one with sensing.calibrate") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise FileError(
+                f"{path}: not a camera file of format {FILE_FORMAT} ({error}); make one with sensing.calibrate"
+            ) from error
+
+
+def rotation_matrix(rotation_vector: ArrayLike) -> Array:
+    """Rotation (3, 3) about ``rotation_vector`` by its length in radians (Rodrigues)."""
+    vector = np.asarray(rotation_vector, dtype=float)
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-300:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def mount(camera: FisheyeCamera, pupil_endcap_mm: ArrayLike, rotation: ArrayLike | None = None) -> MountedCamera:
+    """A camera at a pupil position in the endcap frame; ``rotation`` (3, 3) takes endcap to camera axes.
+
+    Without a rotation the camera looks along +z at the tip, image x along the endcap's x.
+    """
+    R = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    T = np.eye(4)
+    T[:3, :3] = R
+    T[:3, 3] = -R @ np.asarray(pupil_endcap_mm, dtype=float)
+    return MountedCamera(camera, T)

@@ -1,0 +1,28 @@
+"""The released sensor's camera as its photos show it: the nominal camera for designs, simulation and starts.
+
+Lens (M, at an assumed pupil height of 17 mm, E): the mean of four photos fitted by ``sensing.calibrate`` is
+f = 247 px at 480 rows (244 to 248), k1 = -0.033, k2 = -0.007, close to the equisolid r = 2 sin(theta / 2). Focal length
+and pupil height go together (-3.1 px per mm): with another height, another focal length gives the same picture.
+"""
+
+from __future__ import annotations
+
+from cad.params import EndcapParams
+from sensing.camera.model import FisheyeCamera
+from sensing.camera.mount import MountedCamera, mount
+
+FOCAL_PER_ROW = 247.0 / 480  # px per radian and image row, 4:3 frame
+K = (-0.033, -0.007, 0.0, 0.0)
+MAX_HALF_ANGLE_DEG = 95.0  # the image circle ends at 92 degrees (M: the 720p photo)
+
+
+def nominal_lens(width_px: int = 640, height_px: int = 480) -> FisheyeCamera:
+    """The released lens for a frame whose height is the sensor's full height."""
+    focal = FOCAL_PER_ROW * height_px
+    centre = (width_px - 1) / 2, (height_px - 1) / 2
+    return FisheyeCamera(width_px, height_px, focal, focal, *centre, K, MAX_HALF_ANGLE_DEG)
+
+
+def nominal_mount(params: EndcapParams, width_px: int = 640, height_px: int = 480) -> MountedCamera:
+    """The released lens on the endcap's axis at the design's pupil height, image x along the endcap's x."""
+    return mount(nominal_lens(width_px, height_px), (0.0, 0.0, params.camera_height_mm))

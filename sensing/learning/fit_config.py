@@ -1,0 +1,50 @@
+"""Knobs of training (apart from torch, so that a command line can tell them without loading it)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cad.errors import ParameterError
+from sensing.learning.symmetry import COUNT
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """Knobs of training.
+
+    Attributes:
+        components: principal fields. hidden: width of the perceptrons.
+        epochs: passes over the training data for the mean; the covariance takes a third of them more.
+        seconds: stop the mean after so long, if sooner; the covariance after a third of it.
+        rate: AdamW's first, falling to zero. batch: samples in a step. decay: AdamW's weight decay.
+        symmetric: use the eight symmetries of the square.
+        seed: of everything drawn. device: torch's, for example ``cpu`` or ``cuda``.
+
+    Raises:
+        ParameterError: a number out of range.
+    """
+
+    components: int = 60
+    hidden: int = 64
+    epochs: int = 20
+    seconds: float = 1e6
+    rate: float = 5e-3
+    batch: int = 1024
+    decay: float = 1e-2
+    symmetric: bool = True
+    seed: int = 0
+    device: str = "cpu"
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("components", 1, 512), ("hidden", 1, 4096), ("seconds", 0.0, 1e6), ("rate", 1e-6, 1.0),
+            ("batch", 1, 10**6), ("decay", 0.0, 10.0), ("seed", 0, 2**32), ("epochs", 0, 10**6),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ParameterError(f"{name}={value} outside {low:g}..{high:g}", name=name, value=value)
+
+    @property
+    def symmetries(self) -> range:
+        """Numbers of the symmetries in use."""
+        return range(COUNT if self.symmetric else 1)

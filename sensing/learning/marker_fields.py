@@ -1,0 +1,103 @@
+"""Labelled states to fields without pictures: what a tracker would have given on made-up sensors. For training only.
+
+Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting tell nothing
+about the next one's. So every loading path is seen by several made-up sensors: what calibration leaves of camera
+mounting and focal length (:mod:`sensing.tracking.nominal_view` takes out the rest), dots painted beside their place or
+not at all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests use
+pictures and the real tracker.
+
+Displacements in mm (endcap frame) and full-size pixels; fields in pixels of the 200 x 200 crop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.dots import dot_pattern
+from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_lens
+from sensing.frames import skew
+from sensing.tracking.field_operator import FieldOperator, field_operator
+from sensing.tracking.gelslim import CROP_PX
+
+Array = NDArray[np.float64]
+FRAME_PX = (640, 480)
+BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, and not tracked
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How sensors and their tracking differ (standard deviations).
+
+    Attributes:
+        tilt_deg, shift_mm, focal_share: what calibration leaves of the camera's (E).
+        paint_px: of a painted dot from its place (M: docs/optics.md, 1.6 to 2 px). unseen: share of dots not found.
+        still_px, moving_px, share: tracking error at rest, of a dot that moves by over a pixel, and as a share of its
+            displacement (M: bench/bench_wrench.py tracking).
+    """
+
+    tilt_deg: float = 0.3
+    shift_mm: float = 0.15
+    focal_share: float = 0.003
+    paint_px: float = 1.8
+    unseen: float = 0.03
+    still_px: float = 0.015
+    moving_px: float = 0.05
+    share: float = 0.006
+
+
+PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class MarkerSensor:
+    """One made-up sensor.
+
+    Args:
+        design: the endcap. shape: (H, W) of its fields. scatter: how it differs from the nominal one.
+        rng: draws the sensor, and the noise of every frame.
+    """
+
+    def __init__(
+        self, design: EndcapParams, shape: tuple[int, int], scatter: Scatter, rng: np.random.Generator
+    ) -> None:
+        self._scatter, self._rng = scatter, rng
+        self._lens = nominal_lens(*FRAME_PX)
+        self._focal = 1 + scatter.focal_share * rng.standard_normal()
+        turn = np.radians(scatter.tilt_deg) * rng.standard_normal(3)
+        self._rotation = np.linalg.qr(np.eye(3) + skew(turn))[0]
+        self._rotation *= np.sign(np.diag(self._rotation))
+        self._pupil = np.array([0.0, 0.0, design.camera_height_mm]) + scatter.shift_mm * rng.standard_normal(3)
+        centre = np.array([0.0, 0.0, design.centre_height_mm])
+        self.rest_mm = centre + design.inner_radius_mm * np.array([dot.direction for dot in dot_pattern(design)])
+        place = self._pixels(self.rest_mm)
+        inside = ((place > BORDER_PX - 0.5) & (place < np.array(FRAME_PX) - BORDER_PX - 0.5)).all(axis=1)
+        self._seen = inside & (rng.random(len(place)) >= scatter.unseen)
+        self._place = place[self._seen]
+        self._beside = scatter.paint_px * rng.standard_normal(self._place.shape)
+        self._gradient = field_operator(self._place, FRAME_PX, (1, 1)).gradient
+        self.operator: FieldOperator = field_operator(self._place + self._beside, FRAME_PX, shape)
+
+    def fields(self, moved_mm: NDArray) -> NDArray[np.float32]:
+        """(N, 2, H, W) fields of displacements (N, d, 3) of all dots of the pattern."""
+        moved = self._pixels(self.rest_mm[self._seen] + moved_mm[:, self._seen]) - self._place
+        slope = np.einsum("kd,ndc->nkc", self._gradient, moved, optimize=True)  # x, then y derivatives at the dots
+        count = len(self._place)
+        moved += self._beside[:, :1] * slope[:, :count] + self._beside[:, 1:] * slope[:, count:]
+        far, s = np.linalg.norm(moved, axis=2), self._scatter
+        spread = np.sqrt(s.still_px**2 + (s.moving_px * far / (1 + far)) ** 2 + (s.share * far) ** 2)
+        moved += spread[:, :, None] * self._rng.standard_normal(moved.shape)
+        cells = np.einsum("ndc,dk->nck", moved, self.operator.to_cells, optimize=True)
+        return (cells * (CROP_PX / min(FRAME_PX))).reshape(len(moved), 2, *self.operator.shape).astype(np.float32)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """(H, W) cells that a dot reaches."""
+        return self.operator.reached
+
+    def _pixels(self, points_mm: Array) -> Array:
+        pixels = self._lens.project((points_mm - self._pupil) @ self._rotation.T)
+        centre = np.array([self._lens.cx_px, self._lens.cy_px])
+        return centre + self._focal * (pixels - centre)

@@ -1,0 +1,78 @@
+"""Our network, for training: linear part plus a small network on principal fields, exactly zero at zero shear.
+
+    f(x) = W x + units * g(z),   z = P x,   g(0) = 0,   covariance C = S L L' S
+
+x: (2 H W) field in pixels of the 200 x 200 crop, W: ridge regression, P: leading principal fields of the training data
+(not centred, so that zero stays zero), g: a perceptron whose activations are silu(a + b) - silu(b), which is zero at
+a = 0 whatever b, L: lower triangular from a second perceptron (a spread
+of each axis times a unit triangle), S: calibration of each axis. Wrenches on the endcap
+about the sphere's centre, N and N m. :mod:`sensing.wrench.model` computes the same without torch.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import linear, silu, softplus
+
+MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
+MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
+OUTPUTS = 6
+FACTOR = 21  # of a lower triangle
+
+
+class WrenchNet(nn.Module):
+    """The network of the module's text.
+
+    Args:
+        inputs: 2 H W. components: rows of P. hidden: width of both perceptrons.
+    """
+
+    def __init__(self, inputs: int, components: int, hidden: int) -> None:
+        super().__init__()
+        self.linear = nn.Parameter(torch.zeros(OUTPUTS, inputs), requires_grad=False)
+        self.principal = nn.Parameter(torch.zeros(components, inputs), requires_grad=False)
+        self.units = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
+        self.calibration = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
+        self.mean = Anchored(components, hidden)
+        self.spread = nn.Sequential(
+            nn.Linear(components, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, FACTOR)
+        )
+        nn.init.zeros_(self.spread[-1].weight)  # type: ignore[arg-type]  # training starts from a constant covariance
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, 2 H W) to wrenches (B, 6) and factors (B, 6, 6) of their covariances C = F F'."""
+        z = x @ self.principal.T
+        return x @ self.linear.T + self.mean(z) * self.units, self.factor(z) * (self.calibration * self.units)[:, None]
+
+    def factor(self, z: Tensor) -> Tensor:
+        """(B, 6, 6) lower triangular, in units, before calibration, from principal parts (B, components)."""
+        raw = self.spread(z)
+        rows, columns = torch.tril_indices(OUTPUTS, OUTPUTS)
+        square = raw.new_zeros(len(raw), OUTPUTS, OUTPUTS)
+        square[:, rows, columns] = raw
+        spread = MIN_SPREAD + softplus(MAX_SPREAD * torch.tanh(torch.diagonal(square, dim1=1, dim2=2) / MAX_SPREAD))
+        mix = torch.tril(MAX_MIX * torch.tanh(square / MAX_MIX), -1) + torch.eye(OUTPUTS, device=raw.device)
+        return spread[:, :, None] * mix
+
+
+class Anchored(nn.Module):
+    """Perceptron of two hidden layers that is exactly zero at zero; it starts as zero everywhere."""
+
+    def __init__(self, inputs: int, hidden: int) -> None:
+        super().__init__()
+        self.first, self.second = nn.Linear(inputs, hidden), nn.Linear(hidden, hidden)
+        self.last = nn.Linear(hidden, OUTPUTS, bias=False)
+        nn.init.zeros_(self.last.weight)
+
+    def forward(self, z: Tensor) -> Tensor:
+        """(B, inputs) to (B, 6)."""
+        for layer in (self.first, self.second):
+            z = silu(linear(z, layer.weight) + layer.bias) - silu(layer.bias)
+        return self.last(z)
+
+
+def negative_log_likelihood(residual: Tensor, factor: Tensor) -> Tensor:
+    """Mean Gaussian score of residuals (B, 6) under covariances F F', without the constant."""
+    scaled = torch.linalg.solve_triangular(factor, residual[:, :, None], upper=False)[:, :, 0]
+    return (0.5 * scaled.square().sum(1) + torch.diagonal(factor, dim1=1, dim2=2).log().sum(1)).mean()

@@ -1,0 +1,243 @@
+"""What a wrench model learns from: shear fields with their labels, made from a folder of labelled frames.
+
+    samples = read_samples("exports/data")                       # tracks the dots of every frame once, then cached
+    train, test = samples.split(0.2, seed=1)                     # whole paths
+
+Fields in pixels of the 200 x 200 crop; wrenches on the endcap about the sphere's centre, N and N m
+(:mod:`sensing.frames`). Every path has an identity (protocol, seed, number): equal identities have seen the same
+motion, and :func:`shared_between` finds them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.camera.mount import MountedCamera
+from sensing.frames import T_sphere_endcap, wrench_adjoint
+from sensing.learning.marker_fields import MarkerSensor, Scatter
+from sensing.learning.symmetry import disc_cells
+from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
+from sensing.tracking.methods import DotField, field_method
+from sensing.tracking.nominal_view import NominalField
+
+SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
+MARKERS = "markers"
+SENSORS, VIEWS = 32, 4  # made-up sensors of a set, and how many see each run
+ROW_ARRAYS = (
+    "fields",
+    "valid",
+    "wrenches",
+    "path",
+    "phase",
+    "time_s",
+    "contact",
+    "tilt_deg",
+    "azimuth_deg",
+    "friction",
+)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N samples of one design.
+
+    Attributes:
+        fields: (N, 2, H, W) float32, as the method gives them where not valid too. valid: (N, H, W) bool.
+        wrenches: (N, 6) on the endcap about the sphere's centre.
+        path: (N,) str identity of the loading path. phase: (N,) str.
+        time_s: (N,) capture time within the path. contact: (N,) bool.
+        tilt_deg, azimuth_deg, friction: (N,) pose and plane, NaN where unknown.
+        design: the endcap. method: of the field. source: folder it came from.
+    """
+
+    fields: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    wrenches: NDArray[np.float64]
+    path: NDArray[np.str_]
+    phase: NDArray[np.str_]
+    time_s: NDArray[np.float64]
+    contact: NDArray[np.bool_]
+    tilt_deg: NDArray[np.float64]
+    azimuth_deg: NDArray[np.float64]
+    friction: NDArray[np.float64]
+    design: EndcapParams
+    method: str
+    source: str
+
+    def __len__(self) -> int:
+        return len(self.fields)
+
+    def __post_init__(self) -> None:
+        for name in ROW_ARRAYS:
+            if len(getattr(self, name)) != len(self.fields):
+                raise ParameterError(
+                    f"{name} has {len(getattr(self, name))} rows, fields {len(self.fields)}: one for each", name=name
+                )
+        if self.wrenches.shape[1:] != (6,):
+            raise ParameterError(
+                f"wrenches of shape {self.wrenches.shape}: (N, 6) needed, no axis missing", name="wrenches"
+            )
+        if not (np.isfinite(self.fields).all() and np.isfinite(self.wrenches).all()):
+            raise ParameterError(f"{self.source}: fields or wrenches that are not finite: drop them", name="fields")
+
+    @property
+    def inputs(self) -> NDArray[np.float64]:
+        """(N, 2 H W): u then v, row by row, zero in the corners that no dot reaches."""
+        return (self.fields * disc_cells(self.fields.shape[2:])).reshape(len(self), -1).astype(float)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of fields and labels."""
+        return hashlib.sha256(self.fields.tobytes() + self.wrenches.tobytes()).hexdigest()
+
+    def take(self, rows: NDArray) -> Samples:
+        """Some of the samples, by index or mask."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in ROW_ARRAYS})
+
+    def split(self, share: float, seed: int) -> tuple[Samples, Samples]:
+        """(rest, about ``share`` of the paths): whole paths, drawn at random, at least one on each side.
+
+        Raises:
+            ParameterError: fewer than two paths.
+        """
+        paths = np.unique(self.path)
+        if len(paths) < 2:
+            raise ParameterError(
+                f"{self.source}: {len(paths)} loading path(s), at least 2 needed to part them: record more", name="path"
+            )
+        count = int(np.clip(round(share * len(paths)), 1, len(paths) - 1))
+        aside = np.isin(self.path, np.random.default_rng(seed).permutation(paths)[:count])
+        return self.take(~aside), self.take(aside)
+
+
+def shared_between(train: Samples, test: Samples) -> list[str]:
+    """What training and test have in common and must not: paths, contact poses, identical pictures."""
+    found = [f"path {name}" for name in sorted(set(train.path) & set(test.path))]
+    poses = [
+        {
+            (round(t, 3), round(a, 3), round(f, 6))
+            for t, a, f in zip(s.tilt_deg, s.azimuth_deg, s.friction, strict=True)
+            if np.isfinite([t, a, f]).all()
+        }
+        for s in (train, test)
+    ]
+    found += [f"pose tilt={t:g} azimuth={a:g} friction={f:g}" for t, a, f in sorted(poses[0] & poses[1])]
+    pictures = [{field.tobytes() for field in s.fields[s.contact]} for s in (train, test)]
+    return found + ["identical fields"] * len(pictures[0] & pictures[1])
+
+
+def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int] = SHAPE) -> Samples:
+    """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
+
+    Method ``markers`` takes the fields that made-up sensors would see (:mod:`sensing.learning.marker_fields`) instead
+    of tracking the pictures; they stand for those of ``dots``. Fields are kept beside the data until it changes.
+
+    Raises:
+        FileError: no such set, or an empty one. ParameterError: unknown method.
+    """
+    data = LabelledSet(folder)
+    design = data.params
+    if not data.shards:
+        raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
+    stamp = f"5 {method} {shape} " + " ".join(
+        f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
+    )
+    digest = hashlib.sha256(stamp.encode()).hexdigest()
+    cache = Path(folder) / f"fields_{method}_{shape[0]}x{shape[1]}.npz"
+    rows = _cached(cache, digest)
+    if rows is None:
+        seen = _marked if method == MARKERS else _tracked
+        found: dict[str, list[Any]] = {name: [] for name in ROW_ARRAYS}
+        for count, row in enumerate(seen(data, design, method, shape), 1):
+            for name, value in zip(ROW_ARRAYS, row, strict=True):
+                found[name].append(value)
+            if sys.stderr.isatty() and count % 50 == 0:
+                print(f"\r{data.folder}: {count} fields", end="", file=sys.stderr)
+        rows = {name: np.array(values) for name, values in found.items()}
+        _keep(cache, rows, digest)
+    return Samples(**rows, design=design, method="dots" if method == MARKERS else method, source=str(folder))
+
+
+def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+    """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
+    to_sphere = wrench_adjoint(T_sphere_endcap(design))
+    worker, now, camera = None, None, _camera(data.folder)
+    for item in data.frames():
+        run = (item.path, str(item.labels["azimuth_deg"]))
+        if worker is None or run != now:  # a new run: another reference, or the contact jumps
+            worker, now = field_method(method, item.reference, shape), run
+            if camera is not None and isinstance(worker, DotField):
+                worker = NominalField(worker.tracker, shape, camera, design)
+        field = worker.update(item.frame)
+        fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
+        yield fields, field.valid, *_label_row(data, item.labels, to_sphere)
+
+
+def _camera(folder: Path) -> MountedCamera | None:
+    """The calibrated camera that lies beside the frames, if one does."""
+    return MountedCamera.load(folder / "camera.json") if (folder / "camera.json").exists() else None
+
+
+def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+    """The same from the labels: every run as :data:`VIEWS` of :data:`SENSORS` made-up sensors see it."""
+    to_sphere = wrench_adjoint(T_sphere_endcap(design))
+    rng = np.random.default_rng(int(data.manifest["request"]["seed"]))
+    sensors = [MarkerSensor(design, shape, Scatter(), rng) for _ in range(SENSORS)]
+    for file in data.shards:
+        arrays = read_shard(file, COLUMNS)
+        if arrays["dots_mm"].shape[1:] != sensors[0].rest_mm.shape:
+            raise ParameterError(f"{data.folder}: tells nothing of its dots (a recording?): give --method dots")
+        runs = arrays["path"] + 1j * arrays["azimuth_deg"]
+        for run in np.unique(runs):
+            rows = np.flatnonzero(runs == run)
+            for number in rng.choice(SENSORS, VIEWS, replace=False):
+                fields = sensors[number].fields(arrays["dots_mm"][rows])
+                for field, row in zip(fields, rows, strict=True):
+                    labels = {name: arrays[name][row] for name in COLUMNS}
+                    yield field, sensors[number].valid, *_label_row(data, labels, to_sphere)
+
+
+def _label_row(data: LabelledSet, labels: dict[str, Any], to_sphere: NDArray[np.float64]) -> tuple[Any, ...]:
+    request = data.manifest["request"]
+    return (
+        to_sphere @ np.concatenate([labels["force_n"], labels["torque_nm"]]),
+        f"{request['protocol']}-{request['seed']}-{labels['path']}",
+        data.phases[int(labels["phase"])],
+        float(labels["time_s"]),
+        bool(labels["contact"]),
+        float(labels["tilt_deg"]),
+        float(labels["azimuth_deg"]),
+        float(labels["friction"]),
+    )
+
+
+def _cached(path: Path, digest: str) -> dict[str, Any] | None:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in ROW_ARRAYS} if str(archive["digest"]) == digest else None
+    except (OSError, ValueError, KeyError, EOFError):
+        return None  # absent or damaged: made again
+
+
+def _keep(path: Path, rows: dict[str, Any], digest: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            np.savez(stream, **rows, digest=np.array(digest))
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({error.strerror}): free some space") from error
+    finally:
+        Path(temporary).unlink(missing_ok=True)

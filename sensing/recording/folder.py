@@ -1,0 +1,134 @@
+"""A growing folder of own labelled frames, in the format of :mod:`sensing.records_labelled` (N, N m, s).
+
+What a recording cannot know (depth, friction, the dots' true places) is NaN or empty. Shards appear whole or not at
+all.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import secrets
+from pathlib import Path
+from typing import Any, cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError
+from cad.params import EndcapParams
+from sensing.frames import FtMount
+from sensing.records import Frame
+from sensing.records_labelled import COLUMNS, FORMAT, read_manifest, read_shard
+from sensing.tracking.zero import Zero
+from sensing.wrench.model import replace_file
+
+SHARD_FRAMES = 200
+TOUCH_N, REST_N = 0.5, 0.3  # E: contact begins and ends at these true forces
+JPEG_QUALITY = 95
+UNKNOWN: dict[str, Any] = {
+    "T_world_endcap": np.full((4, 4), np.nan), "shift_mm": np.full(2, np.nan), "dots_mm": np.zeros((0, 3), np.float32),
+    "dots_px": np.zeros((0, 2), np.float32), "dots_visible": np.zeros(0, bool), "phase": 0, "level": 0, "scene": -1,
+    "cap": -1, "reference": 0,
+}  # fmt: skip
+
+
+class Recording:
+    """One folder.
+
+    Args:
+        folder: a new one, or one that a recording of the same endcap and mounting began.
+        params: the endcap. mount: of the force/torque sensor.
+
+    Raises:
+        FileError: the folder holds something else, is being written, or cannot be written.
+    """
+
+    def __init__(self, folder: Path, params: EndcapParams, mount: FtMount) -> None:
+        self.folder, self.name, self._mount = folder, folder.name, mount
+        self._rows: list[dict[str, Any]] = []
+        self._pictures: list[bytes] = []
+        self._reference = b""
+        self._tare = np.zeros(6)
+        self._touching = False
+        self._start_s: float | None = None
+        try:
+            (folder / "shards").mkdir(parents=True, exist_ok=True)
+            self._lock = (folder / ".lock").open("w")
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise FileError(f"{folder}: another recording is writing there: choose another folder") from None
+        except OSError as error:
+            raise FileError(f"{folder}: cannot be written ({error.strerror}): choose another folder") from error
+        known = sorted((folder / "shards").glob("[0-9]*.npz"))
+        self._shard = int(known[-1].stem) + 1 if known else 0
+        self.paths = max((int(read_shard(path, ("path",))["path"].max()) + 1 for path in known), default=0)
+        self._path = self.paths
+        self._manifest(params)
+
+    def begin(self, zero: Zero, tare: NDArray[np.float64]) -> None:
+        """Reference picture and tare of what follows; a new path begins."""
+        self.flush()
+        self._reference, self._tare = _jpeg(zero.image), np.asarray(tare, float)
+        self._path, self._touching = self.paths, False
+
+    def add(self, frame: Frame, reading: NDArray[np.float64]) -> None:
+        """One frame and what the sensor read at its capture time (6,)."""
+        if self._start_s is None:
+            self._start_s = frame.time_s
+        mount = FtMount(self._mount.T_endcap_ft, self._mount.reads, self._tare)
+        wrench = mount.on_endcap(reading, frame.time_s)
+        force = float(np.linalg.norm(wrench.force_n))
+        if self._touching and force < REST_N:
+            self._touching, self._path = False, self._path + 1
+        self._touching = self._touching or force >= TOUCH_N
+        self.paths = max(self.paths, self._path + 1)
+        known = {
+            "path": self._path, "step": frame.sequence, "time_s": frame.time_s - self._start_s, "exposure_s": 0.0,
+            "force_n": np.array(wrench.force_n), "torque_nm": np.array(wrench.torque_nm), "contact": self._touching,
+        }  # fmt: skip
+        self._rows.append({name: known.get(name, UNKNOWN.get(name, np.nan)) for name in COLUMNS})
+        self._pictures.append(frame.jpeg if frame.jpeg else _jpeg(frame.image))
+        if len(self._rows) >= SHARD_FRAMES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what has been added.
+
+        Raises:
+            FileError: no space left (shards before stay).
+        """
+        if not self._rows:
+            return
+        arrays: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in self._rows]) for name in COLUMNS}
+        for prefix, pictures in (("jpeg", self._pictures), ("reference_jpeg", [self._reference])):
+            arrays[prefix] = np.frombuffer(b"".join(pictures), np.uint8)
+            arrays[f"{prefix}_end"] = np.cumsum([len(picture) for picture in pictures])
+        buffer = io.BytesIO()
+        np.savez(buffer, **cast(dict[str, Any], arrays))
+        replace_file(self.folder / "shards" / f"{self._shard:05d}.npz", buffer.getvalue())
+        self._shard += 1
+        self._rows, self._pictures = [], []
+
+    def _manifest(self, params: EndcapParams) -> None:
+        wanted = {
+            "diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "protocol": "recorded",
+            "T_endcap_ft": np.asarray(self._mount.T_endcap_ft).tolist(), "reads": self._mount.reads,
+        }  # fmt: skip
+        if (self.folder / "manifest.json").exists():
+            found = read_manifest(self.folder).get("request", {})
+            other = [name for name, value in wanted.items() if found.get(name) != value]
+            if other:
+                said = ", ".join(f"{name}={found.get(name)}" for name in other)
+                raise FileError(f"{self.folder}: holds a set with {said}: choose an empty folder or the same options")
+            return
+        record = {"format": FORMAT, "phases": ["recorded"], "columns": COLUMNS}
+        request = wanted | {"seed": secrets.randbits(32)}  # so that no two recordings share an identity
+        text = json.dumps({**record, "request": request}, indent=1)
+        replace_file(self.folder / "manifest.json", text.encode())
+
+
+def _jpeg(image: Any) -> bytes:
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()

@@ -1,0 +1,60 @@
+"""The methods by name, all behind one small interface."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from cad.errors import ParameterError
+from sensing.records import DotTracks, Frame, ShearField
+from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField, normalised
+from sensing.tracking.gelslim import GelslimConfig, GelslimField
+from sensing.tracking.tracker import DotTracker, TrackerConfig
+
+METHODS = ("dots", "gelslim", "farneback", "dis", "lk", "dense")
+
+
+class FieldMethod(Protocol):
+    """Frames in, fields out; keeps what it must remember of the frames before."""
+
+    def update(self, frame: Frame) -> ShearField:
+        """Field of one frame."""
+        ...
+
+
+class DotField:
+    """The dots' field behind the common interface.
+
+    Attributes:
+        tracker: the tracker in use.
+        tracks: tracks of the last frame, None before the first.
+    """
+
+    def __init__(self, reference: Frame, config: TrackerConfig | None = None) -> None:
+        self.tracker = DotTracker(reference, config)
+        self.tracks: DotTracks | None = None
+
+    def update(self, frame: Frame) -> ShearField:
+        """Field of one frame; keeps its tracks."""
+        self.tracks = self.tracker.update(frame)
+        return self.tracker.field(self.tracks)
+
+
+def field_method(name: str, reference: Frame, shape: tuple[int, int] = (30, 30)) -> FieldMethod:
+    """The method of that name, ready for frames of the same camera as the reference.
+
+    Raises:
+        ParameterError: no such method.
+    """
+    if name == "dots":
+        return DotField(reference, TrackerConfig(shape=shape))
+    if name == "gelslim":
+        return GelslimField(reference, GelslimConfig(shape=shape))
+    if name == "farneback":
+        return FarnebackField(reference, shape)
+    if name == "dis":
+        return DisField(reference, shape)
+    if name == "lk":
+        return LucasKanadeField(reference, shape)
+    if name == "dense":
+        return DisField(reference, shape, normalised)
+    raise ParameterError(f"method={name!r}: choose from {', '.join(METHODS)}", name="method", value=name)

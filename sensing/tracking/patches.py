@@ -1,0 +1,149 @@
+"""Aligns the windows around the dots with those of the reference.
+
+Inverse-compositional Lucas-Kanade (Baker and Matthews 2004, doi:10.1023/B:VISI.0000011205.11775.fd) of a translation,
+with the window's brightness modelled as gain * T + offset + ramp in x and y. Because these are projected out of the
+gradients beforehand, an iteration is three dot products a window, and neither exposure nor a lamp gradient moves the
+answer. The local stretch and turn of the skin enters as a fixed 2 x 2 matrix per window, known from the neighbours.
+
+Units: pixels of the working (reduced) picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.tracking.patch_kernels import MARGIN, SATURATED, align_windows
+
+ITERATIONS = 10
+STOP_PX = 0.02
+LEAST_INSIDE = 0.25  # share of a window that must lie inside the frame and be unsaturated
+SHEAR_DAMPING = 0.02  # of the mean curvature: what a window cannot tell about its stretch stays as it was
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Windows of the reference, ready for :func:`align`; M = (2 half + 1) (2 half + 2) pixels, row by row.
+
+    The last column of a window and pixels beyond the frame have weight 0.
+
+    Attributes:
+        centre: (N, 2) whole-pixel centres x, y of the windows.
+        half: half width.
+        texture: (N, M) reference gray minus its weighted mean.
+        weight: (N, M), sums to 1 per window.
+        rows: (N, 5, M) what an iteration multiplies the picture with: descent x and y (weighted, projected, so that
+            descent . I / gain is the misalignment), gain (so that gain . I is the contrast relative to the reference),
+            weight, and weight times texture.
+        shear: (N, 4, M) weighted, projected, so that shear . I / gain is the misfit of the stretch, row by row of its
+            2 x 2 matrix; damped where a round dot cannot tell (its own rotation).
+        plain: (N, 4, M) x slope, y slope, texture and weight, for windows that are seen in part.
+        energy: (N,) weighted variance of the texture.
+    """
+
+    centre: NDArray[np.float32]
+    half: int
+    texture: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    rows: NDArray[np.float32]
+    shear: NDArray[np.float32]
+    plain: NDArray[np.float32]
+    energy: NDArray[np.float32]
+
+    @property
+    def uncertainty_px(self) -> NDArray[np.float64]:
+        """(N,) standard deviation of the less certain direction of a window's place, per gray level of white noise."""
+        descent = self.rows[:, :2].astype(float)
+        return np.sqrt(np.linalg.eigvalsh(descent @ descent.transpose(0, 2, 1))[:, 1])
+
+
+def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half: int) -> Patches:
+    """Windows of a smoothed, framed picture around positions (N, 2); one with too little to see gets zero energy."""
+    image = image[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    count = len(position)
+    centre = np.rint(position).astype(int)
+    dx, dy = (a.ravel() for a in np.meshgrid(np.arange(-half, half + 2), np.arange(-half, half + 1)))
+    window = np.clip(1.25 - np.hypot(dx, dy) / (half + 0.5), 0, 1) ** 0.5 * (dx <= half)
+    slopes = np.gradient(np.pad(image.astype(float), half + 2, mode="edge"))[::-1]  # x, y
+    size = len(dx)
+    patches = Patches(
+        centre=centre.astype(np.float32),
+        half=half,
+        texture=np.zeros((count, size), np.float32),
+        weight=np.zeros((count, size), np.float32),
+        rows=np.zeros((count, 5, size), np.float32),
+        shear=np.zeros((count, 4, size), np.float32),
+        plain=np.zeros((count, 4, size), np.float32),
+        energy=np.zeros(count, np.float32),
+    )
+    height, width = image.shape
+    for index, (x, y) in enumerate(centre):
+        columns, lines = x + dx, y + dy
+        inside = (columns >= 0) & (columns < width) & (lines >= 0) & (lines < height)
+        value = image[np.clip(lines, 0, height - 1), np.clip(columns, 0, width - 1)].astype(float)
+        weight = window * inside * (value < SATURATED)
+        if weight.sum() >= LEAST_INSIDE * window.sum():
+            weight /= weight.sum()
+            gradient = np.stack([slope[lines + half + 2, columns + half + 2] for slope in slopes], axis=1)
+            _prepare(patches, index, value - weight @ value, weight, gradient, dx.astype(float), dy.astype(float))
+    return patches
+
+
+def _prepare(
+    patches: Patches, index: int, value: NDArray, weight: NDArray, gradient: NDArray, dx: NDArray, dy: NDArray
+) -> None:
+    """Fills the rows of one window from its texture, weights and (M, 2) slopes."""
+    ramps = np.stack([np.ones_like(dx), dx, dy], axis=1)
+    pure = _project(gradient, np.column_stack([ramps, value]), weight)
+    descent = np.linalg.pinv(pure.T @ (weight[:, None] * pure), rcond=1e-6) @ (weight[:, None] * pure).T
+    bent = np.stack([gradient[:, 0] * dx, gradient[:, 0] * dy, gradient[:, 1] * dx, gradient[:, 1] * dy], axis=1)
+    bent = _project(bent, np.column_stack([ramps, value, gradient]), weight)
+    normal = bent.T @ (weight[:, None] * bent)
+    damped = normal + SHEAR_DAMPING * np.trace(normal) / 4 * np.eye(4)
+    shade = _project(value[:, None], np.column_stack([ramps, gradient]), weight)[:, 0]
+    gain = weight * shade / max(weight @ shade**2, 1e-9)
+    patches.rows[index] = np.stack([*descent, gain, weight, weight * value])
+    patches.shear[index] = np.linalg.pinv(damped, rcond=1e-9) @ (weight[:, None] * bent).T
+    patches.plain[index] = np.stack([*gradient.T, value, weight])
+    patches.texture[index], patches.weight[index] = value, weight
+    patches.energy[index] = weight @ value**2
+
+
+def align(
+    image: NDArray[np.float32],
+    patches: Patches,
+    which: NDArray[np.int64],
+    displacement: NDArray[np.float64],
+    stretch: NDArray[np.float64],
+    iterations: int = ITERATIONS,
+    stop_px: float = STOP_PX,
+) -> NDArray[np.float64]:
+    """Align the windows ``which``; ``displacement`` (N, 2) is the start and is overwritten for these rows.
+
+    Args:
+        image: framed float32 picture as :func:`sensing.tracking.patch_kernels.smoothed` gives it.
+        patches: reference windows.
+        which: rows to treat.
+        displacement: (N, 2) pixels.
+        stretch: (N, 2, 2) gradient of the displacement at each dot (d displacement_i / d x_j), the start; overwritten
+            by what the windows show (windows cut by the frame or a highlight keep the start).
+        iterations: at most.
+        stop_px: a step this small ends the iteration.
+
+    Returns:
+        (N,) correlation with the reference, -1..1; rows not treated are 0.
+    """
+    quality = np.zeros(len(displacement))
+    align_windows(
+        image, patches.centre, patches.half, patches.rows, patches.shear, patches.plain, patches.energy, which,
+        displacement, stretch, iterations, np.float32(stop_px), quality,
+    )  # fmt: skip
+    return quality
+
+
+def _project(columns: NDArray, basis: NDArray, weight: NDArray) -> NDArray:
+    """Columns minus their weighted least-squares fit by the basis."""
+    root = np.sqrt(weight)[:, None]
+    return columns - basis @ np.linalg.lstsq(root * basis, root * columns, rcond=1e-9)[0]

@@ -1,0 +1,138 @@
+"""Finds the dots again when they have jumped too far to be followed (one-frame jumps, a picture after darkness).
+
+Every dot looks for windows like its own within reach; several may fit, because dots look alike. A rigid motion that
+many dots agree on (or no motion at all) picks one each; from these the field grows to the others, each new dot taking
+the candidate nearest to what its neighbours predict. So a swap of identities needs a whole patch to jump by a dot
+spacing, not one dot.
+
+Units: pixels of the working (reduced) picture.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.tracking.field_operator import FieldOperator
+from sensing.tracking.patches import Patches
+from sensing.tracking.search_kernels import best_rigid_motion, correlation_map
+
+STRIDE = 2
+LEAST_CORRELATION = 0.6
+CANDIDATES = 4
+AGREE_PX = 4.0  # a candidate within this of the prediction is taken
+GROW_PX = 10.0  # the same while growing: narrow bumps surprise their neighbours; half a dot spacing is 11
+ROUNDS = 8
+TRIALS = 600  # pairs of dots whose motion is put to the vote
+SHORTEST_PX = 40.0  # pairs nearer than this tell no turn
+STRETCH = 0.07  # pairs whose distance changes by more than this share are no pair
+
+
+def recover(
+    image: NDArray[np.float32],
+    patches: Patches,
+    operator: FieldOperator,
+    reach: int,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """((N, 2) coarse displacements, to 1 or 2 px; (N,) bool, True where a window was found, else predicted)."""
+    count = len(patches.centre)
+    which = np.arange(count)
+    maps = correlation_map(
+        image, patches.centre, patches.half, patches.texture, patches.weight, patches.energy, which, reach, STRIDE
+    )
+    place, score = _candidates(maps)
+    start = _agreed_motion(patches.centre.astype(float), place, score, rng)
+    chosen, error = _nearest(place, score, start)
+    return _grown(operator, place, score, chosen, error < AGREE_PX)
+
+
+def regrow(
+    image: NDArray[np.float32],
+    patches: Patches,
+    operator: FieldOperator,
+    moved: NDArray[np.float64],
+    live: NDArray[np.bool_],
+    reach: int,
+) -> NDArray[np.float64]:
+    """(N, 2) coarse displacements with the lost dots searched for near their neighbours' prediction; live ones stay."""
+    lost = np.flatnonzero(~live)
+    maps = correlation_map(
+        image, patches.centre, patches.half, patches.texture, patches.weight, patches.energy, lost, reach, STRIDE
+    )
+    place, score = np.zeros((len(live), CANDIDATES, 2)), np.zeros((len(live), CANDIDATES))
+    place[lost], score[lost] = _candidates(maps)
+    place[live, 0], score[live, 0] = moved[live], 1.0
+    return _grown(operator, place, score, moved, live)[0]
+
+
+def _grown(
+    operator: FieldOperator,
+    place: NDArray[np.float64],
+    score: NDArray[np.float64],
+    chosen: NDArray[np.float64],
+    live: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """From the live dots outward: each takes the candidate nearest to what the others predict, if near enough."""
+    count = len(live)
+    for _ in range(ROUNDS):
+        if live.sum() < 3:
+            return np.zeros((count, 2)), np.zeros(count, bool)
+        predicted = operator.filled(np.where(live[:, None], chosen, 0.0), live)
+        predicted[live] -= _left_out(operator, chosen, live)
+        chosen, error = _nearest(place, score, predicted)
+        grown = error < GROW_PX
+        if (grown == live).all():
+            break
+        live = grown
+    return operator.filled(np.where(live[:, None], chosen, 0.0), live), live
+
+
+def _left_out(
+    operator: FieldOperator, displacement: NDArray[np.float64], live: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Leave-one-out residual of the live dots among the live dots."""
+    return operator.left_out(operator.filled(np.where(live[:, None], displacement, 0.0), live))[live]
+
+
+def _candidates(maps: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, C, 2) displacements and (N, C) correlations of the highest local maxima; unused places score 0."""
+    count, n, _ = maps.shape
+    framed = np.pad(maps, ((0, 0), (1, 1), (1, 1)), constant_values=-1)
+    neighbours = [
+        framed[:, 1 + dy : 1 + dy + n, 1 + dx : 1 + dx + n] for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dx or dy
+    ]
+    peak = np.where(maps >= np.maximum.reduce(neighbours), maps, 0).reshape(count, -1)
+    order = np.argsort(-peak, axis=1)[:, :CANDIDATES]
+    score = np.take_along_axis(peak, order, axis=1).astype(float)
+    place = np.stack([order % n - n // 2, order // n - n // 2], axis=2) * float(STRIDE)
+    return place, np.where(score > LEAST_CORRELATION, score, 0.0)
+
+
+def _agreed_motion(
+    centre: NDArray[np.float64],
+    place: NDArray[np.float64],
+    score: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    """(N, 2) rigid motion that most dots have a candidate for; rest is the first guess and wins ties."""
+    dots = np.flatnonzero(score.max(axis=1) > 0)
+    if len(dots) < 4:
+        return np.zeros_like(centre)
+    picks = np.column_stack(
+        [dots[rng.integers(len(dots), size=(TRIALS, 2))], rng.integers(CANDIDATES, size=(TRIALS, 2))]
+    )
+    middle = centre.mean(axis=0)
+    turn, x, y = best_rigid_motion(centre - middle, place, score, picks, AGREE_PX, SHORTEST_PX, STRETCH)
+    z = (centre - middle) @ np.array([1, 1j]) * (np.exp(1j * turn) - 1) + complex(x, y)
+    return np.stack([z.real, z.imag], axis=1)
+
+
+def _nearest(
+    place: NDArray[np.float64], score: NDArray[np.float64], target: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, 2) candidate of each dot nearest to the target, and (N,) how far it is from it."""
+    distance = np.linalg.norm(place - target[:, None], axis=2) + np.where(score > 0, 0, 1e6)
+    best = distance.argmin(axis=1)
+    row = np.arange(len(place))
+    return place[row, best], distance[row, best]

@@ -1,0 +1,188 @@
+"""Compiled loops of :mod:`sensing.wrench.model` and :mod:`sensing.wrench.filter` for one field at a time.
+
+A field's wrench is a hundred small steps: in numpy their calls cost five times what they compute. N, N m, px, s.
+"""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from sensing.compiled import HELPER, SHORT
+
+EXACT = {"reassoc", "contract"}  # fastmath flags that leave a / b and exp(a) what they are: zero stays exactly zero
+_KERNEL, _HELPER = SHORT | {"fastmath": EXACT}, HELPER | {"fastmath": EXACT}
+
+
+@numba.njit(**_KERNEL)
+def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
+    """Answer of the network of :mod:`sensing.learning.net` for one field, and how unlike those of training it is.
+
+    Args:
+        x: (D,) float64, finite. cells: (D,) float32, 1 for cells that count. linear: (6, D) float32.
+        principal: (K, D) float32. gram: (K, K) float64, inner products of the fields that ``principal`` takes to ones.
+        mean: layers of the perceptron that bends the answer, four float32 arrays and the last float64, in N and N m.
+        spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
+        limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
+
+    Returns:
+        Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and of what it leaves (px).
+    """
+    count = len(principal)
+    z, seen = np.zeros(count), np.zeros(count)
+    for k in range(count):
+        z[k], seen[k] = _products(principal[k], x, cells)
+    square = 0.0
+    for d in range(x.size):
+        square += cells[d] * x[d] * x[d]
+    value, raw = np.empty(6), np.empty(21)
+    h = _units(mean[2], mean[3], _units(mean[0], mean[1], z, True), True)
+    for k in range(6):
+        value[k] = _product(linear[k], x) + _product(mean[4][k], h)
+    h = _units(spread[2], spread[3], _units(spread[0], spread[1], z, False), False)
+    for k in range(21):
+        raw[k] = _product(spread[4][k], h) + spread[5][k]
+    distance, left = _range(seen, gram, square)
+    return value, _covariance(raw, scale, limits), distance, left
+
+
+@numba.njit(**_HELPER)
+def _products(line, x, cells):
+    whole = part = 0.0
+    for d in range(x.size):
+        a = line[d] * x[d]
+        whole += a
+        part += cells[d] * a
+    return whole, part
+
+
+@numba.njit(**_HELPER)
+def _product(line, x):
+    total = 0.0
+    for d in range(x.size):
+        total += line[d] * x[d]
+    return total
+
+
+@numba.njit(**_HELPER)
+def _units(weight, bias, inputs, anchored):
+    """Answers silu(a + b) of a layer's units; ``anchored``: minus silu(b)."""
+    told = np.empty(len(bias))
+    for k in range(len(bias)):
+        told[k] = _silu(_product(weight[k], inputs) + bias[k])
+        if anchored:
+            told[k] -= _silu(np.float64(bias[k]))
+    return told
+
+
+@numba.njit(**_HELPER)
+def _silu(a):
+    return a / (1.0 + math.exp(-max(a, -700.0)))
+
+
+@numba.njit(**_HELPER)
+def _covariance(raw, scale, limits):
+    """(6, 6) L L' from the (21,) raw entries of L, row by row: L = spread of each axis times a unit lower triangle."""
+    least, most, mix = limits
+    root, place = np.zeros((6, 6)), 0
+    for k in range(6):
+        a = most * math.tanh(raw[place + k] / most)
+        spread = (least + max(a, 0.0) + math.log1p(math.exp(-abs(a)))) * scale[k]
+        for m in range(k):
+            root[k, m] = spread * mix * math.tanh(raw[place + m] / mix)
+        root[k, k] = spread
+        place += k + 1
+    covariance = np.empty((6, 6))
+    for k in range(6):
+        for m in range(k + 1):
+            covariance[k, m] = covariance[m, k] = _product(root[k], root[m])
+    return covariance
+
+
+@numba.njit(**_HELPER)
+def _range(seen, gram, square):
+    """Norm of the principal part, and of what it leaves of a field with that sum of squares."""
+    explained = 0.0
+    for k in range(len(seen)):
+        explained += seen[k] * _product(gram[k], seen)
+    return math.sqrt(_product(seen, seen)), math.sqrt(max(square - explained, 0.0))
+
+
+@numba.njit(**_KERNEL)
+def ahead(state, covariance, step, walk, density):
+    """States (M, 2, 6) and covariances (M, 3, 6: of values, with rates, of rates) of M motions after a ``step``."""
+    value, spread = state.copy(), covariance.copy()
+    for m in range(len(state)):
+        for k in range(6):
+            vv, vr, rr, q = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], density[m, k]
+            value[m, 0, k] += step * state[m, 1, k]
+            spread[m, 0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3 + walk[m, k] * step
+            spread[m, 1, k] = vr + step * rr + q * step**2 / 2
+            spread[m, 2, k] = rr + q * step
+    return value, spread
+
+
+@numba.njit(**_KERNEL)
+def believe(weight, state, covariance, measured, variance, memory, least):
+    """Weights (M, 6) after a measurement (6,), before it is taken in: Bayes' rule with a fading past, none at zero."""
+    count, told = len(weight), np.empty(weight.shape)
+    for k in range(6):
+        best, total, kept = -math.inf, 0.0, 0.0
+        for m in range(count):
+            spread = covariance[m, 0, k] + variance[k]
+            innovation = measured[k] - state[m, 0, k]
+            told[m, k] = memory * math.log(weight[m, k]) - 0.5 * (innovation * innovation / spread + math.log(spread))
+            best = max(best, told[m, k])
+        for m in range(count):
+            told[m, k] = math.exp(told[m, k] - best)
+            total += told[m, k]
+        for m in range(count):
+            told[m, k] = max(told[m, k] / total, least)
+            kept += told[m, k]
+        for m in range(count):
+            told[m, k] /= kept
+    return told
+
+
+@numba.njit(**_KERNEL)
+def correct(state, covariance, measured, variance, surprise, rates):
+    """Takes a measurement (6,) of a variance (6,) into ``state`` and ``covariance`` of every motion.
+
+    Where its normalised square is beyond ``surprise`` for all of them, values are widened by the innovation and rates
+    by ``rates`` (M, 6: variances) first.
+    """
+    least = math.inf
+    for m in range(len(state)):
+        square = 0.0
+        for k in range(6):
+            square += (measured[k] - state[m, 0, k]) ** 2 / (covariance[m, 0, k] + variance[k])
+        least = min(least, square)
+    for m in range(len(state)):
+        for k in range(6):
+            innovation = measured[k] - state[m, 0, k]
+            if least > surprise:
+                covariance[m, 0, k] += innovation**2
+                covariance[m, 2, k] += rates[m, k]
+            vv, vr, rr, noise = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], variance[k]
+            keep, g, h = noise / (vv + noise), vv / (vv + noise), vr / (vv + noise)
+            state[m, 0, k] += g * innovation
+            state[m, 1, k] += h * innovation
+            covariance[m, 0, k] = keep * vv * keep + g * noise * g
+            covariance[m, 1, k] = keep * (vr - h * vv) + g * noise * h
+            covariance[m, 2, k] = rr - 2 * h * vr + h * vv * h + h * noise * h
+
+
+@numba.njit(**_KERNEL)
+def mixture(weight, state, covariance):
+    """Value (6,) and variance (6,) of all motions together, how far they are apart included."""
+    value, variance = np.zeros(6), np.zeros(6)
+    for m in range(len(weight)):
+        for k in range(6):
+            value[k] += weight[m, k] * state[m, 0, k]
+    for m in range(len(weight)):
+        for k in range(6):
+            variance[k] += weight[m, k] * (covariance[m, 0, k] + (state[m, 0, k] - value[k]) ** 2)
+    return value, variance

@@ -1,0 +1,269 @@
+"""Weights on disk and the estimator that live code uses: shear field in, wrench with covariance and flags out.
+
+    model = load_wrench_model(EndcapParams(130, 8))       # the default that ships with the package, or path="..."
+    tracker = DotTracker(reference, TrackerConfig(shape=model.shape))
+    wrench = model.estimate(tracker.field(tracker.update(frame)))
+
+Wrenches on the endcap about the sphere's centre, N and N m. A file holds tensors and, as JSON, the design's digest, how
+it was trained and how well it did. Weights of another design are refused. Nothing is unpickled, and torch is not
+needed: the network of :mod:`sensing.learning.net` is computed here with numpy, for one field by a compiled kernel.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.records import ShearField, Wrench
+from sensing.wrench.kernels import answer_one
+
+Array = NDArray[np.float64]
+FORMAT = "endcap-wrench-2"
+SHIPPED = Path(__file__).parents[1] / "weights"
+LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
+LARGEST_PX = 1e6  # a field beyond it is no measurement
+MIN_SPREAD, MAX_SPREAD, MAX_MIX = 0.02, 100.0, 3.0  # as in sensing.learning.net
+_ROWS, _COLUMNS = np.tril_indices(6)
+_STEPS, _DIAGONAL = np.arange(6), np.flatnonzero(_ROWS == _COLUMNS)
+SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M hidden
+    "linear": ("6", "D"), "principal": ("K", "D"), "units": ("6",), "calibration": ("6",),
+    "mean.first.weight": ("M", "K"), "mean.first.bias": ("M",), "mean.second.weight": ("M", "M"),
+    "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("M", "K"), "spread.0.bias": ("M",),
+    "spread.2.weight": ("M", "M"), "spread.2.bias": ("M",), "spread.4.weight": ("21", "M"), "spread.4.bias": ("21",),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Range:
+    """What the training data covered.
+
+    Attributes:
+        distance: largest norm of the whitened principal part. rest_px: largest norm of what the principal fields leave.
+        cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
+    """
+
+    distance: float
+    rest_px: float
+    cells: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class WrenchModel:
+    """A trained network, its design and its provenance.
+
+    Attributes:
+        weights: tensors by name (:data:`SHAPES`), float32.
+        design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
+        range: what training covered. about: provenance and metrics (plain JSON).
+
+    Raises:
+        ParameterError: a tensor that is missing, of another shape, or not finite.
+    """
+
+    weights: dict[str, NDArray[np.float32]]
+    design: EndcapParams
+    method: str
+    shape: tuple[int, int]
+    range: Range
+    about: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        sizes = {"6": 6, "21": 21, "D": 2 * self.shape[0] * self.shape[1]}
+        for name, letters in SHAPES.items():
+            found = self.weights.get(name, np.zeros(0))
+            for letter, size in zip(letters, found.shape, strict=False):
+                sizes.setdefault(letter, size)
+            expected = tuple(sizes.get(letter, 0) for letter in letters)
+            if found.shape != expected or not np.isfinite(found).all():
+                raise ParameterError(f"{name} of shape {found.shape}: need {expected}, all finite", name=name)
+        if self.range.cells.shape != self.shape:
+            raise ParameterError(
+                f"range_cells of shape {self.range.cells.shape}: need {self.shape}", name="range_cells"
+            )
+
+    def estimate(self, field: ShearField) -> Wrench:
+        """Wrench on the endcap about the sphere's centre; exactly zero at zero shear.
+
+        Flags: ``out_of_range`` (a field unlike those of training), ``dots_lost`` (too few valid cells), ``missing`` (no
+        usable number: the wrench is zero and its covariance NaN).
+
+        Raises:
+            ParameterError: a field of another shape than the model's.
+        """
+        if field.channels.shape != (2, *self.shape) or field.names != ("u", "v"):
+            raise ParameterError(
+                f"field {field.channels.shape} {field.names}: the weights take u, v of {self.shape[0]}x{self.shape[1]}",
+                name="field",
+                value=field.channels.shape,
+            )
+        x = np.where(np.isfinite(field.channels), field.channels, 0.0).ravel().astype(np.float64)
+        if not field.valid.any() or not np.abs(x).max() < LARGEST_PX:
+            flags = frozenset({"missing", "out_of_range" if field.valid.any() else "dots_lost"})
+            return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
+        value, covariance, distance, rest = answer_one(x, *self._packed)
+        flags = frozenset({"out_of_range"} if distance > self.range.distance or rest > self.range.rest_px else ())
+        if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
+            flags |= {"dots_lost"}
+        return Wrench(field.time_s, value[:3], value[3:], "sphere", covariance, flags)
+
+    def predict(self, inputs: Array) -> tuple[Array, Array]:
+        """(N, 6) wrenches and (N, 6, 6) covariances from (N, 2 H W)."""
+        w = self._doubles
+        z = inputs @ w["principal"].T
+        h = z
+        for layer in ("mean.first", "mean.second"):
+            bias = w[f"{layer}.bias"]
+            h = _silu(h @ w[f"{layer}.weight"].T + bias) - _silu(bias)
+        value = inputs @ w["linear"].T + (h @ w["mean.last.weight"].T) * w["units"]
+        s = _silu(z @ w["spread.0.weight"].T + w["spread.0.bias"])
+        s = _silu(s @ w["spread.2.weight"].T + w["spread.2.bias"])
+        raw = s @ w["spread.4.weight"].T + w["spread.4.bias"]
+        root = np.zeros((len(inputs), 6, 6))
+        root[:, _ROWS, _COLUMNS] = MAX_MIX * np.tanh(raw / MAX_MIX)
+        root[:, _STEPS, _STEPS] = 1.0
+        spread = MIN_SPREAD + np.logaddexp(0.0, MAX_SPREAD * np.tanh(raw[:, _DIAGONAL] / MAX_SPREAD))
+        root *= (spread * w["calibration"] * w["units"])[:, :, None]
+        return value, root @ root.transpose(0, 2, 1)
+
+    def out_of_range(self, inputs: Array) -> NDArray[np.bool_]:
+        """(N,) True where a field is unlike those of training."""
+        seen = inputs * np.tile(self.range.cells.ravel(), 2)
+        distance, rest = range_measures(self._doubles["principal"], self._back, seen)
+        return (distance > self.range.distance) | (rest > self.range.rest_px)
+
+    def save(self, path: str | Path) -> None:
+        """Write under a temporary name, then rename.
+
+        Raises:
+            FileError: the place cannot be written.
+        """
+        from safetensors.numpy import save
+
+        about = {
+            **self.about,
+            "design": {"diameter_mm": self.design.diameter_mm, "wall_mm": self.design.wall_mm},
+            "digest": self.design.digest,
+            "method": self.method,
+            "shape": self.shape,
+            "range": {"distance": self.range.distance, "rest_px": self.range.rest_px},
+        }
+        tensors: dict[str, Any] = {name: np.ascontiguousarray(value) for name, value in self.weights.items()}
+        tensors["range_cells"] = self.range.cells.astype(np.uint8)
+        replace_file(Path(path), save(tensors, {"format": FORMAT, "about": json.dumps(about, sort_keys=True)}))
+
+    @cached_property
+    def _doubles(self) -> dict[str, Array]:
+        return {name: value.astype(np.float64) for name, value in self.weights.items()}
+
+    @cached_property
+    def _packed(self) -> tuple[Any, ...]:
+        """What :func:`sensing.wrench.kernels.answer_one` takes after the field."""
+        w, back = {name: np.array(value, order="C") for name, value in self.weights.items()}, self._back
+        last = self._doubles["mean.last.weight"] * self._doubles["units"][:, None]
+        first, second = ("mean.first.weight", "mean.first.bias"), ("mean.second.weight", "mean.second.bias")
+        spread = [f"spread.{layer}.{part}" for layer in (0, 2, 4) for part in ("weight", "bias")]
+        return (
+            np.tile(self.range.cells.ravel(), 2).astype(np.float32), w["linear"], w["principal"], back.T @ back,
+            (*(w[name] for name in first + second), last),
+            tuple(w[name] for name in spread), self._doubles["calibration"] * self._doubles["units"],
+            (MIN_SPREAD, MAX_SPREAD, MAX_MIX),
+        )  # fmt: skip
+
+    @cached_property
+    def _back(self) -> Array:
+        return np.linalg.pinv(self._doubles["principal"]).astype(np.float64)
+
+
+def load_wrench_model(design: EndcapParams | None = None, path: str | Path | None = None) -> WrenchModel:
+    """Read weights: the ones that ship for a design, or a file; with a design, only those of that design.
+
+    Raises:
+        FileError: no weights ship for this design, or the file is missing, damaged, of another kind or another design.
+    """
+    if path is None:
+        wanted = design or EndcapParams(130.0, 8.0)
+        path = SHIPPED / f"default_{wanted.label}.safetensors"
+        if not path.is_file():
+            known = ", ".join(sorted(p.stem.removeprefix("default_") for p in SHIPPED.glob("default_*.safetensors")))
+            raise FileError(
+                f"no weights ship for {wanted.label} (there are some for {known or 'none'}): make some with "
+                "python -m sensing.train, see docs/wrench.md"
+            )
+    model = _built(Path(path))
+    if design is not None and design.digest != model.design.digest:
+        raise FileError(
+            f"{path}: weights of {model.design.label}, this endcap is {design.label}: shells of other sizes deform "
+            f"otherwise; train with python -m sensing.train on data of {design.label}"
+        )
+    return model
+
+
+def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array, Array]:
+    """(N,) norm of the whitened principal part, and (N,) norm of the rest in px; ``back`` inverts ``principal``."""
+    z = inputs @ principal.T
+    return np.linalg.norm(z, axis=1), np.linalg.norm(inputs - z @ back.T, axis=1)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write under a temporary name, then rename.
+
+    Raises:
+        FileError: the place cannot be written.
+    """
+    temporary = None
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _built(path: Path) -> WrenchModel:
+    tensors, about = _read(path)
+    try:
+        made_for = EndcapParams(**about["design"])
+        if made_for.digest != about["digest"]:
+            raise ValueError("the digest is not that of its design")
+        cells = tensors.pop("range_cells").astype(bool)
+        covered = Range(float(about["range"]["distance"]), float(about["range"]["rest_px"]), cells)
+        shape = (int(about["shape"][0]), int(about["shape"][1]))
+        return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about)
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        raise FileError(f"{path}: damaged weights ({' '.join(str(error).split())[:100]}): train again") from error
+
+
+def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="numpy") as file:
+            extra = file.metadata() or {}
+            if extra.get("format") != FORMAT:
+                raise FileError(f"{path}: no weights of this toolkit (format {extra.get('format')}): give {FORMAT}")
+            return {name: file.get_tensor(name) for name in file.keys()}, json.loads(extra["about"])  # noqa: SIM118
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: cannot read the weights ({error}): check the path") from error
+    except (SafetensorError, ValueError, KeyError) as error:
+        raise FileError(f"{path}: damaged weights ({error}): train again") from error
+
+
+def _silu(a: Array) -> Array:
+    return a / (1.0 + np.exp(-np.clip(a, -700.0, None)))

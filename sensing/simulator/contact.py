@@ -14,13 +14,12 @@ the gaps at both ends: without it the result would depend on the step size.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sensing.simulator import contact_kernels
 from sensing.simulator.element import OUTER_FACE, Array, face_rule, shape_quad
 from sensing.simulator.mesh import HexMesh, Index
 
@@ -127,10 +126,11 @@ def deepest_mm(surface: ContactSurface, body: Array, position: Array, translatio
 
     A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
     """
-    face, place, _ = _nearest(surface.nodes, shape_quad(surface.between)[0], body, position, translation)
+    grid, _ = shape_quad(surface.between)
+    face, place, _ = contact_kernels.nearest(surface.nodes, grid, body, position, translation)
     fine = surface.between[place] + surface.between * (2 / (BETWEEN_PER_SIDE - 1))
     shape, _ = shape_quad(np.clip(fine, -1, 1))
-    return -_nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2]
+    return -float(contact_kernels.nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2])
 
 
 def respond(
@@ -160,145 +160,9 @@ def respond(
     used_bound = bound if bound is not None else np.zeros(shape)
     frozen = share is not None
     used_share = share.copy() if share is not None else np.ones(shape)
-    energy, force, stiffness, pressure, gap, traction, slipping, y, gradient = _respond(
+    energy, force, stiffness, pressure, gap, traction, slipping, y, gradient = contact_kernels.respond(
         surface.nodes, surface.shape, surface.area, surface.normal_mpa_mm, surface.tangential_mpa_mm,
         memory.traction, memory.position, memory.gap, body, position, translation, friction,
         lagged, used_bound, frozen, used_share,
     )  # fmt: skip
     return ContactResponse(energy, force, stiffness, pressure, gap, traction, slipping, y, used_share, gradient)
-
-
-@njit(cache=True)
-def _distance(body, y, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Signed distance of y (3,) to the body at its first touch; fills gradient (3,) and Hessian (3, 3)."""
-    hessian[:] = 0.0
-    if body[0] == 0.0:
-        value = 0.0
-        for i in range(3):
-            gradient[i] = body[5 + i]
-            value += body[5 + i] * (y[i] - body[2 + i])
-        return value
-    along = 0.0
-    if body[0] == 2.0:
-        for i in range(3):
-            along += body[5 + i] * (y[i] - body[2 + i])
-    radius = 0.0
-    for i in range(3):
-        gradient[i] = y[i] - body[2 + i] - along * body[5 + i]
-        radius += gradient[i] ** 2
-    radius = math.sqrt(radius)
-    for i in range(3):
-        gradient[i] /= radius
-    for i in range(3):
-        for j in range(3):
-            hessian[i, j] = ((1.0 if i == j else 0.0) - gradient[i] * gradient[j]) / radius
-            if body[0] == 2.0:
-                hessian[i, j] -= body[5 + i] * body[5 + j] / radius
-    return radius - body[1]
-
-
-@njit(cache=True)
-def _nearest(nodes, shape, body, position, translation):  # type: ignore[no-untyped-def]
-    y, normal, hessian = np.zeros(3), np.zeros(3), np.zeros((3, 3))
-    nearest, face, place = np.inf, 0, 0
-    for f in range(len(nodes)):
-        for q in range(len(shape)):
-            for i in range(3):
-                y[i] = -translation[i]
-                for a in range(9):
-                    y[i] += shape[q, a] * position[nodes[f, a], i]
-            gap = _distance(body, y, normal, hessian)
-            if gap < nearest:
-                nearest, face, place = gap, f, q
-    return face, place, nearest
-
-
-@njit(cache=True)
-def _respond(  # type: ignore[no-untyped-def]
-    nodes, shape, area, eps_n, eps_t, tau0, y0, gap0, body, position, translation, friction,
-    lagged, bound, frozen, share,
-):  # fmt: skip
-    faces, points = area.shape
-    force = np.zeros((faces, 9, 3))
-    stiffness = np.zeros((faces, 27, 27))
-    pressure = np.zeros((faces, points))
-    gaps = np.zeros((faces, points))
-    traction = np.zeros((faces, points, 3))
-    slipping = np.zeros((faces, points), dtype=np.bool_)
-    place = np.zeros((faces, points, 3))
-    normals = np.zeros((faces, points, 3))
-    energy = 0.0
-    normal = np.zeros(3)
-    hessian = np.zeros((3, 3))
-    trial = np.zeros(3)
-    tau = np.zeros(3)
-    k = np.zeros((3, 3))
-    for f in range(faces):
-        for q in range(points):
-            y = place[f, q]
-            for a in range(9):
-                for i in range(3):
-                    y[i] += shape[q, a] * position[nodes[f, a], i]
-            for i in range(3):
-                y[i] -= translation[i]
-            gap = _distance(body, y, normal, hessian)
-            gaps[f, q] = gap
-            normals[f, q] = normal
-            if not gap < 0.0:
-                continue
-            w = area[f, q]
-            p = -eps_n * gap
-            pressure[f, q] = p
-            energy += 0.5 * w * p * -gap
-            for i in range(3):
-                for j in range(3):
-                    k[i, j] = eps_n * normal[i] * normal[j] - p * hessian[i, j]
-            tau[:] = 0.0
-            if friction > 0.0:
-                if not frozen:
-                    share[f, q] = -gap / (gap0[f, q] - gap) if gap0[f, q] > 0.0 else 1.0
-                eps = eps_t * share[f, q]
-                dot = 0.0
-                for i in range(3):
-                    trial[i] = tau0[f, q, i] - eps * (y[i] - y0[f, q, i])
-                    dot += trial[i] * normal[i]
-                size = 0.0
-                for i in range(3):
-                    trial[i] -= dot * normal[i]
-                    size += trial[i] ** 2
-                size = math.sqrt(size)
-                limit = bound[f, q] if lagged else friction * p
-                if size <= limit:
-                    energy += 0.5 * w * size * size / eps
-                    turn = 0.0
-                    if not frozen and gap0[f, q] > 0:
-                        turn = gap0[f, q] / ((gap0[f, q] - gap) ** 2 * share[f, q])
-                    for i in range(3):
-                        tau[i] = trial[i]
-                        for j in range(3):
-                            k[i, j] += eps * ((1.0 if i == j else 0.0) - normal[i] * normal[j])
-                            k[i, j] += turn * trial[i] * normal[j]  # the share grows with the overlap
-                else:
-                    slipping[f, q] = True
-                    energy += w * limit * (size - 0.5 * limit) / eps
-                    ratio = limit / size
-                    for i in range(3):
-                        tau[i] = ratio * trial[i]
-                    for i in range(3):
-                        for j in range(3):
-                            project = (1.0 if i == j else 0.0) - normal[i] * normal[j]
-                            k[i, j] += eps * ratio * (project - trial[i] * trial[j] / (size * size))
-                            if not lagged:
-                                k[i, j] += friction * eps_n * trial[i] / size * normal[j]
-            for i in range(3):
-                traction[f, q, i] = tau[i]
-            for a in range(9):
-                wa = w * shape[q, a]
-                for i in range(3):
-                    force[f, a, i] += wa * (p * normal[i] + tau[i])
-                for c in range(9):
-                    wac = wa * shape[q, c]
-                    for i in range(3):
-                        for j in range(3):
-                            stiffness[f, 3 * a + i, 3 * c + j] += wac * k[i, j]
-    return energy, force, stiffness, pressure, gaps, traction, slipping, place, normals

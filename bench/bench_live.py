@@ -15,9 +15,7 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import sys
-import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
@@ -32,7 +30,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from bench_live_soak import Viewer
+from live_probes import IdleProbe, Viewer, clocks
 
 from cad.errors import FileError
 from cad.params import EndcapParams
@@ -153,28 +151,6 @@ def computed(spent_ms: np.ndarray, caps: int, rate_hz: float, in_step: bool) -> 
     }  # fmt: skip
 
 
-class IdleProbe:
-    """Share of wake-ups that came within a millisecond of their time."""
-
-    def __init__(self) -> None:
-        self._stop, self.on_time, self.count = threading.Event(), 0, 0
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            due = time.monotonic() + 0.005
-            time.sleep(0.005)
-            self.count += 1
-            self.on_time += time.monotonic() - due < 1e-3
-
-    def share(self) -> float:
-        """Share so far."""
-        self._stop.set()
-        self._thread.join()
-        return self.on_time / max(self.count, 1)
-
-
 def live(model: LiveModel, plan: Plan, seconds: float) -> dict[str, float]:
     """Delay, drops and share of a core in the real loop, with a page that a viewer looks at or without."""
     made = []
@@ -215,19 +191,6 @@ def _measured(run: LiveRun, latency: list[float], seconds: float, pid: int | Non
         "p50_ms": float(np.median(latency)), "p99_ms": float(np.percentile(latency, 99)),
         "idle_share": probe.share(), "dropped": dropped,
     }  # fmt: skip
-
-
-def clocks(run: LiveRun, pid: int | None) -> tuple[float, float, float, float]:
-    """Wall time, and CPU time of this process, of the loop's threads in it and of the page's process, s."""
-    threads = run.engine.threads
-    loop = sum(cpu_s(f"self/task/{thread.native_id}") for thread in threads)
-    return time.monotonic(), time.process_time(), loop, 0.0 if pid is None else cpu_s(str(pid))
-
-
-def cpu_s(task: str) -> float:
-    """CPU time of a process or thread so far."""
-    fields = Path(f"/proc/{task}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def one_process(number: int, seconds: float) -> dict[str, float]:

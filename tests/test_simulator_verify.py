@@ -29,4 +29,4 @@ def test_renewing_one_section_keeps_the_others_and_the_order(tmp_path: Path, mon
 def test_a_section_without_a_place_is_a_fault() -> None:
     with pytest.raises(ValueError):
         verify._place("## Something else")
-    assert verify._place("## Hard cases, 9 to 16 of 31") < verify._place("## Hard cases, 17 to 24 of 31")
+    assert verify._place("## Hard cases, part 2 of 12") < verify._place("## Hard cases, part 10 of 12")

@@ -72,7 +72,7 @@ def _read(path: Path) -> dict[str, str]:
 
 def _place(title: str) -> tuple[int, int, str]:
     """Where a section stands, whenever it was written."""
-    number = re.search(r", (\d+) to ", title)
+    number = re.search(r", part (\d+) of ", title)
     return [title.startswith(f"## {name}") for name in ORDER].index(True), int(number[1]) if number else 0, title
 
 
@@ -181,8 +181,8 @@ def _hard(part: int, _: Path) -> str:
         rows.append((outcome.name, outcome.verdict, outcome.detail))
     wrong = sum(row[1].startswith("WRONG") for row in rows)
     return (
-        f"## Hard cases, {part * size + 1} to {part * size + len(rows)} of {len(hard_cases.CASES)}\n\nHalf model, "
-        f"`data` mesh, tilt 30 and friction 0.5 where not named: {wrong} passed silently wrong.\n\n"
+        f"## Hard cases, part {part + 1} of {HARD_PARTS}\n\n{len(rows)} of {len(hard_cases.CASES)}; half model, `data` "
+        f"mesh, tilt 30 and friction 0.5 where not named: {wrong} passed silently wrong.\n\n"
         + table(("case", "verdict", "detail"), rows)
     )
 

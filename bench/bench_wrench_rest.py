@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.records import Frame, Wrench
-from sensing.simulator.render import DomeRenderer
+from sensing.simulator.render_dome import DomeRenderer
 from sensing.simulator.render_settings import Lamp, RenderSettings
 from sensing.tracking.tracker import DotTracker, TrackerConfig
 from sensing.wrench.contact import ContactDetector, threshold_from_rest

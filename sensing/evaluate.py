@@ -26,7 +26,8 @@ from sensing.learning.contenders import Answer, Views, fitted, held_out, read_vi
 from sensing.learning.samples import Samples, read_samples, shared_between
 from sensing.learning.scores import Score, score, table
 from sensing.learning.timeliness import LATENCY_S, filtered_score
-from sensing.wrench.model import WrenchModel, load_wrench_model, replace_file
+from sensing.whole_file import replace_file
+from sensing.wrench.model import WrenchModel, load_wrench_model
 
 MOVING = ("circle", "drag", "impact")  # phases of motion, in the dynamic protocol
 HOLDOUTS = ("random", "path", "pose", "friction")

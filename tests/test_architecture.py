@@ -20,7 +20,7 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
-SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled")}
+SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "whole_file")}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),
@@ -28,7 +28,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "calibration": {"camera"},
     "tracking": {"camera"},
     "wrench": {"camera", "tracking"},
-    "recording": {"tracking", "wrench"},
+    "recording": {"tracking"},
     "learning": {"camera", "tracking", "wrench"},
     "live": {"camera", "sources", "tracking", "wrench"},
     "": {"calibration", "camera", "learning", "live", "recording", "sources", "tracking", "wrench"},

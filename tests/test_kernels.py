@@ -48,7 +48,7 @@ PICTURES = """
 from cad.params import EndcapParams
 from sensing.tracking.methods import METHODS, field_method
 from sensing.records import Frame
-from sensing.simulator.render import DomeRenderer
+from sensing.simulator.render_dome import DomeRenderer
 renderer = DomeRenderer(EndcapParams(130, 8))
 first, second = renderer.render(), renderer.render(frame=1)
 for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):

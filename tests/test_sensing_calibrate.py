@@ -18,8 +18,8 @@ from sensing.calibration.from_dots import MountPrior, calibrate_from_dots
 from sensing.camera.model import FisheyeCamera
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
-from sensing.simulator.render import DomeRenderer
-from sensing.simulator.render_cli import main as render
+from sensing.simulator.render import main as render
+from sensing.simulator.render_dome import DomeRenderer
 from sensing.simulator.render_settings import Paint, RenderSettings
 
 PARAMS = EndcapParams(130, 8)

@@ -8,7 +8,7 @@ from cad.params import EndcapParams
 from sensing.decode import FrameError, decode_gray
 from sensing.records import Frame, ShearField
 from sensing.simulator.frame_source import RenderedSource
-from sensing.simulator.render import DomeRenderer
+from sensing.simulator.render_dome import DomeRenderer
 from sensing.simulator.render_settings import Paint, RenderSettings
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots

@@ -13,8 +13,8 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
-from sensing.simulator.render import DomeRenderer
-from sensing.simulator.render_cli import main
+from sensing.simulator.render import main
+from sensing.simulator.render_dome import DomeRenderer
 from sensing.simulator.render_light import led_positions_mm, shade, tip_irradiance
 from sensing.simulator.render_mesh import interpolation_matrix, sphere_points, surface_mesh, vertex_normals
 from sensing.simulator.render_raster import interpolate, rasterise

@@ -23,7 +23,7 @@ from sensing.frames import FtMount
 from sensing.records import Frame
 from sensing.records_labelled import COLUMNS, FORMAT, read_manifest, read_shard
 from sensing.tracking.zero import Zero
-from sensing.wrench.model import replace_file
+from sensing.whole_file import replace_file
 
 SHARD_FRAMES = 200
 TOUCH_N, REST_N = 0.5, 0.3  # E: contact begins and ends at these true forces

@@ -24,7 +24,7 @@ from sensing.simulator.geometry import shell_geometry
 from sensing.simulator.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.loading import PHASES, LoadPath
-from sensing.simulator.render import DomeRenderer
+from sensing.simulator.render_dome import DomeRenderer
 from sensing.simulator.render_settings import RenderSettings
 from sensing.simulator.surface import dot_directions, turn_about_axis, turn_wrench
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cad.errors import ParameterError
 from sensing.records import Frame
-from sensing.simulator.render import DomeRenderer
+from sensing.simulator.render_dome import DomeRenderer
 
 
 class RenderedSource:

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.simulator.render import DomeRenderer
+from sensing.simulator.render_dome import DomeRenderer
 from sensing.simulator.render_settings import Paint, RenderSettings
 from sensing.simulator.robot import WEIGHT_N
 from sensing.simulator.robot_scene import CAPS, FILE, PARAMS, RobotScene, load_scene

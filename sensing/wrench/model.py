@@ -12,8 +12,6 @@ needed: the network of :mod:`sensing.learning.net` is computed here with numpy, 
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +23,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.records import ShearField, Wrench
+from sensing.whole_file import replace_file
 from sensing.wrench.kernels import answer_one
 
 Array = NDArray[np.float64]
@@ -212,26 +211,6 @@ def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array,
     """(N,) norm of the whitened principal part, and (N,) norm of the rest in px; ``back`` inverts ``principal``."""
     z = inputs @ principal.T
     return np.linalg.norm(z, axis=1), np.linalg.norm(inputs - z @ back.T, axis=1)
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write under a temporary name, then rename.
-
-    Raises:
-        FileError: the place cannot be written.
-    """
-    temporary = None
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
 
 
 def _built(path: Path) -> WrenchModel:

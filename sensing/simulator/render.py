@@ -1,7 +1,7 @@
 """Command line of the renderer.
 
-    python -m sensing.simulator.render --out frame.png --digit 4
-    python -m sensing.simulator.render --camera camera.json --beside photo.jpg --out beside.png
+python -m sensing.simulator.render --out frame.png --digit 4
+python -m sensing.simulator.render --camera camera.json --beside photo.jpg --out beside.png
 """
 
 from __future__ import annotations

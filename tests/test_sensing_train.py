@@ -2,6 +2,7 @@
 
 import csv
 import json
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ from sensing.learning.contenders import Views, frame_keys, held_out
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.samples import VIEWS, read_samples, shared_between
 from sensing.learning.scores import score, table
-from sensing.learning.timeliness import lag_s
+from sensing.learning.timeliness import filtered_score, lag_s
 
 DOTS = len(dot_pattern(EndcapParams(130, 8)))
 PHASES = ["approach", "touch", "load", "circle", "unload", "clear", "drag", "impact", "stand", "airborne"]
@@ -225,6 +226,20 @@ def test_holdouts_are_told_for_every_model(folders, capsys):
     assert all(f"{name}, leave out path" in said for name in ("ours", "ridge", "physics inverse", "paper"))
     assert evaluate.main(["--holdout", "path"]) == 2
     assert evaluate.main([]) == 2
+
+
+def test_lag_left_in_is_told_and_prediction_takes_it_out():
+    """The answers themselves are the truth here, so that all lag is the latency's. A run that stands still has none."""
+    time = np.arange(90) / 30
+    swing = np.outer(np.sin(4 * time), [5.0, 2.0, 8.0, 0.1, 0.2, 0.3])
+    test = SimpleNamespace(
+        inputs=np.zeros((180, 1)), wrenches=np.concatenate([swing, np.zeros((90, 6))]), time_s=np.tile(time, 2),
+        path=np.repeat(["a", "b"], 90), azimuth_deg=np.zeros(180), contact=np.ones(180, bool),
+    )  # fmt: skip
+    model = SimpleNamespace(predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1))))
+    assert filtered_score(model, test, 0.0).lag_s == pytest.approx(0.0, abs=0.003)
+    assert filtered_score(model, test, 0.06, predict=False).lag_s == pytest.approx(0.06, abs=0.008)
+    assert filtered_score(model, test, 0.06).lag_s == pytest.approx(0.0, abs=0.02)
 
 
 def test_lag_of_a_delayed_copy_is_its_delay():

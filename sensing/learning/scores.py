@@ -29,6 +29,7 @@ class Score:
         precision, recall: of contact at ``CONTACT_N``, both for truth and answer.
         rest_n: largest force norm told where nothing touches.
         coverage: share of axes within 1.96 standard deviations. flagged: share out of range.
+        lag_s: delay of the answers behind the truth, where it was looked for.
     """
 
     count: int
@@ -41,6 +42,7 @@ class Score:
     rest_n: float
     coverage: float
     flagged: float
+    lag_s: float = float("nan")
 
     def row(self) -> dict[str, float]:
         """Flat, for CSV."""
@@ -97,11 +99,11 @@ def table(scores: dict[str, Score]) -> str:
     """Plain text, a line for each name."""
     width = max(10, *(len(name) for name in scores))
     head = "".join(f"{axis:>9}" for axis in AXES)
-    lines = [f"{'RMSE':<{width}}{head}   mixed  direction  precision  recall  rest N  coverage  flagged"]
+    lines = [f"{'RMSE':<{width}}{head}   mixed  direction  precision  recall  rest N  coverage  flagged  lag ms"]
     for name, s in scores.items():
         errors = "".join(f"{value:9.4f}" for value in s.rmse)
         lines.append(
             f"{name:<{width}}{errors}{s.mixed_mse:8.4f}{s.direction_deg:9.2f} °{s.precision:11.3f}{s.recall:8.3f}"
-            f"{s.rest_n:8.3f}{s.coverage:10.3f}{s.flagged:9.3f}"
+            f"{s.rest_n:8.3f}{s.coverage:10.3f}{s.flagged:9.3f}{1000 * s.lag_s:8.1f}"
         )
     return "\n".join(lines)

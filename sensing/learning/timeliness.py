@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +15,9 @@ from sensing.wrench.filter import FilterConfig, WrenchFilter
 from sensing.wrench.model import WrenchModel
 
 LATENCY_S = 0.05  # E: from mid-exposure to the answer of a USB camera; also the paper's pairing window
+
+LAG_FRAMES = 10  # least that a lag is looked for in
+MOVING_N = 1.0  # least standard deviation of the force, likewise
 
 Array = NDArray[np.float64]
 
@@ -26,39 +32,64 @@ def filtered_score(
         latency_s: from capture to answer. predict: False leaves the lag in: the answer of capture time is told late.
     """
     value, covariance = model.predict(test.inputs)
-    told, truth, spread, contact = [], [], [], []
+    answers = [
+        _answers(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)
+    ]
+    told, truth, spread, contact = (np.concatenate(part) for part in list(zip(*answers, strict=True))[:4])
+    lags = [_lag_of_run(*each[:2], each[4]) for each in answers]
+    known = [lag for lag in lags if np.isfinite(lag)]
+    return replace(score(told, truth, contact, spread), lag_s=float(np.median(known)) if known else float("nan"))
+
+
+def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:
+    """Rows of each run in the order of time; of states told for one time, the last."""
     run = np.array([f"{path} {azimuth}" for path, azimuth in zip(test.path, test.azimuth_deg, strict=True)])
     for name in np.unique(run):
         rows = np.flatnonzero(run == name)
         rows = rows[np.argsort(test.time_s[rows], kind="stable")]
-        rows = rows[np.diff(test.time_s[rows], append=np.inf) > 0]  # of states told for one time, the last
-        times, filtering = test.time_s[rows], WrenchFilter(config)
-        for row in rows:
-            at = test.time_s[row]
-            filtering.update(Wrench(at, value[row, :3], value[row, 3:], "sphere", covariance[row]))
-            now = at + latency_s
-            if now > times[-1]:
-                break
-            answer = filtering.at(now if predict else at)
-            told.append([*answer.force_n, *answer.torque_nm])
-            truth.append([np.interp(now, times, test.wrenches[rows, axis]) for axis in range(6)])
-            spread.append(answer.covariance)
-            contact.append(test.contact[row])
-    return score(np.array(told), np.array(truth), np.array(contact, bool), np.array(spread))
+        yield rows[np.diff(test.time_s[rows], append=np.inf) > 0]
+
+
+def _answers(
+    test: Samples, rows: NDArray[np.int64], value: Array, covariance: Array, latency_s: float, smooth: WrenchFilter,
+    predict: bool,
+) -> tuple[Array, Array, Array, NDArray[np.bool_], Array]:  # fmt: skip
+    """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run."""
+    times = test.time_s[rows]
+    told, spread = [], []
+    for row in rows[times + latency_s <= times[-1]]:
+        at = test.time_s[row]
+        smooth.update(Wrench(at, value[row, :3], value[row, 3:], "sphere", covariance[row]))
+        answer = smooth.at(at + latency_s if predict else at)
+        told.append([*answer.force_n, *answer.torque_nm])
+        spread.append(answer.covariance)
+    now = times[: len(told)] + latency_s
+    truth = np.stack([np.interp(now, times, test.wrenches[rows, axis]) for axis in range(6)], axis=1)
+    shaped = np.reshape(told, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6))
+    return *shaped, test.contact[rows[: len(told)]].astype(bool), now
+
+
+def _lag_of_run(told: Array, truth: Array, times_s: Array) -> float:
+    """Lag of the force that moves most; NaN where none moves, or frames are few or missing."""
+    steps = np.diff(times_s)
+    if len(steps) < LAG_FRAMES or steps.max() > 1.5 * np.median(steps):
+        return float("nan")
+    axis = int(truth[:, :3].std(axis=0).argmax())
+    return lag_s(told[:, axis], truth[:, axis], times_s) if truth[:, axis].std() > MOVING_N else float("nan")
 
 
 def lag_s(told: Array, truth: Array, times_s: Array) -> float:
-    """Delay of one answer behind the truth: the shift that correlates both best (parabola through the best three)."""
+    """Delay of an answer behind the truth: the shift that leaves the least misfit (parabola through the best three)."""
     step = float(np.median(np.diff(times_s)))
-    a, b = told - told.mean(), truth - truth.mean()
     shifts = np.arange(-5, 6)
-    scores = np.array([_overlap(a, b, int(k)) for k in shifts])
-    best = int(np.clip(scores.argmax(), 1, len(scores) - 2))
-    left, middle, right = scores[best - 1 : best + 2]
+    misfits = np.array([_misfit(told, truth, int(k)) for k in shifts])
+    best = int(np.clip(misfits.argmin(), 1, len(misfits) - 2))
+    left, middle, right = misfits[best - 1 : best + 2]
     bend = left - 2 * middle + right
-    return float(step * (shifts[best] + (0.5 * (left - right) / bend if bend < 0 else 0.0)))
+    return float(step * (shifts[best] + (0.5 * (left - right) / bend if bend > 0 else 0.0)))
 
 
-def _overlap(a: Array, b: Array, shift: int) -> float:
-    """Product of a with b taken ``shift`` samples earlier."""
-    return float((a[shift:] * b[: len(b) - shift]).sum() if shift >= 0 else (a[:shift] * b[-shift:]).sum())
+def _misfit(told: Array, truth: Array, shift: int) -> float:
+    """Mean square difference of an answer to the truth ``shift`` samples earlier."""
+    ahead, behind = (told[shift:], truth[: len(truth) - shift]) if shift >= 0 else (told[:shift], truth[-shift:])
+    return float(((ahead - behind) ** 2).mean())

@@ -10,6 +10,7 @@ sphere; the table gives each ring's mean polar angle, and which number of equal 
 
 from __future__ import annotations
 
+import argparse
 import csv
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from cad.dots import POLAR_STEP_DEG, ring_count
+from cad.errors import EndcapError
 from cad.params import EndcapParams
 from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import Calibration, MountPrior, calibrate_from_dots
@@ -87,19 +89,25 @@ def write(name: str, columns: tuple[str, ...], rows: list[tuple]) -> None:
         print(*row)
 
 
-def main() -> None:
-    """Run on the photos of the command line, else on those beside the repository."""
-    photos = sys.argv[1:] or sorted(map(str, PHOTOS.glob("*.jp*g")))
+def main() -> int:
+    """Run on the photos of the command line, else on those beside the repository; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("photos", nargs="*", metavar="PHOTO", help="of undeformed sensors, D = 130, T = 8")
+    photos = parser.parse_args().photos or sorted(map(str, PHOTOS.glob("*.jp*g")))
     if not photos:
         print("no photos of an undeformed sensor: nothing measured; name some on the command line")
-        return
+        return 0
     heights: list[tuple] = []
     rings: list[tuple] = []
-    for path in photos:
-        image = read_image(path)
-        case = Path(path).stem, find_dots(image), (image.shape[1], image.shape[0])
-        heights += height_rows(*case)
-        rings += ring_rows(*case)
+    try:
+        for path in photos:
+            image = read_image(path)
+            case = Path(path).stem, find_dots(image), (image.shape[1], image.shape[0])
+            heights += height_rows(*case)
+            rings += ring_rows(*case)
+    except EndcapError as error:
+        print(error, file=sys.stderr)
+        return 2
     columns = ("photo", "lens", "height_mm", "dots", "rms_px", "median_px", "cost", "f_px_at_480_rows")
     write("calibrate_height.csv", columns, heights)
     columns = ("photo", "ring", "dots", "count", "best_count", "coherence", "polar_deg", "seen_polar_deg", "sem_deg")
@@ -113,7 +121,8 @@ def main() -> None:
         axis.grid(alpha=0.3)
     axes[0].legend()
     figure.savefig(HERE / "calibrate_height.png", dpi=90)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,6 +11,7 @@ calibration on the frame's own dots (:mod:`sensing.calibration.from_dots`) leave
 
 from __future__ import annotations
 
+import argparse
 import csv
 import sys
 from pathlib import Path
@@ -108,11 +109,14 @@ def zone_rows(name: str, image: np.ndarray) -> list[tuple]:
 
 def main() -> int:
     """Measure, print and write table and plot; returns the exit status."""
-    if len(sys.argv) < 2:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("photos", nargs="*", metavar="PHOTO", help="of undeformed sensors, D = 130, T = 8")
+    photos = parser.parse_args().photos
+    if not photos:
         print("no photos of an undeformed sensor: nothing measured; name some on the command line")
         return 0  # `make bench` runs every script
     try:
-        pictures = {Path(path).stem: read_image(path) for path in sys.argv[1:]}
+        pictures = {Path(path).stem: read_image(path) for path in photos}
         for seed in range(SEEDS):
             settings = RenderSettings(seed=seed, paint=Paint(digit=str(seed)))
             pictures[f"rendered_{seed}"] = DomeRenderer(PARAMS, nominal_mount(PARAMS), settings).render().image_bgr

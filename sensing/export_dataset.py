@@ -6,8 +6,7 @@ Rows of ``index.csv``: ``wrench``, six numbers as text (N, N m), and ``array_pat
 in pixels of the 200 x 200 crop against the untouched picture in the same light (:mod:`sensing.tracking.gelslim`;
 facts.md, "data"). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does
 to the plane, about the sphere's centre. Further columns say path, phase and level, so that splits can keep a path
-together.
-:mod:`sensing.learning.authors_dataset` reads the result.
+together. :mod:`sensing.learning.authors_dataset` reads the result.
 """
 
 from __future__ import annotations

@@ -15,7 +15,6 @@ from sensing.wrench.filter import FilterConfig, WrenchFilter
 from sensing.wrench.model import WrenchModel
 
 LATENCY_S = 0.05  # E: from mid-exposure to the answer of a USB camera; also the paper's pairing window
-
 LAG_FRAMES = 10  # least that a lag is looked for in
 MOVING_N = 1.0  # least standard deviation of the force, likewise
 
@@ -35,10 +34,9 @@ def filtered_score(
     answers = [
         _answers(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)
     ]
-    told, truth, spread, contact = (np.concatenate(part) for part in list(zip(*answers, strict=True))[:4])
-    lags = [_lag_of_run(*each[:2], each[4]) for each in answers]
-    known = [lag for lag in lags if np.isfinite(lag)]
-    return replace(score(told, truth, contact, spread), lag_s=float(np.median(known)) if known else float("nan"))
+    told, truth, spread, contact, _ = map(np.concatenate, zip(*answers, strict=True))
+    lags = [lag for told_, truth_, _, _, now in answers if np.isfinite(lag := _lag_of_run(told_, truth_, now))]
+    return replace(score(told, truth, contact, spread), lag_s=float(np.median(lags)) if lags else float("nan"))
 
 
 def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:

@@ -19,9 +19,7 @@ Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such 
 from __future__ import annotations
 
 import json
-import os
 import re
-import tempfile
 import tomllib
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -32,6 +30,7 @@ import numpy as np
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.frames import Array, rigid
+from sensing.whole_file import replace_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
@@ -161,13 +160,7 @@ def save_config(config: LiveConfig, path: Path) -> None:
     lines += _lines(config, ("caps",), path.parent)
     for cap in config.caps:
         lines += ["", "[[cap]]", *_lines(cap, (), path.parent)]
-    try:
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".part", delete=False, encoding="utf-8") as file:
-            file.write("\n".join(lines) + "\n")
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
+    replace_file(path, ("\n".join(lines) + "\n").encode())
 
 
 def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from sensing.simulator.contact import ContactMemory, ContactResponse, ContactSurface, respond
 from sensing.simulator.element import Array
+from sensing.simulator.indenter import translation
 from sensing.simulator.mesh import Index
 from sensing.simulator.newton import StepProblem
 from sensing.simulator.shell import ShellModel
@@ -215,10 +216,10 @@ class CondensedStep:
         self, free_place: Array, x: Array, depth: float, bound: Array | None = None, share: Array | None = None
     ) -> _Point:
         problem, tangent = self.problem, self.tangent
-        translation = problem.frame @ np.array([-depth, *problem.shift_mm])
+        moved = translation(problem.frame, depth, problem.shift_mm)
         contact = respond(
-            tangent.surface, self.memory, problem.body, self.points + x.reshape(-1, 3), translation,
-            problem.friction, bound, share,
+            tangent.surface, self.memory, problem.body, self.points + x.reshape(-1, 3), moved, problem.friction,
+            bound, share,
         )  # fmt: skip
         load = _gather(contact.force.reshape(-1, 27), tangent)
         live = tangent.live

@@ -27,6 +27,9 @@ POINTS_PER_SIDE = 4
 PENALTY_RATIO = 25.0  # eps_n over E / T; the report measures what the penalty costs
 TANGENTIAL_RATIO = 0.5  # eps_t over eps_n
 BETWEEN_PER_SIDE = 13  # places along a face where a body may lie that no Gauss point feels
+_SIDE = np.linspace(-1, 1, BETWEEN_PER_SIDE)
+_BETWEEN = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)
+_BETWEEN_SHAPE, _ = shape_quad(_BETWEEN)
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,6 @@ class ContactSurface:
         shape: shape functions at the Gauss points (g, 9).
         area: reference area of every Gauss point (f, g), mm2.
         normal_mpa_mm, tangential_mpa_mm: penalties eps_n and eps_t.
-        between: local points (s, 2) of a fine grid on the face.
     """
 
     cells: Index
@@ -48,7 +50,6 @@ class ContactSurface:
     area: Array
     normal_mpa_mm: float
     tangential_mpa_mm: float
-    between: Array
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,7 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
     area = np.linalg.norm(np.cross(tangent[..., 0], tangent[..., 1]), axis=-1) * rule
     normal = ratio * young_mpa / wall_mm
     nodes = np.ascontiguousarray(nodes)  # one memory layout: kernels have one signature (tests/test_kernels.py)
-    side = np.linspace(-1, 1, BETWEEN_PER_SIDE)
-    between = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal, between)
+    return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal)
 
 
 def free_memory(surface: ContactSurface, position: Array, body: Array) -> ContactMemory:
@@ -126,10 +125,8 @@ def deepest_mm(surface: ContactSurface, body: Array, position: Array, translatio
 
     A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
     """
-    grid, _ = shape_quad(surface.between)
-    face, place, _ = contact_kernels.nearest(surface.nodes, grid, body, position, translation)
-    fine = surface.between[place] + surface.between * (2 / (BETWEEN_PER_SIDE - 1))
-    shape, _ = shape_quad(np.clip(fine, -1, 1))
+    face, place, _ = contact_kernels.nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)
+    shape, _ = shape_quad(np.clip(_BETWEEN[place] + _BETWEEN * (_SIDE[1] - _SIDE[0]), -1, 1))
     return -float(contact_kernels.nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2])
 
 

@@ -82,3 +82,8 @@ class Indenter:
         }[self.kind]
         point = touch if self.kind == "plane" else touch + self.radius_mm * outward
         return np.concatenate([[KINDS[self.kind], self.radius_mm], point, axis])
+
+
+def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) -> Array:
+    """How far a body of that contact frame (3, 3) has come from its first touch (3,), mm: the module's equation."""
+    return frame @ np.array([-depth_mm, *shift_mm])

@@ -17,6 +17,7 @@ from scipy import sparse
 
 from sensing.simulator.contact import ContactMemory, ContactResponse, respond
 from sensing.simulator.element import Array
+from sensing.simulator.indenter import translation
 from sensing.simulator.shell import ShellModel
 from sensing.simulator.state import Refusal
 from sensing.simulator.system import Factorisation, Solid, factorise, factorise_sparse, nodal_sum
@@ -62,8 +63,8 @@ class StepProblem:
     ) -> ContactResponse:
         """Contact response at a nodal displacement (n, 3) and a depth."""
         position = self.model.solid.mesh.points + displacement
-        translation = self.frame @ np.array([-depth_mm, *self.shift_mm])
-        return respond(self.model.surface, self.memory, self.body, position, translation, self.friction, bound, share)
+        moved = translation(self.frame, depth_mm, self.shift_mm)
+        return respond(self.model.surface, self.memory, self.body, position, moved, self.friction, bound, share)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 from sensing.simulator import branch, closed_forms, newton, viscous
 from sensing.simulator.contact import ContactResponse, deepest_mm, free_memory
 from sensing.simulator.element import Array
-from sensing.simulator.indenter import Indenter
+from sensing.simulator.indenter import Indenter, translation
 from sensing.simulator.shell import ShellModel
 from sensing.simulator.state import Certificate, Refusal, State, contact_wrench, reaction_wrench
 
@@ -154,11 +154,12 @@ class Press:
         reaction = reaction_wrench(self.model, here.internal)
         load = max(float(np.linalg.norm(wrench[:3])), WRENCH_FLOOR_N)
         scale = np.array([load] * 3 + [load * self.model.geometry.outer_radius_mm] * 3)
+        moved = translation(self.frame, here.depth_mm, target.shift_mm)
         certificate = Certificate(
             residual=here.error,
             wrench_gap=float(np.abs((wrench - reaction) / scale).max()),
             penetration_mm=float(max(0.0, -here.contact.gap.min())),
-            reach_mm=max(0.0, self._reach_mm(position, here.depth_mm, target.shift_mm)),
+            reach_mm=max(0.0, deepest_mm(self.model.surface, self.body, position, moved)),
             cone_excess_mpa=_cone_excess(here.contact, self.friction),
             negative_pivots=solution.negative_pivots,
             force_stiffness_n_mm=solution.force_stiffness_n_mm,
@@ -198,9 +199,6 @@ class Press:
                 "at this depth; take a finer density, a larger radius, or press deeper",
             )
         return state
-
-    def _reach_mm(self, position: Array, depth_mm: float, shift_mm: tuple[float, float]) -> float:
-        return deepest_mm(self.model.surface, self.body, position, self.frame @ np.array([-depth_mm, *shift_mm]))
 
     def _history(self, state: State, target: Target, displacement: Array) -> viscous.ViscousHistory | None:
         if state.history is None or target.time_s is None:

@@ -23,7 +23,7 @@ from sensing.simulator import newton
 from sensing.simulator.contact import ContactMemory, ContactResponse, respond
 from sensing.simulator.element import Array
 from sensing.simulator.frozen import FrozenPress
-from sensing.simulator.indenter import Indenter
+from sensing.simulator.indenter import Indenter, translation
 from sensing.simulator.press import Press, Target, lifted
 from sensing.simulator.reduced_basis import FRICTION, MODES, STATES, ReducedModel, reduced_model, training_states
 from sensing.simulator.shell import ShellModel
@@ -179,10 +179,8 @@ class _Step:
     def _evaluate(self, weights: Array, depth: float) -> _Point:
         reduced, problem = self.reduced, self.problem
         position = self.points + (reduced.node_modes @ weights).reshape(-1, 3)
-        translation = problem.frame @ np.array([-depth, *problem.shift_mm])
-        contact = respond(
-            reduced.surface, self.memory, problem.body, position, translation, problem.friction, None, None
-        )
+        moved = translation(problem.frame, depth, problem.shift_mm)
+        contact = respond(reduced.surface, self.memory, problem.body, position, moved, problem.friction, None, None)
         active = np.flatnonzero((contact.pressure > 0).any(axis=1))
         load = contact.force[active]
         pushed = load.ravel() @ reduced.face_modes[active].reshape(-1, len(weights))

@@ -20,7 +20,7 @@ from cad.errors import EndcapError
 from cad.materials import silicone
 from sensing.simulator.element import INNER_FACE, Array
 from sensing.simulator.geometry import shell_geometry
-from sensing.simulator.indenter import Indenter
+from sensing.simulator.indenter import Indenter, translation
 from sensing.simulator.mesh import Index, MeshDensity
 from sensing.simulator.press import Press, Target
 from sensing.simulator.shell import ShellModel, shell_model
@@ -122,7 +122,7 @@ def _deck(press: Press, inner: Index, depth_mm: float, shift_mm: float, incremen
     lines += ["*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE", "DOME, TOOL"]
     lines += ["*BOUNDARY", "CLAMP, 1, 3", "MIRROR, 2, 2"]
     for shift in (0.0, shift_mm):
-        move = press.frame @ np.array([-depth_mm, shift, 0.0])
+        move = translation(press.frame, depth_mm, (shift, 0.0))
         lines += [
             "*STEP, NLGEOM, INC=200",
             "*STATIC",

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import datetime
 import hashlib
+import io
 import json
-import os
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -29,6 +28,7 @@ from sensing.decode import decode_bgr, decode_gray, working_reduction
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import find_dots
 from sensing.tracking.tracker import DotTracker
+from sensing.whole_file import replace_file
 
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
 CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which it is contact
@@ -154,12 +154,9 @@ def save_zero(zero: Zero, path: Path | str) -> None:
     path = Path(path)
     about = {k: v for k, v in asdict(zero).items() if k not in ("image", "noise_px")} | {"digest": zero.digest}
     png = cv2.imencode(".png", zero.image)[1]
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.savez(file, png=png, noise_px=zero.noise_px, about=np.array(json.dumps(about)))
-        os.replace(file.name, path)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}: give a folder that exists and may be written") from None
+    buffer = io.BytesIO()
+    np.savez(buffer, png=png, noise_px=zero.noise_px, about=np.array(json.dumps(about)))
+    replace_file(path, buffer.getvalue())
 
 
 def load_zero(path: Path | str) -> Zero:

@@ -16,7 +16,7 @@ from sensing.live.cli import main
 from sensing.live.demo.scene_server import mjpeg_server
 from sensing.live.replay import read_config, verify
 
-HERE = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[3]
 STARTED: list[subprocess.Popen] = []
 COMMAND = """
 import sys
@@ -30,7 +30,7 @@ sys.exit(main(sys.argv[1:]))
 
 def start(*arguments: str, **options) -> subprocess.Popen:
     """The command in a process of its own, with the stand-in model."""
-    environment = {**os.environ, "PYTHONPATH": f"{HERE}{os.pathsep}{HERE.parent}"}
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tests'}{os.pathsep}{ROOT}"}
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=environment, **options,
@@ -127,5 +127,5 @@ def test_help_is_there_without_loading_anything_heavy():
     code = (
         "import sys, sensing.live.cli; print(*{m.split('.')[0] for m in sys.modules} & {'torch', 'starlette', 'mcap'})"
     )
-    environment = {**os.environ, "PYTHONPATH": str(HERE.parent)}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment).stdout == "\n"

@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "scripts"))
 from live_picture import CHROMIUM, Browser  # noqa: E402
 
-STATIC = ROOT / "sensing/live/static"
+STATIC = ROOT / "sensing/live/web/static"
 
 
 class Site:

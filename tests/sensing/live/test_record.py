@@ -215,8 +215,8 @@ with run.engine:
 
 def test_a_killed_run_leaves_a_file_that_replays(tmp_path):
     path = tmp_path / "killed.mcap"
-    here = Path(__file__).resolve().parent
-    environment = {**os.environ, "PYTHONPATH": f"{here}{os.pathsep}{here.parent}"}
+    root = Path(__file__).resolve().parents[3]
+    environment = {**os.environ, "PYTHONPATH": f"{root / 'tests'}{os.pathsep}{root}"}
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, env=environment)
     while int(process.stdout.readline()) < 40:
         pass

@@ -8,6 +8,7 @@ needed. Everything the page needs is served from there: it works without any oth
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import secrets
@@ -15,6 +16,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -83,14 +85,16 @@ class PageServer:
         self._theirs.close()
         self._thread.start()
 
-    def close(self) -> None:
-        """Stop serving."""
+    def close(self, wait_s: float = 3.0) -> None:
+        """Stop serving; a process that has not ended after ``wait_s`` is killed."""
         self._closing = True
         if self._process is not None:
-            self._link.shutdown(socket.SHUT_RDWR)
-            self._thread.join(timeout=3.0)
+            end_s = time.monotonic() + wait_s
+            with contextlib.suppress(OSError):  # it has gone already
+                self._link.shutdown(socket.SHUT_RDWR)
+            self._thread.join(timeout=wait_s)
             try:
-                self._process.wait(timeout=3.0)
+                self._process.wait(timeout=max(0.0, end_s - time.monotonic()))
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()

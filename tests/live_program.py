@@ -12,7 +12,7 @@ from pathlib import Path
 
 from live_stand_in import endless, film
 
-from sensing.live.scene_server import mjpeg_server
+from sensing.live.demo.scene_server import mjpeg_server
 
 HERE = Path(__file__).resolve().parent
 COMMAND = """

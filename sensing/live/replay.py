@@ -20,15 +20,15 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 
 from cad.errors import FileError
 from sensing.decode import MOST_PIXELS, png_size
-from sensing.live import ros_types as ros
-from sensing.live.config import LiveConfig
-from sensing.live.engine import LiveCap
-from sensing.live.feed import Captured, FileFeed, Pace
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import Captured, FileFeed, Pace
+from sensing.live.core.pipeline import CapPipeline
 from sensing.live.mcap_records import CutError, DamagedError, read_records
 from sensing.live.open_caps import Models, configured_models
-from sensing.live.pipeline import CapPipeline
-from sensing.live.recorded_config import METADATA, RecordedConfig, parsed
-from sensing.live.recorder import TOPICS
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
+from sensing.live.outputs.recorder import TOPICS
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.tracking.zero import Zero, single_zero

@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TextIO, cast
 
-from sensing.live.config import LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.latest import Latest
+from sensing.live.core.robot import RobotState, robot_state
 from sensing.live.ending import Stop
-from sensing.live.engine import Engine, LiveCap
-from sensing.live.latest import Latest
-from sensing.live.lines import Lines
-from sensing.live.robot import RobotState, robot_state
-from sensing.live.terminal import REFRESH_S, Terminal, summary
+from sensing.live.outputs.lines import Lines
+from sensing.live.outputs.terminal import REFRESH_S, Terminal, summary
 
 HURRY_S = 0.3  # for cameras and readings under way, and after a signal for each output (a recording: LEAST_S there)
 PATIENCE_S = 30.0  # for a slow disk or reader, at an end that nobody asked for

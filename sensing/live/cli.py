@@ -10,8 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
-from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
-from sensing.live.outputs import add_outputs
+from sensing.live.core.config import MODELS, CapConfig, LiveConfig, load_config
+from sensing.live.ending import LOST, Stop
+from sensing.live.open_outputs import add_outputs
+from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, favour_the_loop, run_until_stopped
 from sensing.tracking.methods import METHODS
 
@@ -29,7 +31,10 @@ Wrench and contact of endcaps, live. Without arguments: a simulated robot on six
 Cameras are zeroed at the start: leave the caps untouched for a second. Forces in N and torques in N m act on the
 endcap, at the origin of its frame.
 """
-EPILOG = "exit status: 0 ended or stopped by Ctrl-C, 1 --check found a difference, 2 bad input (one line on stderr)"
+EPILOG = """\
+exit status: 0 ended or stopped by Ctrl-C, SIGTERM or SIGHUP; 1 a recording, --json or --check is not whole (one line
+on stderr); 2 bad input (one line on stderr); 130 or 143 stopped before it began
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,28 +62,35 @@ def _run(options: argparse.Namespace) -> int:
 
         caps = replay_caps(options.replay, config, options.speed)
     if any(cap.pipeline.model.method == "dots" for cap in caps):
-        from sensing.live.warm_up import warm_up
+        from sensing.live.core.warm_up import warm_up
 
         warm_up(lambda text: print(text, file=sys.stderr))
     run = LiveRun(config, caps, min(options.workers, len(caps)))
-    stream = sys.stderr if options.json else sys.stdout
-    with ExitStack() as outputs:
-        add_outputs(run, options, outputs, stream)
+    lines = Lines(sys.stderr if options.json else sys.stdout)
+    with Stop() as stop, ExitStack() as outputs:
+        add_outputs(run, options, outputs, lines)
         favour_the_loop()
-        run_until_stopped(run, stream, options.seconds, outputs)
-    return 0
+        run_until_stopped(run, lines, options.seconds, outputs, stop)
+    run.losses += [lambda feed=cap.feed: getattr(feed, "damage", "") for cap in caps]
+    losses = [said for loss in run.losses if (said := loss())]
+    for line in dict.fromkeys(losses):
+        print(f"sensing.live: {line}", file=sys.stderr)
+    return LOST if losses else 0
 
 
 def _check(path: Path | None, config: LiveConfig) -> int:
+    from sensing.live.mcap_records import DamagedError
     from sensing.live.replay import verify
 
     if path is None:
         raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
-    frames, different = verify(path, config)
-    if not frames:
+    check = verify(path, config)
+    if not check.frames and check.end is None:
         raise FileError(f"{path}: no frame in it: record for longer than it takes to zero")
-    print(f"{path}: {frames} frames computed again, {different} differ")
-    return 1 if different else 0
+    print(f"{path}: {check.frames} frames computed again, {check.different} differ")
+    if check.end is not None:
+        print(f"sensing.live: {check.end}", file=sys.stderr)
+    return LOST if check.different or isinstance(check.end, DamagedError) or not check.frames else 0
 
 
 def _config(options: argparse.Namespace) -> LiveConfig:
@@ -95,7 +107,7 @@ def _config(options: argparse.Namespace) -> LiveConfig:
     words = _sources(options)
     model = options.model or "default"
     if not words:
-        from sensing.live.scene import scene_config
+        from sensing.live.demo.scene import scene_config
 
         config = scene_config(model, options.weights, options.method)
         return replace(config, caps=tuple(replace(cap, rate_hz=options.rate) for cap in config.caps))

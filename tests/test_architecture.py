@@ -20,7 +20,9 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
-SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "whole_file")}
+SHARED = {
+    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "whole_file")
+}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),

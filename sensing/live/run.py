@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TextIO, cast
 
+from cad.errors import printable
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.engine import Engine, LiveCap
 from sensing.live.core.latest import Latest
@@ -107,7 +108,7 @@ def run_until_stopped(
             run.engine.close(HURRY_S)
     terminal.show(run.engine.health(), run.latest.all(), run.robot(), [])
     for line in summary(run.engine.health(fresh=True), time.monotonic() - run.begin_s) + _notes(run):
-        lines.write(line + "\n")
+        lines.write(printable(line) + "\n")
     lines.close()
     if lines.failed and not lines.gone:
         run.losses.append(lambda: f"lines of text: {lines.failed}")

@@ -8,13 +8,16 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
 from cad.params import EndcapParams
 from fab.checks.check import ChecksFailedError
 
-EXPORTS = str(Path(__file__).resolve().parent.parent / "exports")
+_ROOT = Path(__file__).resolve().parent.parent
+# In a checkout its own folder; where the wheel is installed, one in the current folder.
+EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 
 
 class Interrupts:
@@ -79,7 +82,11 @@ class Command:
         interrupts = Interrupts()
         with interrupts.heard():
             try:
-                return act(parse_options([*arguments.options, *unknown], self.defaults), interrupts)
+                given = parse_options([*arguments.options, *unknown], dict.fromkeys(self.defaults, ""))
+                options = {name: given[name] or value for name, value in self.defaults.items()}
+                if given.get("D") and not given["T"]:
+                    print(f"{self.name}: {parse_design(options).label}: T={options['T']} is assumed", file=sys.stderr)
+                return act(options, interrupts)
             except ChecksFailedError as error:
                 for line in error.lines:
                     print(f"{self.name}: check failed: {line}", file=sys.stderr)
@@ -96,20 +103,39 @@ class Command:
 
 
 def parse_options(words: Sequence[str], defaults: Mapping[str, str]) -> dict[str, str]:
-    """Read NAME=VALUE words over the defaults.
+    """Read NAME=VALUE words over the defaults; plain numbers at the start are D and T.
 
     Raises:
         ParameterError: an unknown name, or a word of another form.
     """
     options = dict(defaults)
+    positional = [name for name in ("D", "T") if name in defaults]
     for word in words:
         name, equals, value = word.partition("=")
+        if not equals and positional and _is_number(word):
+            options[positional.pop(0)] = word
+            continue
+        positional = []
         if not equals or name not in defaults or not value:
-            raise ParameterError(
-                f"{word!r} is not an option: give {', '.join(f'{n}=...' for n in defaults)}", name=name
-            )
+            known = ", ".join(f"{n}=..." for n in defaults)
+            raise ParameterError(f"{word!r} is not an option{_meant(name, value, defaults)}: give {known}", name=name)
         options[name] = value
     return options
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _meant(name: str, value: str, defaults: Mapping[str, str]) -> str:
+    """Hint at the option of which a name differs by its case or some letters."""
+    folded = {known.lower(): known for known in defaults}
+    near = get_close_matches(name.lower(), folded, n=1)
+    return f", did you mean {folded[near[0]]}={value or '...'}?" if near else ""
 
 
 def parse_length(name: str, text: str) -> float:

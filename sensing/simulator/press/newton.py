@@ -94,12 +94,20 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Solution:
-    """A converged iterate and what its last tangents showed (:class:`sensing.simulator.press.state.Certificate`)."""
+    """A converged iterate and what its last tangents showed (:class:`sensing.simulator.press.state.Certificate`).
+
+    Attributes:
+        iterate: the configuration with its forces.
+        negative_pivots: of the last tangent; :data:`UNKNOWN_PIVOTS` where none was factorised.
+        force_stiffness_n_mm: dN/dd.
+        iterations: spent. errors: after each Newton iteration, the first guess included; empty at levels 2 and 3.
+    """
 
     iterate: Iterate
     negative_pivots: int
     force_stiffness_n_mm: float
     iterations: int
+    errors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -164,7 +172,7 @@ def solve(problem: StepProblem, displacement: Array, depth_mm: float) -> Solutio
             else:
                 here = found
         errors.append(here.error)
-    return Solution(here, negative, stiffness, len(errors) - 1)
+    return Solution(here, negative, stiffness, len(errors) - 1, tuple(errors))
 
 
 def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: Array) -> tuple[Array, float]:

@@ -49,7 +49,7 @@ class EndcapParams:
     @property
     def label(self) -> str:
         """Name of the design and of its export folder, for example ``D130_T8``."""
-        return f"D{self.diameter_mm:g}_T{self.wall_mm:g}"
+        return f"D{plain(self.diameter_mm)}_T{plain(self.wall_mm)}"
 
     @property
     def digest(self) -> str:
@@ -164,6 +164,12 @@ class EndcapParams:
     def inner_radius_at(self, height_mm: float) -> float:
         """Cylindrical radius of the inner sphere at a height above the mating plane."""
         return _section_radius(self.inner_radius_mm, height_mm - self.centre_height_mm)
+
+
+def plain(length_mm: float) -> str:
+    """A length in the fewest digits that read back as the same number, so that no two sizes share a name."""
+    short = f"{length_mm:g}"
+    return short if float(short) == length_mm else repr(length_mm)
 
 
 def _section_radius(sphere_radius_mm: float, offset_mm: float) -> float:

@@ -1,4 +1,4 @@
-"""The base and what sits in it, measured on the solids: facts.md at D=130, closed forms, walls, fits."""
+"""The base and what sits in it, measured on the solids: docs/provenance.md at D=130, closed forms, walls, fits."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def assert_circle(solid: Solid, hole_radius: float, circle: float, azimuths: lis
         assert azimuth == pytest.approx(expected, abs=math.degrees(FACT_MM / circle))
 
 
-# --- facts.md, "Geometry" -----------------------------------------------------------------------------------------
+# --- docs/provenance.md, GEO01 to GEO20 ---------------------------------------------------------------------------
 def test_released_interface_screws(released):
     azimuths = [18 + 36 * k for k in range(10)]
     assert_circle(released, 1.7, 47.53, azimuths)
@@ -127,7 +127,7 @@ def test_released_ring_recess(released):
 
 # --- any size -----------------------------------------------------------------------------------------------------
 def inside(params: EndcapParams, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
-    """An independent base: set logic on points, from facts.md and the module's text."""
+    """An independent base: set logic on points, from docs/provenance.md and the module's text."""
     rho = np.hypot(x, y)
     tangent_z, tangent_radius, _ = flank_profile(params)
     sphere = math.sqrt(params.base_sphere_radius_mm**2 - (z - params.centre_height_mm) ** 2)

@@ -10,7 +10,7 @@ import pytest
 from cad.dots import DOT_RADIUS_MM, POLAR_STEP_DEG, dot_pattern, dot_position_mm, ring_count
 from cad.params import EndcapParams
 
-RELEASED_COUNTS = (1, 6, 10, 12, 16, 18)  # facts.md, "painted dots"
+RELEASED_COUNTS = (1, 6, 10, 12, 16, 18)  # M, CAM06
 SIZES = [(98.86, 6.5), (99.0, 8.1), (130.0, 8.0), (180.0, 10.0), (250.0, 6.5), (250.0, 25.0)]
 
 

@@ -1,4 +1,4 @@
-"""The two numbers: facts.md at D=130, the region that can be made, and what is refused with which words."""
+"""The two numbers: docs/provenance.md at D=130, the region that can be made, and what is refused with which words."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_released_screw_and_arm_azimuths(released):
 
 
 def test_screws_run_in_the_middle_of_the_released_wall(released):
-    # facts.md, derived: 47.31 at the mating plane; the circle was measured 0.22 mm outside it
+    # E, GEO24: 47.31 at the mating plane; the circle was measured 0.22 mm outside it
     middle = (released.outer_radius_at(0.0) + released.inner_radius_at(0.0)) / 2
     assert middle == pytest.approx(47.31, abs=FACT_MM)
     assert abs(released.screw_circle_radius_mm - middle) < 0.25

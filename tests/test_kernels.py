@@ -57,14 +57,14 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
         for number in (1, 2):
             frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
             tell(method.update(frame).channels)
-from sensing.tracking.tracker import DotTracker, TrackerConfig
+from sensing.tracking.model_input import model_input
 from sensing.wrench.filter import WrenchFilter
 from sensing.wrench.model import load_wrench_model
 model, smooth = load_wrench_model(EndcapParams(130, 8)), WrenchFilter()
-tracker = DotTracker(Frame(0.0, 0, "test", image=first.image_bgr), TrackerConfig(shape=model.shape))
+seen = model_input(Frame(0.0, 0, "test", image=first.image_bgr), model.shape, model.design)
 for number in (1, 2, 3):
     frame = Frame(number / 30, number, "test", image=np.roll(first.image_bgr, number, axis=1))
-    estimate = model.estimate(tracker.field(tracker.update(frame)))
+    estimate = model.estimate(seen.update(frame))
     for told in (estimate, smooth.update(estimate), smooth.at(number / 30 + 0.01)):
         tell(np.concatenate([told.force_n, told.torque_nm, told.covariance.ravel()]))
 """

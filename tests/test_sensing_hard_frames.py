@@ -18,6 +18,8 @@ from sensing.tracking.field_kernels import judge_dots
 from sensing.tracking.field_operator import field_operator
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import derived_channels
+from sensing.tracking.methods import DotField
+from sensing.tracking.model_input import ModelInput
 from sensing.tracking.patch_kernels import smoothed
 from sensing.tracking.patches import cut_patches
 from sensing.tracking.tracker import DotTracker, _without_vague
@@ -62,7 +64,9 @@ def test_picture_of_something_else_gives_no_nan_and_no_confident_field(content):
     }[content]
     tracker = DotTracker(REST)
     tracks = tracker.update(Frame(0, 1, content, image=picture))
-    assert np.isfinite(tracker.field(tracks).channels).all() and tracks.lost.mean() > 0.4
+    for seen in (ModelInput(tracker, (16, 16), PARAMS), DotField(REST)):
+        assert np.isfinite(seen.field(tracks).channels).all()
+    assert tracks.lost.mean() > 0.4
 
 
 def test_extra_dots_and_a_digit_in_the_reference_do_no_harm():

@@ -30,7 +30,7 @@ needs_reference = pytest.mark.skipif(
 
 
 def literal(weights, x):
-    """The forward pass written out again, in numpy, from the description in facts.md."""
+    """The forward pass written out again, in numpy, from NET08 of docs/provenance.md."""
     w = {name: value.numpy().astype(float) for name, value in weights.items()}
 
     def linear(name, x):
@@ -62,7 +62,7 @@ def test_forward_pass_is_the_description_written_out(random_model):
 @needs_reference
 def test_checkpoint_answers_1_8_n_at_zero_shear_so_its_threshold_is_always_passed(released):
     rest = predict(released, np.zeros((1, 2, 30, 30), np.float32))[0]
-    assert np.linalg.norm(rest[:3]) == pytest.approx(1.8, abs=0.05)  # facts.md
+    assert np.linalg.norm(rest[:3]) == pytest.approx(1.8, abs=0.05)  # M, NET25
     field = ShearField(0.0, np.zeros((2, 30, 30), np.float32))
     wrench = PaperEstimator(released).estimate(field)
     assert np.allclose(np.concatenate([wrench.force_n, wrench.torque_nm]), -rest)  # published negated
@@ -85,7 +85,7 @@ def test_checkpoint_on_the_photos(released, number):
     for lamp in (0.7, 1.3, down):
         picture = Frame(0.0, 1, "lamp", image=np.clip(image * lamp, 0, 255).astype(np.uint8))
         moved.append(np.linalg.norm((predict(released, worker.update(picture).channels[None])[0] - rest)[:3]))
-    assert max(moved) > 1.0  # facts.md: lamp or exposure changes move the answer by newtons
+    assert max(moved) > 1.0  # M, NET26
 
 
 def test_weights_of_another_network_and_pickles_are_refused(tmp_path):

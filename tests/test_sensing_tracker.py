@@ -4,16 +4,20 @@ import cv2
 import numpy as np
 import pytest
 
+from cad.params import EndcapParams
 from sensing.decode import FrameError
 from sensing.records import DotTracks, Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
 from sensing.tracking.dots import Dots, NoDotsError, find_dots
+from sensing.tracking.methods import DotField
+from sensing.tracking.model_input import ModelInput
 from sensing.tracking.patch_kernels import SATURATED, smoothed
 from sensing.tracking.patches import align, cut_patches
 from sensing.tracking.tracker import DotTracker
 
+PARAMS = EndcapParams(130, 8)
 IMAGE, _ = draw_dots(Drawing())
 REST = Frame(0.0, 0, "rest", jpeg=degrade(IMAGE, Degradation(), np.random.default_rng(9)), size=(640, 480))
 PRESS = Displacement((1.5, -1.0), 0.01, bumps=(Bump((420.0, 300.0), (10.0, 7.0), 45.0),))
@@ -71,8 +75,7 @@ def test_press_under_every_disturbance(damage, limit):
 
 
 def test_field_matches_the_truth_and_beats_a_shuffled_one():
-    tracker = DotTracker(REST)
-    field = tracker.field(tracker.update(frame(PRESS)))
+    field = DotField(REST).update(frame(PRESS))
     truth = cell_truth(PRESS, (640, 480))
     assert np.linalg.norm(field.channels - truth, axis=0).mean() < 0.06
     assert np.linalg.norm(field.channels[::-1] - truth, axis=0).mean() > 0.3
@@ -101,7 +104,9 @@ def test_black_frame_loses_all_and_the_next_finds_them_again():
     tracker = DotTracker(REST)
     tracker.update(frame(PRESS))
     dark = tracker.update(Frame(0, 0, "dark", image=np.zeros((480, 640), np.uint8)))
-    assert dark.lost.all() and not tracker.field(dark).valid.any() and np.isfinite(tracker.field(dark).channels).all()
+    assert dark.lost.all()
+    for field in (ModelInput(tracker, (16, 16), PARAMS).field(dark), DotField(REST).field(dark)):
+        assert not field.valid.any() and np.isfinite(field.channels).all()
     again = tracker.update(frame(PRESS))
     assert again.lost.mean() < 0.03 and errors(again, PRESS).max() < 2
 
@@ -162,8 +167,8 @@ def test_few_and_coincident_dots(count):
     place = np.repeat([[160.0, 118.0]], count, axis=0) if count == 2 else DotTracker(REST).dots.position_px[:count]
     few = Dots(np.array(place, float), np.full(count, 9.0), np.zeros(count, bool))
     motion = Displacement((1.0, 0.0))
-    tracker = DotTracker(REST, dots=few)
-    field = tracker.field(tracker.update(frame(motion)))
+    seen = ModelInput(DotTracker(REST, dots=few), (16, 16), PARAMS)
+    field = seen.update(frame(motion))
     assert np.isfinite(field.channels).all()
 
 

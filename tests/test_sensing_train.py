@@ -7,13 +7,19 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from live_stand_in import stand_in
 
 from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.records_labelled import COLUMNS
+from sensing.camera.mount import mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens, nominal_mount
+from sensing.live.config import CapConfig
+from sensing.live.pipeline import CapPipeline
+from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
+from sensing.tracking.zero import single_zero
 
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
@@ -90,6 +96,28 @@ def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
     assert len(read_samples(folder)) == 4
     cache.write_bytes(b"damaged")
     assert len(read_samples(folder)) == 4
+
+
+@pytest.mark.parametrize("mounted", ["camera.json", "the nominal camera's file", "no file"])
+def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
+    """To the bit with the same camera; to 1e-6 px where one of them reads the nominal camera from a file."""
+    folder = write_set(tmp_path / "set", 2, 3)
+    design, camera = EndcapParams(130, 8), None
+    if mounted != "no file":
+        camera = folder / "camera.json"
+        turned = rotation_matrix([0.02, -0.01, 0.03])
+        turned_in = mount(nominal_lens(), (0.4, -0.3, design.camera_height_mm + 0.3), turned)
+        (turned_in if mounted == "camera.json" else nominal_mount(design)).save(camera)
+    trained = read_samples(folder)
+    cap = CapConfig("endcap_0", "test", camera=camera if mounted == "camera.json" else None)
+    pipe, live = None, []
+    for item in LabelledSet(folder).frames():
+        if item.frame.sequence == 0:
+            pipe = CapPipeline(cap, stand_in(), single_zero(item.reference))
+        live.append(pipe.update(item.frame).field.channels)
+    off = np.abs(np.array(live) - trained.fields).max()
+    assert off == 0 if mounted != "the nominal camera's file" else off < 1e-6
+    assert np.abs(trained.fields).max() > 1.0
 
 
 def test_train_then_evaluate(folders, weights, tmp_path, capsys):

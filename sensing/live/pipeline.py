@@ -23,9 +23,8 @@ from sensing.live.config import CapConfig
 from sensing.live.model import LiveModel
 from sensing.live.reading import CapReading
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
-from sensing.tracking.methods import DotField, FieldMethod, field_method
-from sensing.tracking.nominal_view import NominalField
-from sensing.tracking.tracker import TrackerConfig
+from sensing.tracking.methods import FieldMethod, field_method
+from sensing.tracking.model_input import ModelInput, model_input
 from sensing.tracking.zero import Drift, Zero, measure_drift, single_zero, take_zero
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
@@ -113,8 +112,8 @@ class CapPipeline:
 
     def restart(self) -> None:
         """Forget the frames before, not the reference."""
-        if isinstance(self._method, DotField | NominalField):
-            self._method.tracker.restart()
+        if isinstance(self._method, ModelInput):
+            self._method.restart()
         elif self.zero is not None:
             self._method = self._build(self.zero)
         self._begin()
@@ -127,12 +126,10 @@ class CapPipeline:
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
-            method = DotField(zero.frame(), TrackerConfig(shape=self.model.shape))
+            method = model_input(zero.frame(), self.model.shape, self.cap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
-            method.tracker.restart()
-            if self._camera is None:
-                return method
-            return NominalField(method.tracker, self.model.shape, self._camera, self.cap.params)
+            method.restart()
+            return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
     def _use(self, zero: Zero, method: FieldMethod) -> None:
@@ -231,16 +228,16 @@ class CapPipeline:
 
     def _field(self, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image | None]:
         method = self._method
-        if not isinstance(method, DotField | NominalField):
+        if not isinstance(method, ModelInput):
             assert method is not None
             field = method.update(frame)
             watch.lap("field")
             return None, field, None
-        gray = method.tracker.decode(frame)
+        gray = method.decode(frame)
         watch.lap("decode")
-        tracks = method.tracker.track(gray, frame.time_s)
+        tracks = method.track(gray, frame.time_s)
         watch.lap("track")
-        field = method.field(tracks) if isinstance(method, NominalField) else method.tracker.field(tracks)
+        field = method.field(tracks)
         watch.lap("field")
         return tracks, field, gray
 

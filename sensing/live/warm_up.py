@@ -7,9 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cad.params import EndcapParams
 from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
-from sensing.tracking.tracker import DotTracker
+from sensing.tracking.model_input import model_input
 
 PATIENCE_S = 1.5  # what takes longer is told
 JUMP_PX = 25  # a picture shifted by this makes the tracker search
@@ -28,8 +29,8 @@ def warm_up(say: Callable[[str], object]) -> None:
         image, _ = draw_dots(Drawing(specks=0, digit=""))
         covered = image.copy()
         covered[:, : image.shape[1] // 2] = 0
-        tracker = DotTracker(Frame(0.0, 0, "drawing", image=image))
+        seen = model_input(Frame(0.0, 0, "drawing", image=image), (16, 16), EndcapParams(130.0, 8.0))
         for number, picture in enumerate((image, covered, np.roll(image, JUMP_PX, axis=1))):
-            tracker.field(tracker.update(Frame(float(number), number, "drawing", image=np.ascontiguousarray(picture))))
+            seen.update(Frame(float(number), number, "drawing", image=np.ascontiguousarray(picture)))
     finally:
         told.cancel()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from sensing.simulator.press import Target
 
 PHASES = ("approach", "touch", "load", "circle", "unload", "clear", "drag", "impact", "stand", "airborne")
-FRAME_S = 1 / 30  # P: 30 frames a second
+FRAME_S = 1 / 30  # P, CAM02: 30 frames a second
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import numpy as np
 from sensing.simulator.loading import LoadPath, Waypoint, timed
 from sensing.simulator.press import Target
 
-TILTS_DEG = (10.0, 20.0, 30.0, 40.0, 50.0)  # P
-FORCES_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)  # P
+TILTS_DEG = (10.0, 20.0, 30.0, 40.0, 50.0)  # P, NET20
+FORCES_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)  # P, NET22
 FRICTION_RANGE = (0.3, 1.0)  # E: dusty to clean silicone on plastic
 CIRCLE_RADIUS_MM = (0.5, 4.0)  # E
 CIRCLE_STATES = 12

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sensing.simulator.element import Array
 
-MASS_KG = 12.0  # P
+MASS_KG = 12.0  # P, NET27
 GRAVITY_M_S2 = 9.81
 WEIGHT_N = MASS_KG * GRAVITY_M_S2
 RING_RADIUS_MM = 320.0  # E

@@ -12,7 +12,7 @@ from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.learning.marker_fields import PLAIN, MarkerSensor, Scatter
 from sensing.records import DotTracks
 from sensing.tracking.field_operator import field_operator
-from sensing.tracking.nominal_view import NominalField
+from sensing.tracking.model_input import ModelInput
 
 PARAMS = EndcapParams(130, 8)
 SHAPE = (16, 16)
@@ -27,7 +27,7 @@ def on_sphere():
 
 
 def view(points):
-    return NominalField(SimpleNamespace(size=(640, 480), reference_px=TURNED.project(points)), SHAPE, TURNED, PARAMS)
+    return ModelInput(SimpleNamespace(size=(640, 480), reference_px=TURNED.project(points)), SHAPE, PARAMS, TURNED)
 
 
 def test_points_of_the_undeformed_sphere_are_seen_exactly_as_the_nominal_camera_sees_them():
@@ -48,8 +48,8 @@ def test_the_field_is_nearly_that_of_the_nominal_camera_whatever_is_built_in():
                        np.zeros(count, bool), (640, 480))  # fmt: skip
     told = view(points).field(tracks).channels
     nominal = nominal_mount(PARAMS)
-    plain = NominalField(
-        SimpleNamespace(size=(640, 480), reference_px=nominal.project(points)), SHAPE, nominal, PARAMS
+    plain = ModelInput(
+        SimpleNamespace(size=(640, 480), reference_px=nominal.project(points)), SHAPE, PARAMS, nominal
     ).field(DotTracks(0.0, np.arange(count), nominal.project(points), nominal.project(moved), np.ones(count),
                       np.zeros(count, bool), (640, 480))).channels  # fmt: skip
     raw = field_operator(tracks.reference_px, (640, 480), SHAPE)

@@ -20,6 +20,7 @@ import math
 from dataclasses import asdict, dataclass
 
 from cad import feasible, scaling
+from cad.plain_numbers import plain
 
 
 @dataclass(frozen=True)
@@ -164,12 +165,6 @@ class EndcapParams:
     def inner_radius_at(self, height_mm: float) -> float:
         """Cylindrical radius of the inner sphere at a height above the mating plane."""
         return _section_radius(self.inner_radius_mm, height_mm - self.centre_height_mm)
-
-
-def plain(length_mm: float) -> str:
-    """A length in the fewest digits that read back as the same number, so that no two sizes share a name."""
-    short = f"{length_mm:g}"
-    return short if float(short) == length_mm else repr(length_mm)
 
 
 def _section_radius(sphere_radius_mm: float, offset_mm: float) -> float:

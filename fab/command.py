@@ -17,7 +17,8 @@ from cad import feasible
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
-from cad.params import EndcapParams, plain
+from cad.params import EndcapParams
+from cad.plain_numbers import is_plain, plain
 from fab.check import ChecksFailedError
 from fab.variant import Variant
 from fab.whole_folder import ENDING_SIGNALS
@@ -32,7 +33,6 @@ VARIANT_DEFAULTS = {
     "material": DEFAULT_SILICONE,
     "exports": EXPORTS,
 }
-_PLAIN_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 
 
 class Interrupts:
@@ -171,25 +171,31 @@ def _hint(word: str, defaults: Mapping[str, str]) -> str:
     near = difflib.get_close_matches(name.lower(), known, n=1)
     if equals and value and near:
         return f"did you mean {known[near[0]]}={value}? Options are {', '.join(defaults)}"
-    if _PLAIN_NUMBER.fullmatch(word) and "D" in defaults:
+    if is_plain(word) and "D" in defaults:
         return "name each number, for example D=150 T=8"
     return f"give {', '.join(f'{n}=...' for n in defaults)}"
 
 
 def _refuse_half_a_design(given: Mapping[str, str]) -> None:
+    """Refuse one number without the other, with the nearest pair that can be made."""
+    usual_wall = float(DESIGN_DEFAULTS["T"])
     if "D" in given:
         diameter = parse_length("D", given["D"])
-        low, high = feasible.wall_range_mm(diameter)
-        wall = min(max(8.0, low), high) if low <= high else 8.0
-        EndcapParams(diameter, wall)  # a diameter outside the region is refused by its own message
-        raise ParameterError(
-            f"D={given['D']} without T: the wall is half of the design, 6.5 mm to a fifth of the radius: give both, for "
-            f"example D={given['D']} T={plain(wall)}",
-            name="T",
-        )
+        low, high = feasible.wall_range_mm(diameter) if diameter > 0 else (1.0, 0.0)
+        if not low <= high:
+            EndcapParams(diameter, usual_wall)  # refused by its own message: no wall fits
+        example = f"D={given['D']} T={plain(feasible.nearest_wall_mm(diameter, usual_wall))}"
+        missing, name = "D={D} without T", "T"
+    else:
+        wall = parse_length("T", given["T"])
+        ranges = {diameter: feasible.wall_range_mm(diameter) for diameter in (130.0, 200.0, 250.0)}
+        fitting = next((diameter for diameter, (low, high) in ranges.items() if low <= wall <= high), None)
+        example = f"D={plain(fitting)} T={given['T']}" if fitting else "D=130 T=8"
+        missing, name = "T={T} without D", "D"
     raise ParameterError(
-        f"T={given['T']} without D: give both numbers, for example D=130 T={given['T']}",
-        name="D",
+        f"{missing.format(**given)}: a design is two numbers, diameter and wall (6.5 mm to a fifth of the radius): "
+        f"give both, for example {example}",
+        name=name,
     )
 
 
@@ -199,7 +205,7 @@ def parse_length(name: str, text: str) -> float:
     Raises:
         ParameterError: anything else that Python would read as a number too (``1_30``, ``1e2``, other scripts' digits).
     """
-    if not _PLAIN_NUMBER.fullmatch(text):
+    if not is_plain(text):
         raise ParameterError(
             f"{name}={text} is not a number: give plain millimetres without a unit, for example D=130 T=8",
             name=name,

@@ -18,6 +18,15 @@ class Progress:
         self._step: str | None = None
         self._since = self._start
 
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._finish()
+        elif self._step is not None and sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)  # the step was not done
+
     @property
     def seconds(self) -> float:
         """Time since the start."""
@@ -29,16 +38,6 @@ class Progress:
         self._step, self._since = step, time.monotonic()
         if sys.stderr.isatty():
             print(f"  ...    {step}", end="", file=sys.stderr, flush=True)
-
-    def end(self) -> None:
-        """The last step is done."""
-        self._finish()
-
-    def stop(self) -> None:
-        """The running step was not finished: its line on a terminal goes."""
-        if self._step is not None and sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-        self._step = None
 
     def _finish(self) -> None:
         if self._step is None:

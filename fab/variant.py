@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from cad.materials import DEFAULT_SILICONE
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
-from cad.params import EndcapParams, plain
+from cad.params import EndcapParams
+from cad.plain_numbers import plain
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Variant:
         if self.layout.joint_clearance_mm != JOINT_CLEARANCE_MM:
             parts.append(f"c{plain(self.layout.joint_clearance_mm)}")
         if self.silicone != DEFAULT_SILICONE:
-            parts.append(re.sub(r"[^A-Za-z0-9.-]+", "-", self.silicone))
+            parts.append(file_name(self.silicone))
         return "_".join(parts)
 
     @property
@@ -50,3 +51,8 @@ class Variant:
         if self.silicone != DEFAULT_SILICONE:
             words.append(f"material={shlex.quote(self.silicone)}")
         return " ".join(words)
+
+
+def file_name(text: str) -> str:
+    """Words as part of a file name."""
+    return re.sub(r"[^A-Za-z0-9.-]+", "-", text)

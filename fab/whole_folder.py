@@ -104,28 +104,32 @@ def require_ours(final: Path, record: str) -> dict[str, str]:
     for name, digest in listed.items():
         if file_sha256(final / name) != digest:
             raise FileError(
-                f"{final / name}: changed since it was written (SHA-256 differs from {record}): rename it to keep it, or "
-                "delete it, then run again; nothing was replaced"
+                f"{final / name}: changed since it was written (SHA-256 differs from {record}): rename it to keep it, "
+                "or delete it, then run again; nothing was replaced"
             )
     return listed
 
 
 def sweep(final: Path, record: str) -> None:
     """Finish or remove what dead runs left beside a folder: a partial folder goes, a ready one is moved into place."""
-    for path in sorted(final.parent.glob(".*.partial-*")):
-        with _lock_of_the_dead(path) as dead:
-            if dead:
-                shutil.rmtree(path, ignore_errors=True)
+    remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
         with _lock_of_the_dead(path) as dead:
             if dead:
                 _move_in(path, final, record)
 
 
+def remove_partial(parent: Path) -> None:
+    """Remove the hidden folders of runs that were killed before they were done."""
+    for path in sorted(parent.glob(".*.partial-*")):
+        with _lock_of_the_dead(path) as dead:
+            if dead:
+                shutil.rmtree(path, ignore_errors=True)
+
+
 def file_sha256(path: Path) -> str:
     """SHA-256 of a file, as hex digits."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _publish(partial: Path, final: Path, record: str) -> None:

@@ -84,15 +84,19 @@ check: $(VENV)/all.stamp ## lint and types
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/
 	@for script in bench/bench_*.py; do echo $$script; $(BIN)/python $$script || exit 1; done
 
+define REMOVE_BUILT
+@test ! -e $(VENV)/fab.stamp || rm -rf $(VENV)
+@rm -rf build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+endef
+
 clean: ## remove what one command makes again; recordings, data, weights and files of your own stay
 	@$(PYTHON) -m fab.clean
-	@test ! -e $(VENV)/fab.stamp || rm -rf $(VENV)
-	@rm -rf build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+	$(REMOVE_BUILT)
 
-clean-all: ## remove everything in exports/ too, your own files included: make clean-all SURE=yes
+clean-all: ## everything in exports/ too, files of your own included: make clean-all SURE=yes
 	@$(PYTHON) -m fab.clean --all $(if $(filter yes,$(SURE)),--sure)
-	@$(MAKE) --no-print-directory clean
+	$(REMOVE_BUILT)
 
 $(VENV)/bin/python:
 	@sh scripts/system_libraries.sh

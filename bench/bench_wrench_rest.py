@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.records import Frame, Wrench
-from sensing.simulator.render_dome import DomeRenderer
-from sensing.simulator.render_settings import Lamp, RenderSettings
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import Lamp, RenderSettings
 from sensing.tracking.model_input import model_input
 from sensing.wrench.contact import ContactDetector, threshold_from_rest
 from sensing.wrench.model import WrenchModel, load_wrench_model

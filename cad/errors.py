@@ -12,7 +12,7 @@ from __future__ import annotations
 
 
 class EndcapError(ValueError):
-    """Base of all errors that a user can cause and mend. The command line prints it and exits with status 2."""
+    """Base of all errors that a user can cause and fix. The command line prints it and exits with status 2."""
 
 
 class ParameterError(EndcapError):

@@ -1,7 +1,7 @@
 """`make clean`: remove from exports/ what one command makes again, and name what stays (standard library only).
 
-A file goes when the record of its folder (``manifest.json``, ``slice.json`` and the like) lists it with the SHA-256 that
-it still has. Recordings, data sets, weights, notes, G-code and files that were changed are on no such list, so they stay.
+A file goes when the record of its folder (``manifest.json``, ``slice.json`` and the like) lists it with the SHA-256
+that it still has. Recordings, data sets, weights, notes, G-code and changed files are on no such list, so they stay.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import FileError
-from fab.whole_folder import file_sha256, listed_files, remove_partial, sweep
+from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
 
 EXPORTS = Path(__file__).resolve().parent.parent / "exports"
 RECORDS = ("manifest.json", "slice.json", "sheet.json", "coupons.json", "led_ring.json")

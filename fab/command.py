@@ -19,9 +19,9 @@ from cad.materials import DEFAULT_SILICONE, silicone
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.plain_numbers import is_plain, plain
-from fab.check import ChecksFailedError
+from fab.checks.check import ChecksFailedError
+from fab.exports.whole_folder import ENDING_SIGNALS
 from fab.variant import Variant
-from fab.whole_folder import ENDING_SIGNALS
 
 EXPORTS = str(Path(__file__).resolve().parent.parent / "exports")
 FROM_MAKE = "--make-variables"  # the Makefile's way to hand over its variables as they were typed

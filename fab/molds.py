@@ -12,11 +12,11 @@ from pathlib import Path
 from cad.errors import FileError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
 from fab.variant import Variant
-from fab.whole_folder import whole_folder
 from fab.workers import worker_pool
 
 WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
@@ -66,7 +66,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 def load_libraries(progress: Progress) -> None:
     """Import CAD kernel and mesh libraries, which takes seconds."""
     progress("CAD kernel")
-    for module in ("fab.design", "fab.exports", "fab.gates"):
+    for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
         importlib.import_module(module)
 
 
@@ -85,9 +85,9 @@ def make_molds(variant: Variant, folder: Path, workers: Executor, progress: Prog
     Raises:
         ChecksFailedError: a check failed.
     """
-    from fab import exports as files
+    from fab.checks.gates import run_gates
     from fab.design import build_design
-    from fab.gates import run_gates
+    from fab.exports import writer as files
 
     design = build_design(variant.layout, workers, progress)
     progress("files")

@@ -18,7 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
 from cad.errors import EndcapError
-from fab.whole_folder import ENDING_SIGNALS
+from fab.exports.whole_folder import ENDING_SIGNALS
 
 PR_SET_PDEATHSIG = 1  # S: linux/prctl.h
 
@@ -31,7 +31,7 @@ class WorkerLostError(EndcapError):
 def worker_pool(count: int) -> Iterator[Executor]:
     """Workers, all started at once; on any error they are killed before the error goes on.
 
-    So whoever removes what they were writing (:func:`fab.whole_folder.whole_folder`) goes outside this context.
+    So whoever removes what they were writing (:func:`fab.exports.whole_folder.whole_folder`) goes outside this context.
 
     Args:
         count: processes.

@@ -32,10 +32,10 @@ for name, module in list(sys.modules.items()):
 """
 MECHANICS = """
 from cad.materials import silicone
-from sensing.simulator.geometry import shell_geometry
-from sensing.simulator.indenter import Indenter
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
-from sensing.simulator.press import Target
+from sensing.simulator.press.press import Target
 from sensing.simulator.scene import Scene
 for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
     simulator = Simulator(shell_geometry(130, 8), law, "draft", level=level)
@@ -48,7 +48,7 @@ PICTURES = """
 from cad.params import EndcapParams
 from sensing.tracking.methods import METHODS, field_method
 from sensing.records import Frame
-from sensing.simulator.render_dome import DomeRenderer
+from sensing.simulator.render.dome import DomeRenderer
 renderer = DomeRenderer(EndcapParams(130, 8))
 first, second = renderer.render(), renderer.render(frame=1)
 for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):

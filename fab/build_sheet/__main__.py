@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from cad.errors import FileError
 from cad.materials import silicones
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, parse_variant
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
 from fab.variant import Variant
-from fab.whole_folder import whole_folder, write_record
 
 if TYPE_CHECKING:
     from fab.build_sheet.data import SheetData
@@ -117,7 +117,7 @@ def _collect(
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import draw_ring_light, ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
-    from fab.check import Check
+    from fab.checks.check import Check
     from fab.recipe import recipe, shell_volume_mm3
 
     progress("parts and screws")
@@ -149,7 +149,7 @@ def open_workshop(export: Export) -> Workshop:
     from cad.led_ring import led_ring_part
     from fab.bom import fit_joints
     from fab.build_sheet.pictures import Workshop
-    from fab.mesh import tessellate
+    from fab.meshing.mesh import tessellate
     from fab.slice.projects import read_part
 
     meshes, colors = {}, part_colors(export)

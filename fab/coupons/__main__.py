@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
 from cad.materials import DEFAULT_SILICONE, silicone
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.variant import file_name
-from fab.whole_folder import whole_folder, write_record
 
 if TYPE_CHECKING:
     import trimesh
 
     from cad.part import Part
-    from fab.check import Check
+    from fab.checks.check import Check
 
 RECORD = "coupons.json"
 IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray": "peel_tpu"}
@@ -88,7 +88,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
     """
     from cad.coupons import coupon_parts
     from fab.coupons.mesh import coupon_meshes
-    from fab.render import PictureItem, render_parts
+    from fab.pictures.parts import PictureItem, render_parts
 
     density = silicone(material).density_g_cm3
     parts = {part.name: part for part in coupon_parts()}
@@ -117,8 +117,8 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
     from build123d import export_step
 
     from cad.step_file import canonical_step
-    from fab.exports import write_3mf
-    from fab.mesh import write_stl
+    from fab.exports.writer import write_3mf
+    from fab.meshing.mesh import write_stl
 
     for name, part in parts.items():
         write_stl(folder / f"{name}.stl", meshes[name])
@@ -135,7 +135,7 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
         ChecksFailedError: a check failed.
     """
     from fab.coupons.checks import coupon_checks, solid_checks
-    from fab.mesh import read_stl
+    from fab.meshing.mesh import read_stl
 
     read = {name: read_stl(folder / f"{name}.stl") for name in parts}
     checks = [*solid_checks(parts), *coupon_checks(parts, read)]

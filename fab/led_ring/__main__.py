@@ -8,13 +8,13 @@ from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
 from cad.params import EndcapParams
-from fab.check import Check, require_passed
+from fab.checks.check import Check, require_passed
 from fab.command import EXPORTS, Command, parse_design, parse_length
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
-from fab.whole_folder import whole_folder, write_record
 
 RECORD = "led_ring.json"
 HELP = f"""\

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from cad import led_ring
 from cad.params import EndcapParams
-from fab.check import Check
+from fab.checks.check import Check
 from fab.led_ring.driver import (
     C_IN_LEAST_F,
     C_OUT_RANGE_F,

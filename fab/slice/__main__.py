@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cad.errors import ParameterError
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
 from fab.variant import Variant
-from fab.whole_folder import whole_folder, write_record
 from fab.workers import worker_pool
 
 if TYPE_CHECKING:
-    from fab.check import Check
+    from fab.checks.check import Check
     from fab.slice.projects import Export
     from fab.slice.result import SliceResult
 

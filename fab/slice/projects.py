@@ -14,12 +14,12 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from fab.mesh import read_stl, tessellate
+from fab.exports.whole_folder import file_sha256
+from fab.meshing.mesh import read_stl, tessellate
 from fab.slice.pose import laid_down
 from fab.slice.project_3mf import Project, Volume
 from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
 from fab.variant import Variant
-from fab.whole_folder import file_sha256
 
 MANIFEST = "manifest.json"
 INTERFACE = "interface"

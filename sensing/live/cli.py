@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
-from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
-from sensing.live.outputs import add_outputs
+from sensing.live.core.config import MODELS, CapConfig, LiveConfig, load_config
+from sensing.live.open_outputs import add_outputs
 from sensing.live.run import LiveRun, favour_the_loop, run_until_stopped
 from sensing.tracking.methods import METHODS
 
@@ -57,7 +57,7 @@ def _run(options: argparse.Namespace) -> int:
 
         caps = replay_caps(options.replay, config, options.speed)
     if any(cap.pipeline.model.method == "dots" for cap in caps):
-        from sensing.live.warm_up import warm_up
+        from sensing.live.core.warm_up import warm_up
 
         warm_up(lambda text: print(text, file=sys.stderr))
     run = LiveRun(config, caps, min(options.workers, len(caps)))
@@ -95,7 +95,7 @@ def _config(options: argparse.Namespace) -> LiveConfig:
     words = _sources(options)
     model = options.model or "default"
     if not words:
-        from sensing.live.scene import scene_config
+        from sensing.live.demo.scene import scene_config
 
         config = scene_config(model, options.weights, options.method)
         return replace(config, caps=tuple(replace(cap, rate_hz=options.rate) for cap in config.caps))

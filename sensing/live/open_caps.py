@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from sensing.live.config import CapConfig, LiveConfig
-from sensing.live.engine import LiveCap
-from sensing.live.feed import CameraFeed, Feed, FileFeed, Pace
-from sensing.live.model import LiveModel, load_model
-from sensing.live.pipeline import ZERO_FRAMES, CapPipeline
-from sensing.live.scene import SceneSource, scene_number
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
+from sensing.live.core.model import LiveModel, load_model
+from sensing.live.core.pipeline import ZERO_FRAMES, CapPipeline
+from sensing.live.demo.scene import SceneSource, scene_number
 from sensing.sources.camera import CameraConfig
 from sensing.sources.choose import source_opener
 from sensing.sources.files import FolderSource

@@ -20,13 +20,13 @@ from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from cad.errors import FileError
-from sensing.live import ros_types as ros
-from sensing.live.config import LiveConfig
-from sensing.live.engine import LiveCap
-from sensing.live.feed import Captured, FileFeed, Pace
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import Captured, FileFeed, Pace
+from sensing.live.core.pipeline import CapPipeline
 from sensing.live.open_caps import Models, configured_models
-from sensing.live.pipeline import CapPipeline
-from sensing.live.recorder import METADATA, TOPICS, configured
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.recorder import METADATA, TOPICS, configured
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.tracking.zero import Zero, single_zero

@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TextIO
 
-from sensing.live.config import LiveConfig
-from sensing.live.engine import Engine, LiveCap
-from sensing.live.latest import Latest
-from sensing.live.robot import RobotState, robot_state
-from sensing.live.terminal import REFRESH_S, Terminal, summary
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.latest import Latest
+from sensing.live.core.robot import RobotState, robot_state
+from sensing.live.outputs.terminal import REFRESH_S, Terminal, summary
 
 SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
 

@@ -1,0 +1,167 @@
+"""The build sheet: dots on paper, both printers on a small document, the whole command on a tiny export."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cad.dots import dot_pattern
+from cad.errors import FileError
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab.build_sheet import __main__ as command
+from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.casting import lowers
+from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.html import write_html
+from fab.build_sheet.lighting import led_ring, ring_checks
+from fab.build_sheet.pdf import write_pdf
+from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
+from fab.led_ring.driver import fitted_driver
+from fab.led_ring.light import dome_light
+from fab.slice.projects import Export
+from fab.variant import Variant
+
+PARAMS = EndcapParams(130.0, 8.0)
+
+
+@pytest.mark.parametrize("params", [EndcapParams(100.0, 8.0), PARAMS, EndcapParams(250.0, 25.0)])
+def test_gores_have_every_dot_once_and_fit_a_page(params):
+    sheets = gores(params)
+    assert sum(sheet.svg.count("<circle") for sheet in sheets) == len(dot_pattern(params))
+    for sheet in sheets:
+        assert sheet.width_mm <= 180 and sheet.height_mm <= 255
+        assert f'width="{sheet.width_mm:.2f}mm"' in sheet.svg and f"0 0 {sheet.width_mm:.2f}" in sheet.svg  # 1:1
+
+
+def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
+    first = gores(PARAMS)[0]
+    count = len(gores(PARAMS))
+    own = [dot for dot in dot_pattern(PARAMS) if gore_of(dot, count) == 0]
+    heights = sorted(float(y) for y in re.findall(r'<circle cx="[\d.]+" cy="([\d.]+)"', first.svg))
+    wanted = sorted(4.0 + PARAMS.inner_radius_mm * math.radians(dot.polar_deg) for dot in own)
+    assert np.allclose(heights, wanted, atol=0.01)
+
+
+def test_ruler_is_a_hundred_millimetres_long():
+    drawing = ruler()
+    assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg
+
+
+def test_camera_picture_is_centred_and_a_dot_at_ninety_degrees_lies_on_the_disc():
+    pixels = np.array(camera_pixels(PARAMS))
+    assert np.allclose(pixels[0], (320, 240))
+    reach = np.linalg.norm(pixels - (320, 240), axis=1)
+    assert reach.max() <= DISC_PX + 1
+    inside = dots_in(list(map(tuple, pixels)), 640, 480)
+    assert 0 < dots_in(list(map(tuple, pixels)), 480, 480) < inside <= len(pixels)
+    assert first_light(PARAMS).svg.count("<circle") == len(pixels) + 1
+
+
+def test_the_poured_silicone_has_its_volume_and_fills_to_the_depth():
+    layout = MoldLayout(PARAMS)
+    half = 2 / 3 * math.pi * PARAMS.outer_radius_mm**3
+    assert fill_depth_mm(layout, half) == pytest.approx(0.0, abs=1e-6)
+    depth = fill_depth_mm(layout, 325_000.0)
+    assert poured_mesh(layout, depth).volume == pytest.approx(325_000.0, rel=0.01)
+
+
+def test_the_core_is_lowered_only_where_the_gyroid_stays_below_its_equator():
+    assert lowers(MoldLayout(PARAMS)) and not lowers(MoldLayout(EndcapParams(100.0, 8.0)))
+
+
+@pytest.fixture
+def document(tmp_path):
+    picture = tmp_path / "a.jpg"
+    Image.new("RGB", (40, 30), (200, 90, 20)).save(picture)
+    blocks = (
+        Heading("Print", 1),
+        Paragraph('Open <part>.3mf & say "yes" #1 \\ $2 °'),
+        Picture(picture, "a picture"),
+        Table(("", "item"), ((picture, "M3 x 12"), ("", "[nut]")), (1, 2)),
+        Step("C1", "Pour", ("slowly", "*not* over the seam_"), picture),
+        ruler(),
+    )
+    return Document("Endcap D = 130", "a test", blocks)
+
+
+def test_html_is_one_file_with_every_word_escaped(document, tmp_path):
+    path = tmp_path / "a.html"
+    write_html(document, path)
+    text = path.read_text()
+    assert "Open &lt;part&gt;.3mf &amp; say" in text and "C1 Pour" in text and "<svg" in text
+    assert text.count("data:image/jpeg;base64,") == 3
+    assert not re.search(r'(src|href)="(?!data:)', text)
+
+
+def test_pdf_has_pages_pictures_and_the_same_bytes_twice(document, tmp_path):
+    pytest.importorskip("typst")
+    paths = [tmp_path / name for name in ("a.pdf", "b.pdf")]
+    for path in paths:
+        write_pdf(document, path)
+    data = paths[0].read_bytes()
+    assert data.startswith(b"%PDF") and data.rstrip().endswith(b"%%EOF") and b"/Image" in data
+    assert data == paths[1].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["D=130", "T=99"], "wall_mm=99"),
+        (["material=Butter"], "silicone='Butter' is not in cad/materials.csv"),
+        (["paper=A3"], "'paper=A3' is not an option"),
+        ([], "run `make molds D=130 T=8` first"),
+    ],
+)
+def test_bad_input_gets_one_line_status_2_and_no_files(words, expected, tmp_path, capsys):
+    assert command.main([*words, f"exports={tmp_path}"]) == 2
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1 and expected in err and list(tmp_path.iterdir()) == []
+
+
+def test_slices_of_another_design_are_refused(tmp_path):
+    export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
+    (tmp_path / "manifest.json").write_text("{}")
+    assert command.read_slices(export) is None
+    (tmp_path / "slice").mkdir()
+    file = tmp_path / "slice" / "slice.json"
+    file.write_text("{")
+    with pytest.raises(FileError, match="not what make slice writes"):
+        command.read_slices(export)
+    file.write_text(json.dumps({"digest": "other", "projects": []}))
+    with pytest.raises(FileError, match="another design"):
+        command.read_slices(export)
+
+
+def test_slices_of_an_earlier_export_are_left_out(tmp_path):
+    export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
+    (tmp_path / "manifest.json").write_text("{}")
+    (tmp_path / "slice").mkdir()
+    record = {"digest": PARAMS.digest, "projects": [], "manifest_sha256": export.manifest_sha256}
+    (tmp_path / "slice" / "slice.json").write_text(json.dumps(record))
+    assert command.read_slices(export) == record
+    (tmp_path / "manifest.json").write_text('{"another": "run"}')
+    assert command.read_slices(export) is None
+
+
+def test_the_ring_of_the_sheet_is_the_ring_that_is_made(tmp_path):
+    blocks = led_ring(PARAMS, tmp_path / "none.png")
+    text = next(block.text for block in blocks if isinstance(block, Paragraph))
+    driver = fitted_driver()
+    assert f"R_set = {driver.r_set_ohm:g} ohm" in text and f"draws {1e3 * driver.input_a:.0f} mA" in text
+    table = next(block for block in blocks if isinstance(block, Table))
+    light = dome_light(PARAMS, 6)
+    assert table.rows[0] == ("6", f"{100 * light.ripple:.0f} %", f"{light.darkest:.2f}", f"{light.brightest:.2f}")
+    assert all(check.ok for check in ring_checks(PARAMS))
+
+
+def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
+    wrong = replace(fitted_driver(), r_set_ohm=4.7)
+    monkeypatch.setattr("fab.build_sheet.lighting.fitted_driver", lambda: wrong)
+    assert any(not check.ok for check in ring_checks(PARAMS))

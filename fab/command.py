@@ -107,20 +107,28 @@ class Command:
         interrupts = Interrupts()
         with interrupts.heard():
             try:
-                return act(parse_options(words, self.defaults), interrupts)
-            except ChecksFailedError as error:
-                for line in error.lines:
-                    print(f"{self.name}: check failed: {line}", file=sys.stderr)
-                print(f"{self.name}: {error}", file=sys.stderr)
-                return 1
-            except EndcapError as error:
-                print(f"{self.name}: {error}", file=sys.stderr)
-                return 2
+                return self._status(words, act, interrupts)
             except (Exception, KeyboardInterrupt):
                 if interrupts.signal is None:
                     raise
                 print(f"{self.name}: {_ending(interrupts.signal)}; nothing was left behind", file=sys.stderr)
                 return 128 + interrupts.signal
+
+    def _status(
+        self, words: Sequence[str], act: Callable[[dict[str, str], Interrupts], int], interrupts: Interrupts
+    ) -> int:
+        """Act, and turn errors of the user's into lines."""
+        try:
+            return act(parse_options(words, self.defaults), interrupts)
+        except ChecksFailedError as error:
+            for line in error.lines:
+                print(f"{self.name}: check failed: {line}", file=sys.stderr)
+            print(f"{self.name}: {error}", file=sys.stderr)
+            return 1
+        except EndcapError as error:
+            interrupts.raise_swallowed()  # a worker that ended, a file that closed: what came of the signal
+            print(f"{self.name}: {error}", file=sys.stderr)
+            return 2
 
 
 def _ending(number: int) -> str:

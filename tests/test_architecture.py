@@ -20,7 +20,9 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
-SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "whole_file")}
+SHARED = {
+    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "whole_file")
+}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),
@@ -35,7 +37,19 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
-    "": {"calibration", "camera", "learning", "live", "live.core", "recording", "sources", "tracking", "wrench"},
+    "evaluation": {"camera", "learning", "live.core", "tracking", "wrench"},  # models through the live pipeline
+    "": {
+        "calibration",
+        "camera",
+        "evaluation",
+        "learning",
+        "live",
+        "live.core",
+        "recording",
+        "sources",
+        "tracking",
+        "wrench",
+    },
 }
 SHARED_WITH_SIMULATOR = {"sensing.records", "sensing.records_labelled"}  # besides the package camera
 PACKAGES = ("cad", "fab", "sensing")

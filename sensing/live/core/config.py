@@ -2,6 +2,7 @@
 
     model = "default"                   # or "paper"
     weights = ""                        # a file; empty for what ships with the toolkit
+    method = ""                         # another field method than the model's own: dots, gelslim, ...
     weight_n = 117.7                    # of the robot, for the check of the force sum; 0 without
 
     [[cap]]
@@ -27,14 +28,16 @@ from typing import Any
 
 import numpy as np
 
-from cad.errors import FileError, ParameterError
+from cad.errors import FileError, ParameterError, printable
 from cad.params import EndcapParams
 from sensing.frames import Array, rigid
+from sensing.tracking.methods import METHODS
 from sensing.whole_file import replace_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_CAPS = 32
+CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,14 @@ class CapConfig:
         for name, value, most in (("exposure", self.exposure, 1e6), ("rate_hz", self.rate_hz, 1000)):
             if not 0 <= value <= most:
                 raise ParameterError(f"{name}={value:g} of {self.name} outside 0..{most:g}", name=name, value=value)
+        if self.source.startswith(("http://", "https://")):
+            for name, what in CAMERA_ONLY.items():
+                if getattr(self, name):
+                    raise ParameterError(
+                        f"{name} of {self.name} has no effect: {self.source} sets its own {what}: set it there",
+                        name=name,
+                        value=getattr(self, name),
+                    )
         object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
         _ = self.params
 
@@ -109,7 +120,7 @@ class LiveConfig:
         weight_n: of the robot; 0 without the check.
 
     Raises:
-        ParameterError: no cap, a name twice, or an unknown model.
+        ParameterError: no cap, a name twice, or an unknown model or method.
     """
 
     caps: tuple[CapConfig, ...]
@@ -127,6 +138,12 @@ class LiveConfig:
             )
         if self.model not in MODELS:
             raise ParameterError(f"model={self.model!r}: choose {' or '.join(MODELS)}", name="model", value=self.model)
+        if self.method is not None and self.method not in METHODS:
+            raise ParameterError(
+                f"method={self.method!r}: choose {', '.join(METHODS)}, or leave it out",
+                name="method",
+                value=self.method,
+            )
         if not 0 <= self.weight_n < 1e5:
             raise ParameterError(f"weight_n={self.weight_n:g} outside 0..1e5 N", name="weight_n", value=self.weight_n)
 
@@ -141,8 +158,9 @@ def load_config(path: Path) -> LiveConfig:
         told = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: no TOML ({error}): mend it or write it anew with python -m sensing.setup") from None
+    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting
+        said = printable(str(error))[:200]
+        raise FileError(f"{path}: no TOML ({said}): fix it or write it anew with python -m sensing.setup") from None
     caps = told.pop("cap", [])
     if not isinstance(caps, list) or not all(isinstance(cap, dict) for cap in caps):
         raise FileError(f"{path}: cap is no list of tables: begin each with [[cap]]")
@@ -196,11 +214,15 @@ def _checked(path: Path, kind: type, told: dict[str, Any]) -> dict[str, Any]:
         elif key == "T_robot_endcap":
             good = _is_matrix(value)
         else:
-            good = isinstance(value, int | float) and not isinstance(value, bool)
+            good = _is_number(value)
         if not good:
-            raise FileError(f"{path}: {key} = {value!r} is of the wrong type: see the example in the documentation")
+            raise FileError(
+                f"{path}: {key} = {_short(value)} is of the wrong type or size: see the example in docs/live.md"
+            )
         if key in ("zero", "camera", "weights"):
             value = path.parent / value if value else None
+        elif key == "method":
+            value = value or None
         values[key] = value
     return values
 
@@ -210,5 +232,18 @@ def _is_matrix(value: Any) -> bool:
         isinstance(value, list)
         and len(value) == 4
         and all(isinstance(row, list) and len(row) == 4 for row in value)
-        and all(isinstance(x, int | float) and not isinstance(x, bool) for row in value for x in row)
+        and all(_is_number(x) for row in value for x in row)
     )
+
+
+def _is_number(value: Any) -> bool:
+    """Of a size that a float can have."""
+    return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 64)
+
+
+def _short(value: Any) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # thousands of digits
+        text = type(value).__name__
+    return printable(text if len(text) < 60 else text[:57] + "...")

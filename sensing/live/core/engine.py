@@ -46,6 +46,15 @@ class LiveCap:
         """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
         return self.stats.health(self.feed.health, self.pipeline.message, self.pipeline.faults, fresh)
 
+    def take(self) -> Captured | None:
+        """The next frame; a source that fails is told in the cap's message."""
+        try:
+            return self.feed.take()
+        except Exception as error:  # such as a reference of a recording that cannot be used
+            self.pipeline.faults += 1
+            self.pipeline.message = str(error) if isinstance(error, EndcapError) else f"{type(error).__name__}: {error}"
+            return None
+
     def process(self, item: Captured) -> CapReading | None:
         """Work on one frame; what goes wrong is told in the cap's message."""
         try:
@@ -90,25 +99,36 @@ class Engine:
         ]
 
     def __enter__(self) -> Engine:
-        for index, cap in enumerate(self.caps):
-            cap.feed.start(self._wakes[index % len(self._wakes)].set)
-        for thread in self.threads:
-            thread.start()
+        self.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def close(self) -> None:
-        """Stop working, then let go of the sources."""
+    def start(self) -> None:
+        """Open the sources and work on what they give."""
+        for index, cap in enumerate(self.caps):
+            cap.feed.start(self._wakes[index % len(self._wakes)].set)
+        for thread in self.threads:
+            thread.start()
+
+    def halt(self, wait_s: float = 5.0) -> None:
+        """No reading comes any more: all threads are asked to end, and those that work on frames are waited for."""
         self._stop.set()
         for wake in self._wakes:
             wake.set()
-        for thread in self.threads:
-            if thread.is_alive():
-                thread.join(timeout=5.0)
         for cap in self.caps:
-            cap.feed.close()
+            cap.feed.stop()
+            cap.pipeline.stop()
+        _join(self.threads, wait_s)
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """Halt, then let go of the sources; what hangs in a driver is left behind after ``wait_s``, all together."""
+        end_s = time.monotonic() + wait_s
+        self.halt(wait_s)
+        for cap in self.caps:
+            cap.feed.close(max(0.0, end_s - time.monotonic()))
+            cap.pipeline.close(max(0.0, end_s - time.monotonic()))
 
     def add_sink(self, sink: Sink) -> None:
         """One more output, from the next reading on."""
@@ -120,9 +140,7 @@ class Engine:
 
     def wait(self, timeout_s: float) -> bool:
         """True as soon as all sources have ended, False after the timeout."""
-        end_s = time.monotonic() + timeout_s
-        for thread in self.threads:
-            thread.join(max(0.0, end_s - time.monotonic()))
+        _join(self.threads, timeout_s)
         return not any(thread.is_alive() for thread in self.threads)
 
     def health(self, fresh: bool = False) -> list[CapHealth]:
@@ -132,7 +150,7 @@ class Engine:
     def _work(self, caps: list[LiveCap], wake: threading.Event) -> None:
         while not self._stop.is_set():
             wake.clear()
-            taken = [(item, cap) for cap in caps if (item := cap.feed.take()) is not None]
+            taken = [(item, cap) for cap in caps if (item := cap.take()) is not None]
             for item, cap in sorted(taken, key=lambda pair: pair[0][1]):  # the oldest picture first
                 reading = cap.process(item)
                 if reading is not None:
@@ -143,3 +161,11 @@ class Engine:
             if all(cap.feed.ended for cap in caps):
                 return
             wake.wait(IDLE_S)
+
+
+def _join(threads: Sequence[threading.Thread], wait_s: float) -> None:
+    """Wait for all together."""
+    end_s = time.monotonic() + wait_s
+    for thread in threads:
+        if thread.is_alive():
+            thread.join(max(0.0, end_s - time.monotonic()))

@@ -42,8 +42,12 @@ class Feed(Protocol):
         """The next frame if there is one now."""
         ...
 
-    def close(self) -> None:
-        """Stop."""
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
+        ...
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Stop, and wait at most so long."""
         ...
 
 
@@ -78,10 +82,15 @@ class CameraFeed:
         frame = None if self._live is None else self._live.get(0)
         return None if frame is None else (frame, frame.time_s)
 
-    def close(self) -> None:
-        """Let the camera go."""
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
         if self._live is not None:
-            self._live.close()
+            self._live.stop()
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Let the camera go; a driver that hangs is left behind after ``wait_s``."""
+        if self._live is not None:
+            self._live.close(wait_s)
 
 
 class Pace:
@@ -145,11 +154,15 @@ class FileFeed:
         except queue.Empty:
             return None
 
-    def close(self) -> None:
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
+        self._stop.set()
+
+    def close(self, wait_s: float = 2.0) -> None:
         """Stop reading."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(timeout=2.0)
+            self._thread.join(wait_s)
 
     def _run(self) -> None:
         message = ""

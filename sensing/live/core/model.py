@@ -59,6 +59,14 @@ def live_model(
     return LiveModel(name, method, shape, estimator, float(np.linalg.norm(rest.force_n)))
 
 
+def shipped_weights(name: str, params: EndcapParams) -> Path | None:
+    """File of the weights that ship for a model and design; None where none do."""
+    from sensing.wrench.model import SHIPPED
+
+    path = SHIPPED / f"{name}_{params.label}.safetensors"
+    return path if path.is_file() else None
+
+
 def load_model(name: str, params: EndcapParams, weights: Path | None = None, method: str | None = None) -> LiveModel:
     """The model of that name for a design.
 

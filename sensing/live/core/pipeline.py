@@ -43,7 +43,8 @@ class CapPipeline:
     Args:
         cap: its name and design. model: what tells the wrench. zero: the reference; without it the first
             ``zero_frames`` frames are (the cap must be untouched).
-        number: place in the list of caps. zero_frames: 1 takes a single picture as it is.
+        number: place in the list of caps. zero_frames: 1 takes a single picture as it is; 0 waits for
+            :meth:`set_zero`, as a replay does.
 
     Attributes:
         message: what is wrong or going on, in one line; empty when nothing is.
@@ -66,8 +67,9 @@ class CapPipeline:
         self._threshold = model.threshold(cap.contact_on_n, cap.contact_off_n)
         self._method: FieldMethod | None = None
         self._prepared: tuple[Zero, FieldMethod] | EndcapError | None = None
-        self._collected: list[Frame] | None = [] if zero is None else None
-        self._restart_wanted = False
+        self._collected: list[Frame] | None = [] if zero is None and zero_frames > 0 else None
+        self._preparing: threading.Thread | None = None
+        self._restart_wanted, self._stopped = False, False
         self._drift: Drift | None = None
         if zero is not None:
             self.set_zero(zero)
@@ -104,11 +106,24 @@ class CapPipeline:
 
     def request_zero(self) -> None:
         """Take a new reference from the next frames; the old one serves until then, and stays if the cap is touched."""
+        if self.zero_frames == 0:
+            self.message = "not zeroed: a replay keeps the references of its recording"
+            return
         self._collected = []
 
     def request_restart(self) -> None:
         """Start tracker, filter and contact anew at the next frame (any thread)."""
         self._restart_wanted = True
+
+    def stop(self) -> None:
+        """No reference will be needed any more (any thread)."""
+        self._stopped = True
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """Stop, and wait for a reference that is being prepared: its thread runs compiled code."""
+        self.stop()
+        if self._preparing is not None:
+            self._preparing.join(wait_s)
 
     def restart(self) -> None:
         """Forget the frames before, not the reference."""
@@ -148,12 +163,15 @@ class CapPipeline:
             self._prepare(frames)
             self._take_over()
         else:
-            threading.Thread(target=self._prepare, args=(frames,), daemon=True).start()
+            self._preparing = threading.Thread(target=self._prepare, args=(frames,), daemon=True)
+            self._preparing.start()
 
     def _prepare(self, frames: list[Frame]) -> None:
         """Average the frames and set up the method, beside the running one; one cap at a time, or all would be slow."""
         try:
             with _PREPARING:
+                if self._stopped:
+                    return
                 single = self.zero_frames == 1
                 zero = single_zero(frames[0], self.cap.name) if single else take_zero(frames, self.cap.name)
                 self._prepared = (zero, self._build(zero))

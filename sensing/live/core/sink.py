@@ -11,6 +11,8 @@ from typing import Protocol
 
 from sensing.live.core.reading import CapReading
 
+LAST_S = 0.2  # for the reading under way and the end of a file
+
 
 class Sink(Protocol):
     """What the engine asks of an output."""
@@ -49,13 +51,24 @@ class QueuedSink:
             self._queue.append(reading)
             self._changed.notify()
 
+    @property
+    def ended(self) -> bool:
+        """Whether its thread is done; False also when it hangs."""
+        return not self._thread.is_alive()
+
     def close(self, wait_s: float = 5.0) -> None:
-        """Write what is queued, then end; gives up after ``wait_s``."""
+        """Write what is queued, then end; after ``wait_s`` the rest is dropped and counted, and the output ends."""
         with self._changed:
             self._closing = True
             self._changed.notify()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(wait_s)
+        if self.ended or self._thread is threading.current_thread():
+            return
+        self._thread.join(wait_s)
+        if not self.ended:
+            with self._changed:
+                self.dropped += len(self._queue)
+                self._queue.clear()
+            self._thread.join(LAST_S)
 
     def write(self, reading: CapReading) -> None:
         """One reading, in the output's thread; an OSError ends the output."""

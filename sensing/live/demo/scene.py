@@ -92,7 +92,7 @@ class SceneSource:
 def scene_number(word: str) -> int | None:
     """N of ``scene:N``; None for another word."""
     rest = word.removeprefix(WORD)
-    return int(rest) if word.startswith(WORD) and rest.isdigit() else None
+    return int(rest) if word.startswith(WORD) and rest.isdecimal() and rest.isascii() and len(rest) < 4 else None
 
 
 def _progress(done: int, total: int) -> None:

@@ -29,7 +29,7 @@ def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             number = self.path.strip("/")
-            if not (number.isdigit() and len(number) < 3 and int(number) < CAPS):
+            if not (number.isascii() and number.isdigit() and len(number) < 3 and int(number) < CAPS):
                 self.send_error(404, f"give /0 to /{CAPS - 1}")
                 return
             self.send_response(200)

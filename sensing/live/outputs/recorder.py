@@ -8,24 +8,28 @@ are wall time; the exact capture time on the frames' own clock lies beside every
 
 from __future__ import annotations
 
-import json
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from cad.errors import FileError
-from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
 from sensing.live.core.reading import CapReading
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import CapHealth
 from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.recorded_config import METADATA, about, carried_files
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
-CHUNK_BYTES = 1 << 18
+CHUNK_BYTES = 1 << 20
+FLUSH_S = 1.0  # what a killed run may lose
 DIAGNOSTICS_S = 1.0
 TOPICS: dict[str, str] = {
     "image/compressed": ros.IMAGE,
@@ -37,7 +41,6 @@ TOPICS: dict[str, str] = {
     "wrench/force_norm": ros.FLOAT64,
     "contact": ros.BOOL,
 }
-METADATA = "endcap_live"
 
 
 class Recorder(QueuedSink):
@@ -48,7 +51,7 @@ class Recorder(QueuedSink):
         restart: asks for the restart of a cap. health: for the diagnostics. stream: instead of a file, for tests.
 
     Attributes:
-        frames: readings written.
+        frames: readings written. kept: those that the file certainly holds.
 
     Raises:
         FileError: the file exists or cannot be made.
@@ -64,13 +67,17 @@ class Recorder(QueuedSink):
         stream: BinaryIO | None = None,
     ) -> None:
         super().__init__(ROOM)
-        self.path, self.frames = path, 0
+        self.path, self.frames, self.kept = path, 0, 0
         self._config, self._restart, self._health = config, restart, health
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)  # fixed: stamps do not follow a clock being set
-        self._next_s = 0.0
+        self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
+        self._files = carried_files(config)
         self._stream = _create(path) if stream is None else stream
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+        self._writer = Writer(
+            self._stream, chunk_size=1 << 62, compression=CompressionType.NONE, enable_data_crcs=True
+        )  # chunks are ended here, so that it is known what is in the file
+        self._index = _keep_index_on_disk(self._writer, path.parent)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
 
@@ -78,7 +85,7 @@ class Recorder(QueuedSink):
     def note(self) -> str:
         """State in one line."""
         if self.failed:
-            return f"{self.path}: recording stopped ({self.failed}); {self.frames} frames are kept"
+            return f"{self.path}: recording stopped ({self.failed}); {self.kept} frames are kept"
         lost = f", {self.dropped} lost to a slow disk" if self.dropped else ""
         return f"{self.path}: {self.frames} frames recorded{lost}"
 
@@ -90,7 +97,9 @@ class Recorder(QueuedSink):
         """
         try:
             self._writer.start(profile="ros2", library="endcap-toolkit")
-            self._writer.add_metadata(METADATA, {"config": json.dumps(about(self._config))})
+            self._writer.add_metadata(METADATA, about(self._config, self._files))
+            for file in self._files:
+                self._writer.add_attachment(time.time_ns(), time.time_ns(), file.name, "", file.data)
             for cap in self._config.caps:
                 for topic in TOPICS:
                     self._channel(f"/{cap.name}/{topic}", TOPICS[topic])
@@ -119,8 +128,9 @@ class Recorder(QueuedSink):
         self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
         self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
         self._diagnose(reading.ready_s, stamp)
-        self._stream.flush()
         self.frames += 1
+        if self._bytes >= CHUNK_BYTES or time.monotonic() >= self._flushed_s + FLUSH_S:
+            self._flush()
 
     def lost(self, reading: CapReading) -> None:
         """What follows a gap could not be replayed to the bit: begin the cap anew."""
@@ -128,13 +138,27 @@ class Recorder(QueuedSink):
             self._old[reading.cap] = reading.epoch
             self._restart(reading.cap)
 
+    def close(self, wait_s: float = 5.0) -> None:
+        """Write what is queued and the end of the file; gives up after ``wait_s``."""
+        super().close(wait_s)
+        if not self.ended:
+            self.failed = self.failed or "the disk did not answer in time"
+
     def finish(self) -> None:
         """Index and end of the file, if it can still be written."""
         try:
             if not self.failed:
+                self._flush()
                 self._writer.finish()
+                self._writer.flush()
         finally:
+            self._index.close()
             self._stream.close()
+
+    def _flush(self) -> None:
+        """End the chunk: the readings so far are in the file."""
+        self._writer.flush()
+        self.kept, self._bytes, self._flushed_s = self.frames, 0, time.monotonic()
 
     def _diagnose(self, now_s: float, stamp: int) -> None:
         if now_s < self._next_s:
@@ -148,6 +172,7 @@ class Recorder(QueuedSink):
     def _add(self, reading: CapReading, topic: str, data: bytes, stamp: int) -> None:
         channel = self._channels[f"/{reading.cap}/{topic}"]
         self._writer.add_message(channel, stamp, data, stamp, reading.frame.sequence % 2**32)
+        self._bytes += len(data)
 
     def _channel(self, topic: str, kind: str) -> None:
         if kind not in self._schemas:
@@ -155,30 +180,36 @@ class Recorder(QueuedSink):
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
 
 
-def about(config: LiveConfig) -> dict:
-    """The configuration as plain JSON, for the file's metadata."""
-    caps = [
-        {
-            "name": cap.name, "source": cap.source, "diameter_mm": cap.diameter_mm, "wall_mm": cap.wall_mm,
-            "contact_on_n": cap.contact_on_n, "contact_off_n": cap.contact_off_n,
-            "camera": None if cap.camera is None else str(cap.camera), "T_robot_endcap": cap.T_robot_endcap.tolist(),
-        }
-        for cap in config.caps
-    ]  # fmt: skip
-    weights = None if config.weights is None else str(config.weights)
-    return {
-        "caps": caps, "model": config.model, "weights": weights, "method": config.method, "weight_n": config.weight_n,
-    }  # fmt: skip
+class _IndexOnDisk:
+    """In place of the writer's list of chunks, which grows by 5 MB a minute with six endcaps: records in a file."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (open until the recording ends)
+
+    def append(self, index: ChunkIndex) -> None:
+        """Write one."""
+        record = RecordBuilder()
+        index.write(record)
+        self._file.write(record.end())
+
+    def __iter__(self) -> Iterator[_IndexOnDisk]:
+        return iter((self,))  # all of them as one
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Copy all records."""
+        self._file.seek(0)
+        builder.write(self._file.read())
+
+    def close(self) -> None:
+        """Let the file go."""
+        self._file.close()
 
 
-def configured(told: dict, source: str) -> LiveConfig:
-    """The configuration that :func:`about` told, its caps reading from ``source``."""
-    caps = tuple(
-        CapConfig(**{**cap, "source": source, "camera": None if cap["camera"] is None else Path(cap["camera"])})
-        for cap in told["caps"]
-    )
-    weights = None if told["weights"] is None else Path(told["weights"])
-    return LiveConfig(caps, told["model"], weights, told["method"], told["weight_n"])
+def _keep_index_on_disk(writer: Any, folder: Path) -> _IndexOnDisk:
+    """The library has no setting for it."""
+    index = _IndexOnDisk(folder)
+    writer._Writer__chunk_indices = index
+    return index
 
 
 def _create(path: Path) -> BinaryIO:

@@ -13,6 +13,8 @@ from sensing.live.outputs.recorder import Recorder
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
 
+LEAST_S = 0.8  # for the file, also in a hurry: readings that wait for the disk
+
 
 class Recording:
     """The recording of a run, if there is one.
@@ -24,6 +26,7 @@ class Recording:
     def __init__(self, run: LiveRun, folder: Path) -> None:
         self._run, self._folder = run, folder
         self._recorder: Recorder | None = None
+        self._last: Recorder | None = None
         self._said = ""
         self._lock = threading.Lock()
 
@@ -38,6 +41,12 @@ class Recording:
         """State in one line; empty when nothing was ever recorded."""
         recorder = self._recorder
         return self._said if recorder is None else recorder.note
+
+    @property
+    def loss(self) -> str:
+        """Why the last file is not whole, in one line; empty if it is."""
+        last = self._recorder or self._last
+        return last.note if last is not None and last.failed else ""
 
     def start(self, path: Path | None = None) -> None:
         """Begin a file.
@@ -86,5 +95,5 @@ class Recording:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             self._run.engine.remove_sink(recorder)
-            recorder.close()
-            self._said = recorder.note
+            recorder.close(max(self._run.patience_s, LEAST_S))
+            self._said, self._last = recorder.note, recorder

@@ -128,6 +128,6 @@ def _writers(caps: tuple[str, ...], domain: int) -> dict[str, dict[str, Any]]:
 
 def _domain(domain: int | None) -> int:
     told = os.environ.get("ROS_DOMAIN_ID", "0") if domain is None else str(domain)
-    if not told.isdigit() or int(told) > MOST_DOMAIN:
+    if not (told.isascii() and told.isdigit() and len(told) < 5) or int(told) > MOST_DOMAIN:
         raise ParameterError(f"ROS_DOMAIN_ID={told} outside 0..{MOST_DOMAIN}", name="domain", value=told)
     return int(told)

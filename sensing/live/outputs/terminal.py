@@ -9,6 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
+from cad.errors import printable
 from sensing.live.core.reading import CapReading
 from sensing.live.core.robot import RobotState
 from sensing.live.core.stats import CapHealth
@@ -40,7 +41,7 @@ class Terminal:
         lines = [cap_line(health, readings.get(health.cap)) for health in healths]
         lines += [robot_line(robot), *notes]
         up = f"\x1b[{self._lines}A" if self._lines else ""
-        self._stream.write(up + "".join(f"\r\x1b[2K{line[:width]}\n" for line in lines) + "\x1b[J")
+        self._stream.write(up + "".join(f"\r\x1b[2K{printable(line)[:width]}\n" for line in lines) + "\x1b[J")
         self._stream.flush()
         self._lines = len(lines)
 
@@ -49,7 +50,7 @@ class Terminal:
             said = health.message.split(" for ")[0] or health.status
             if self._said.get(health.cap) != said:
                 self._said[health.cap] = said
-                self._stream.write(f"{health.cap}: {health.message or health.status}\n")
+                self._stream.write(printable(f"{health.cap}: {health.message or health.status}") + "\n")
                 self._stream.flush()
 
 

@@ -8,13 +8,14 @@ needed. Everything the page needs is served from there: it works without any oth
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import secrets
 import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.decode import decode_bgr
 from sensing.live.core.reading import CapReading
 from sensing.live.outputs.recording import Recording
+from sensing.live.web.access import page_address, page_token
 from sensing.live.web.link import DETAIL, HELLO, LONGEST_LINE, PICTURE, STATE, is_loopback, message, parse_line
 from sensing.live.web.state import detail, hello, state
 
@@ -50,12 +52,10 @@ class PageServer:
 
     def __init__(self, run: LiveRun, recording: Recording, host: str = "127.0.0.1", port: int | None = None) -> None:
         self._run, self._recording = run, recording
-        self.token = "" if is_loopback(host) else secrets.token_urlsafe(16)
+        self.token = "" if is_loopback(host) else page_token()
         self._socket = _listen(host, port)
         self.address: tuple[str, int] = self._socket.getsockname()[:2]
-        every = host in ("0.0.0.0", "::")  # what another computer types is this one's name
-        shown = socket.gethostname() if every else f"[{host}]" if ":" in host else host
-        self.url = f"http://{shown}:{self.address[1]}/" + (f"?token={self.token}" if self.token else "")
+        self.url = page_address(host, self.address[1], self.token)
         self._link, self._theirs = socket.socketpair()
         self._process: subprocess.Popen[bytes] | None = None
         self._sent: dict[int, tuple[int, int]] = {}
@@ -85,14 +85,16 @@ class PageServer:
         self._theirs.close()
         self._thread.start()
 
-    def close(self) -> None:
-        """Stop serving."""
+    def close(self, wait_s: float = 3.0) -> None:
+        """Stop serving; a process that has not ended after ``wait_s`` is killed."""
         self._closing = True
         if self._process is not None:
-            self._link.shutdown(socket.SHUT_RDWR)
-            self._thread.join(timeout=3.0)
+            end_s = time.monotonic() + wait_s
+            with contextlib.suppress(OSError):  # it has gone already
+                self._link.shutdown(socket.SHUT_RDWR)
+            self._thread.join(timeout=wait_s)
             try:
-                self._process.wait(timeout=3.0)
+                self._process.wait(timeout=max(0.0, end_s - time.monotonic()))
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()

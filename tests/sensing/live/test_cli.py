@@ -10,79 +10,49 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from live_stand_in import endless, film, stand_in, wait_for
+from live_program import camera, program
+from live_stand_in import film, stand_in, wait_for
 
 from sensing.live.cli import main
-from sensing.live.demo.scene_server import mjpeg_server
 from sensing.live.replay import read_config, verify
 
 ROOT = Path(__file__).resolve().parents[3]
-STARTED: list[subprocess.Popen] = []
-COMMAND = """
-import sys
-import sensing.live.open_caps as caps
-from live_stand_in import stand_in
-caps.load_model = lambda *_: stand_in()
-from sensing.live.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def start(*arguments: str, **options) -> subprocess.Popen:
-    """The command in a process of its own, with the stand-in model."""
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tests'}{os.pathsep}{ROOT}"}
-    process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env=environment, **options,
-    )  # fmt: skip
-    STARTED.append(process)
-    return process
-
-
-@pytest.fixture(autouse=True)
-def nothing_is_left_running():
-    """Also where a test fails."""
-    yield
-    while STARTED:
-        process = STARTED.pop()
-        process.kill()
-        process.wait()
 
 
 @pytest.fixture(scope="module")
-def camera():
-    server = mjpeg_server(0, lambda _: endless(film([0] * 30 + [1.0] * 6), 30)())
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}/0"
-    server.shutdown()
+def address():
+    with camera() as url:
+        yield url
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stop_is_clean_and_tells_what_was_done(camera, tmp_path, number):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_stop_is_clean_and_tells_what_was_done(address, tmp_path, number):
     path = tmp_path / "run.mcap"
-    process = start("--url", camera, "--port", "0", "--record", str(path))
-    said = []
-    threading.Thread(target=lambda: said.extend(process.stdout), daemon=True).start()
-    wait_for(lambda: path.exists() and path.stat().st_size > 1_000_000, 120)
-    process.send_signal(number)
-    assert process.wait(15) == 0
-    wait_for(lambda: any("frames recorded" in line for line in said))
-    assert [line for line in process.stderr if not line.startswith("compiling the dot tracker")] == []
+    with program("--url", address, "--port", "0", "--record", str(path)) as process:
+        said = []
+        reading = threading.Thread(target=lambda: said.extend(process.stdout), daemon=True)
+        reading.start()
+        wait_for(lambda: path.exists() and path.stat().st_size > 1_000_000, 120)
+        process.send_signal(number)
+        assert process.wait(15) == 0
+        reading.join(5)
+        assert [line for line in process.stderr if not line.startswith("compiling the dot tracker")] == []
+    assert any("frames recorded" in line for line in said)
     assert re.search(r"page: http://127\.0\.0\.1:\d+/", said[0])
     frames = [int(m[1]) for line in said if (m := re.search(r"endcap_0: (\d+) frames, \d+ dropped", line))]
     assert len(frames) == 1 and frames[0] > 10
-    checked, different = verify(path, read_config(path), lambda _: stand_in())
-    assert checked > 10 and different == 0
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames > 10 and check.different == 0 and check.end is None
 
 
-def test_json_goes_to_the_pipe_alone_and_a_closed_pipe_ends_the_run(camera):
-    process = start("--url", camera, "--no-page", "--json")
-    lines = [json.loads(process.stdout.readline()) for _ in range(5)]
-    assert [line["cap"] for line in lines] == ["endcap_0"] * 5
-    assert sorted(line["time_s"] for line in lines) == [line["time_s"] for line in lines]
-    process.stdout.close()
-    assert process.wait(15) == 0
-    assert "Traceback" not in process.stderr.read()
+def test_json_goes_to_the_pipe_alone_and_a_closed_pipe_ends_the_run(address):
+    with program("--url", address, "--no-page", "--json") as process:
+        lines = [json.loads(process.stdout.readline()) for _ in range(5)]
+        assert [line["cap"] for line in lines] == ["endcap_0"] * 5
+        assert sorted(line["time_s"] for line in lines) == [line["time_s"] for line in lines]
+        process.stdout.close()
+        assert process.wait(15) == 0
+        assert "Traceback" not in process.stderr.read()
 
 
 def photos(folder: Path) -> Path:

@@ -1,5 +1,6 @@
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -57,8 +58,8 @@ def recorded(press, tmp_path_factory) -> Path:
 def test_a_recording_computed_again_gives_the_same_bits(recorded):
     found = read_config(recorded)
     assert [cap.name for cap in found.caps] == list(CAPS) and found.caps[0].contact_on_n == 2.0
-    frames_, different = verify(recorded, found, lambda _: stand_in())
-    assert frames_ > 70 and different == 0
+    check = verify(recorded, found, lambda _: stand_in())
+    assert check.frames > 70 and check.different == 0 and check.end is None
     zeros = [sum(r.zero is not None for r in recorded_frames(recorded, cap)) for cap in CAPS]
     assert zeros == [1, 2]
 
@@ -84,7 +85,7 @@ def test_the_check_sees_a_bit_that_differs(recorded, monkeypatch):
     told = recorded_wrenches(recorded, CAPS[0])
     told[7] = np.nextafter(told[7], 9)
     monkeypatch.setattr("sensing.live.replay.recorded_wrenches", lambda path, cap: told if cap == CAPS[0] else [])
-    assert verify(recorded, read_config(recorded), lambda _: stand_in())[1] == 1
+    assert verify(recorded, read_config(recorded), lambda _: stand_in()).different == 1
 
 
 def test_replay_through_the_engine_gives_the_recorded_wrenches(recorded):
@@ -166,14 +167,15 @@ def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
     wait_for(lambda: hasattr(disk, "kept"))
     path = tmp_path / "kept.mcap"
     path.write_bytes(disk.kept)
-    frames_, different = verify(path, read_config(path), lambda _: stand_in())
-    assert frames_ > 5 and different == 0
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames == recorder.kept > 5 and check.different == 0
+    assert re.search(r"cut at byte \d+", str(check.end))
 
 
 def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path):
     class Slow(io.FileIO):
         def write(self, data):
-            time.sleep(0.02)
+            time.sleep(0.3)
             return super().write(data)
 
     run, path = a_run(press), tmp_path / "slow.mcap"
@@ -189,8 +191,8 @@ def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path
         wait_for(lambda: recorder.dropped > 10 and recorder.frames > 30)
         run.engine.remove_sink(recorder)
         recorder.close()
-    frames_, different = verify(path, read_config(path), lambda _: stand_in())
-    assert frames_ >= 25 and different == 0 and "lost to a slow disk" in recorder.note
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames >= 25 and check.different == 0 and "lost to a slow disk" in recorder.note
 
 
 KILLED = """
@@ -222,8 +224,8 @@ def test_a_killed_run_leaves_a_file_that_replays(tmp_path):
         pass
     process.send_signal(signal.SIGKILL)
     process.wait()
-    frames_, different = verify(path, read_config(path), lambda _: stand_in())
-    assert frames_ > 20 and different == 0
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames > 20 and check.different == 0 and "cut at byte" in str(check.end)
 
 
 @pytest.mark.parametrize("content", [b"", b"no mcap at all", b"\x89MCAP0\r\n" + b"\xff" * 40])

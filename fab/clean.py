@@ -75,8 +75,8 @@ def remove_made(exports: Path) -> int:
         if not changed:
             record.unlink()
             count += 1
-    for folder, _, _ in os.walk(exports, topdown=False):
-        path = Path(folder)
+    for name, _, _ in os.walk(exports, topdown=False):
+        path = Path(name)
         if path != exports and not path.is_symlink() and not any(path.iterdir()) and path.parent.exists():
             path.rmdir()
     return count

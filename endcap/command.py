@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import takewhile
 
 
 @dataclass(frozen=True)
@@ -24,22 +25,30 @@ class Subcommand:
         module: where its ``main(arguments) -> exit status`` is.
         summary: one line of ``endcap --help``.
         arguments: what comes before the words of the user.
+        takes_design: numbers at the start are D and T.
     """
 
     name: str
     module: str
     summary: str
     arguments: tuple[str, ...] = ()
+    takes_design: bool = False
 
 
 GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
     (
         "make an endcap",
         (
-            Subcommand("molds", "fab.molds", "print and cast files of one endcap: endcap molds 130 8"),
-            Subcommand("slice", "fab.slice.__main__", "slicer projects, sliced and measured"),
-            Subcommand("sheet", "fab.build_sheet.__main__", "build sheet, bill of materials, recipe"),
-            Subcommand("ring", "fab.led_ring.__main__", "LED ring: board files, budget, light on the dome"),
+            Subcommand(
+                "molds", "fab.molds", "print and cast files of one endcap: endcap molds 130 8", takes_design=True
+            ),
+            Subcommand("slice", "fab.slice.__main__", "slicer projects, sliced and measured", takes_design=True),
+            Subcommand(
+                "sheet", "fab.build_sheet.__main__", "build sheet, bill of materials, recipe", takes_design=True
+            ),
+            Subcommand(
+                "ring", "fab.led_ring.__main__", "LED ring: board files, budget, light on the dome", takes_design=True
+            ),
             Subcommand("coupons", "fab.coupons.__main__", "fit coupon of the joints, bond specimens"),
             Subcommand("bond-tests", "fab.bond_tests.__main__", "statistics of a testing machine's files"),
         ),
@@ -105,7 +114,7 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
     from cad.extras import explain
 
     try:
-        return int(import_module(command.module).main([*command.arguments, *words]) or 0)
+        return int(import_module(command.module).main([*command.arguments, *_named(command, words)]) or 0)
     except ImportError as error:
         line = explain(error, command.module)
         if line is None:
@@ -115,6 +124,14 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         print(f"endcap {command.name}: interrupted", file=sys.stderr)
         return 130
+
+
+def _named(command: Subcommand, words: Sequence[str]) -> list[str]:
+    """Words with the numbers at their start named: ``130 8`` is ``D=130 T=8`` where a design is meant."""
+    if not command.takes_design:
+        return list(words)
+    numbers = list(takewhile(lambda word: word[:1].isdigit() and "=" not in word, words))
+    return [*(f"{name}={number}" for name, number in zip("DT", numbers, strict=False)), *words[len(numbers[:2]) :]]
 
 
 def help_text() -> str:

@@ -13,7 +13,8 @@ from endcap import command
 from endcap.command import SUBCOMMANDS, main
 
 ROOT = Path(__file__).resolve().parent.parent
-INTERNAL = {  # started by other commands, or by who maintains the data that ship
+INTERNAL = {  # of the checkout, started by other commands, or by who maintains the data that ship
+    "fab.clean",
     "sensing.live.web.process",
     "sensing.simulator.robot.scene",
     "sensing.simulator.reduced.library_fit",
@@ -97,6 +98,24 @@ def test_help_lists_every_command_and_loads_no_library():
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert result.returncode == 0, result.stderr
     assert all(f"  {name} " in result.stdout for name in SUBCOMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["molds", "130", "8"], ["D=130", "T=8"]),
+        (["molds", "130", "8", "joint_clearance=0.2"], ["D=130", "T=8", "joint_clearance=0.2"]),
+        (["sheet", "D=130", "T=8"], ["D=130", "T=8"]),
+        (["slice", "130", "8", "9"], ["D=130", "T=8", "9"]),
+        (["cameras", "0"], ["0"]),
+    ],
+)
+def test_numbers_at_the_start_are_the_design_where_one_is_meant(words, expected, monkeypatch):
+    seen = []
+    module = type("Module", (), {"main": staticmethod(lambda given: seen.extend(given) or 0)})
+    monkeypatch.setattr(command, "import_module", lambda name: module)
+    assert main(words) == 0
+    assert seen == expected
 
 
 def test_bad_input_is_that_of_the_module(capsys):

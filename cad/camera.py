@@ -1,9 +1,9 @@
-"""The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, facts.md).
+"""The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, CAM01).
 
-Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M); the
-heights of holder and lens are our estimate (E). The board's back lies on the base's corner posts
-(``CAMERA_SEAT_Z_MM``) and the entrance pupil a stack above it (``CAMERA_STACK_MM``). Only the front glass rises over the
-180 degree plane.
+Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M, GEO15,
+GEO16); the heights of holder and lens are our estimate (E). The board's back lies on the base's corner posts
+(``CAMERA_SEAT_Z_MM``) and the entrance pupil a stack above it (``CAMERA_STACK_MM``). Only the front glass rises over
+the 180 degree plane.
 """
 
 from __future__ import annotations

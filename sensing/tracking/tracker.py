@@ -1,4 +1,4 @@
-"""Follows the painted dots from frame to frame, tells how far each is to be trusted, and gives the field.
+"""Follows the painted dots from frame to frame, with a quality for each.
 
 Per frame: decode to the working size (half at 640 x 480), align every dot's window starting from the previous frame
 (:mod:`sensing.tracking.patches`), judge it by correlation with the reference and by what its neighbours predict, try
@@ -18,11 +18,10 @@ from scipy.spatial import cKDTree
 
 from cad.errors import ParameterError
 from sensing.decode import SHORT_SIDE_PX, FrameError, decode_gray, to_full_px, working_reduction
-from sensing.records import DotTracks, Frame, Image, ShearField
+from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
 from sensing.tracking.field_kernels import judge_dots, stretch_at_dots
 from sensing.tracking.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
-from sensing.tracking.gelslim import CROP_PX
 from sensing.tracking.patch_kernels import smooth_into, smoothed
 from sensing.tracking.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
 from sensing.tracking.recovery import recover, regrow
@@ -41,7 +40,7 @@ class TrackerConfig:
     """Knobs of the tracker; each has its curve in bench/bench_fields.py.
 
     Attributes:
-        shape: (H, W) of the field.
+        shape: (H, W) of the field that :class:`sensing.tracking.methods.DotField` makes of the tracks.
         least_quality: correlation under which a dot is bad.
         sure_quality: correlation from which the neighbours' opinion counts less.
         restart_share: share of bad dots from which all are searched from scratch.
@@ -75,7 +74,7 @@ class TrackerConfig:
 
 
 class DotTracker:
-    """Frames in, dot tracks and fields out, against one undeformed reference.
+    """Frames in, dot tracks out, against one undeformed reference.
 
     Args:
         reference: the undeformed picture.
@@ -149,12 +148,6 @@ class DotTracker:
             size=self.size,
             stretch=fit.stretch,
         )
-
-    def field(self, tracks: DotTracks) -> ShearField:
-        """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
-        channels = self.operator.field(tracks.displacement_px, tracks.stretch)
-        channels *= np.float32(CROP_PX / min(self.size))
-        return ShearField(tracks.time_s, channels, valid=self.operator.valid(~tracks.lost))
 
     def restart(self) -> None:
         """Forget the frames before: the next answers are those of a new tracker, to the bit."""

@@ -1,8 +1,8 @@
 """The rigid base: carries camera, ring and interface, and bolts to the robot arm. Endcap frame, millimetres.
 
 It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside the silicone's. At D=130 it is the
-released base: seats, pockets, holes and lugs are those of its STEP file (M, GEO02 to GEO20 of docs/provenance.md); where
-it departs, and why, is listed with volumes in docs/base.md and tested. All sizes depend on the diameter alone.
+released base: seats, pockets, holes and lugs (M, GEO02 to GEO21 of docs/provenance.md) are those of its STEP file;
+where it departs, and why, is listed with volumes in docs/base.md and tested. All sizes depend on the diameter alone.
 Provenance letters: M measured, S standard, E our estimate.
 
 Printed with its bottom (z = -16) on the bed: pockets for camera, ring, cable and M4 heads open upward; the lugs

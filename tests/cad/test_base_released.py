@@ -14,14 +14,14 @@ import manifold3d
 import numpy as np
 import pytest
 from build123d import Cylinder, GeomType, Pos, import_step
-from fab.mesh import tessellate, to_manifold
+from fab.meshing.mesh import tessellate, to_manifold
 
 from cad import scaling
 from cad.base import base_part
 from cad.camera import camera_part
 from cad.params import EndcapParams
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = [Path(os.environ.get("ENDCAP_REFERENCE", ROOT / "reference")), ROOT.parent.parent / "shared" / "reference"]
 MATING_PLANE_MM = 62.35  # height of the mating plane in the file's own frame
 RELEASED_MM3 = 120_794.8

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SCREW_HOLE_RADIUS_MM = 1.7  # M: M3 through
 SCREW_HEAD_RADIUS_MM = 3.25  # M: M3 cap head, 5.5 wide
-SCREW_SEAT_Z_MM = -3.1  # M
+SCREW_SEAT_Z_MM = -3.1  # M: M3 x 8 over a small washer holds all of the nut and stays 0.6 mm under the TPU roof
 RECESS_RADIUS_MM = 39.0  # M: takes the ring's spacer
 RECESS_EDGE_DEPTH_MM = 0.28  # M
 RECESS_FLOOR_RADIUS_MM = 35.0  # M: the cone's own end; the released edge is rounded from 35.4 to 34.6, 0.04 mm deep
@@ -98,6 +98,7 @@ def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
             ("base",),
             "interface",
             "captured nut",
+            1,
         ),
         ScrewJoint(
             "camera_to_base",

@@ -64,7 +64,9 @@ def cavity_body(
     ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, FACETS).translate(centre)
     space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
     bodies = [to_manifold(mesh) for mesh in pieces.values()]
-    return manifold3d.Manifold.batch_boolean([space, *bodies, _core_filler(layout, flash_mm)], manifold3d.OpType.Subtract)
+    return manifold3d.Manifold.batch_boolean(
+        [space, *bodies, _core_filler(layout, flash_mm)], manifold3d.OpType.Subtract
+    )
 
 
 def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:

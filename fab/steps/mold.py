@@ -123,8 +123,8 @@ def _core_in_interface(out: tuple[Leg, ...], ways: Ways) -> tuple[Step, ...]:
             "upper half",
             "Put the core together inside the interface",
             (
-                f"{AGENT} At this size the gyroid closes in over the core's equator: the pieces go in through the bore, "
-                "as they will come out, last piece first.",
+                f"{AGENT} At this size the gyroid closes in over the core's equator: the pieces go in through the "
+                "bore, as they will come out, last piece first.",
                 "Interface on a soft ring, bore up. Wedges in and outward, keys in between, the centre straight down.",
             ),
             one_by_one(tuple(reversed(CORE)), dict(ways), ("interface",), True),
@@ -158,8 +158,7 @@ def _lower_half(layout: MoldLayout) -> tuple[Step, ...]:
             (
                 f"{AGENT} Stand the first segment on its foot, on a level table; slide the others down its tabs, one "
                 "after the other.",
-                "Tape round the outside keeps it tight while you pour. Set the closed bowl into the tray of step "
-                "{pour}: what does not fit the mold runs over the dam.",
+                "Tape round the outside keeps it tight while you pour.",
             ),
             one_by_one(BOWL, out, (), True),
             look="dome down",
@@ -185,8 +184,8 @@ def _cast(layout: MoldLayout) -> tuple[Step, ...]:
             "Pour",
             (
                 "A thin stream onto one spot of the bowl; the silicone finds its level.",
-                "Pour {poured_g} g (the cup on the scale shows when): it stands {fill_depth_mm} mm below the seam, not "
-                "over it. The rest stays in the cup.",
+                "Pour {poured_g} g, the cup's loss on the scale: it stands {fill_depth_mm} mm below the seam, not over "
+                "it. The rest stays in the cup.",
             ),
             look="dome down",
             shown=BOWL,
@@ -210,7 +209,10 @@ def _cast(layout: MoldLayout) -> tuple[Step, ...]:
             "Close, and look at the wells",
             (
                 "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats.",
-                "All wells on the hanger show silicone: the mold is full. A dry well: press, wait, tap. {surplus}",
+                "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
+                "while: air under the flat flange runs along it to that vent.",
+                "All wells on the hanger show silicone: the mold is full; they hold the {overflow_ml} ml beyond it. A "
+                "dry well: press, wait, tap.",
                 "Leave it for {cure_h} h at room temperature.",
             ),
             screws=("cup_collar",),

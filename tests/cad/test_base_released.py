@@ -14,12 +14,12 @@ import manifold3d
 import numpy as np
 import pytest
 from build123d import Cylinder, GeomType, Pos, import_step
-from fab.meshing.mesh import tessellate, to_manifold
 
 from cad import scaling
 from cad.base import base_part
 from cad.camera import camera_part
 from cad.params import EndcapParams
+from fab.meshing.mesh import tessellate, to_manifold
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = [Path(os.environ.get("ENDCAP_REFERENCE", ROOT / "reference")), ROOT.parent.parent / "shared" / "reference"]
@@ -116,10 +116,9 @@ def test_a_hole_that_is_missing_or_moved_is_an_unwanted_difference(released):
 # --- the camera stack ---------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("size", [(98.86, 6.5), (130.0, 8.0), (250.0, 25.0)])
 def test_base_camera_and_every_user_of_the_pupil_agree_on_one_stack(size):
-    from sensing.simulator.render_dome import DomeRenderer
-
     from sensing.calibration.from_dots import MountPrior, _Problem
     from sensing.camera.nominal import nominal_mount
+    from sensing.simulator.render.dome import DomeRenderer
 
     params = EndcapParams(*size)
     pupil = scaling.CAMERA_SEAT_Z_MM + scaling.CAMERA_STACK_MM

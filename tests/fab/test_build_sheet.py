@@ -17,7 +17,6 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import __main__ as command
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
-from fab.build_sheet.casting import lowers
 from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
 from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
@@ -69,10 +68,6 @@ def test_the_poured_silicone_has_its_volume_and_fills_to_the_depth():
     assert fill_depth_mm(layout, half) == pytest.approx(0.0, abs=1e-6)
     depth = fill_depth_mm(layout, 325_000.0)
     assert poured_mesh(layout, depth).volume == pytest.approx(325_000.0, rel=0.01)
-
-
-def test_the_core_is_lowered_only_where_the_gyroid_stays_below_its_equator():
-    assert lowers(MoldLayout(PARAMS)) and not lowers(MoldLayout(EndcapParams(100.0, 8.0)))
 
 
 @pytest.fixture

@@ -45,10 +45,10 @@ def pictures() -> list[bytes]:
     return found
 
 
-def write_inputs(folder: Path) -> None:
-    """``photos/``, ``zero.npz`` and ``run.mcap`` in a folder."""
+def write_inputs(folder: Path, count: int = len(SHARES)) -> None:
+    """``photos/`` of so many pictures, ``zero.npz`` and ``run.mcap`` in a folder."""
     (folder / "photos").mkdir()
-    jpegs = pictures()
+    jpegs = pictures()[-count:]
     for number, jpeg in enumerate(jpegs):
         (folder / "photos" / f"{number:02d}.jpg").write_bytes(jpeg)
     save_zero(single_zero(Frame(0.0, 0, "drawn", jpeg=jpegs[0])), folder / "zero.npz")

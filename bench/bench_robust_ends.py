@@ -28,7 +28,7 @@ from sensing.live.mcap_records import read_records
 
 HERE = Path(__file__).resolve().parent
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-LIMIT_S = 30.0
+LIMIT_S = 60.0
 COLUMNS = ("kind", "cases", "bad", "median_end_s", "largest_end_s", "most_mb")
 
 

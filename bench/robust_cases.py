@@ -13,9 +13,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sensing.live.ending import leave
+from sensing.live.ending import end_at_once, leave
 
 MOST_MB = 1000.0
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 NOISE = ("Traceback", "Fatal Python", "Exception ignored", "terminate called", "FATAL", "Segmentation")
 
 
@@ -56,9 +57,11 @@ def run_case(
     """
     with tempfile.TemporaryFile() as printed:
         begin = time.monotonic()
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDS)  # until the child has its handlers
         pid = os.fork()
         if pid == 0:
             _child(work, printed.fileno(), stdout)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
         sent_s = float("nan")
         if end is not None:
             time.sleep(end[1])
@@ -74,10 +77,10 @@ def run_case(
 
 def _child(work: Callable[[], int], printed: int, stdout: str | None) -> None:
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda number, _: os._exit(128 + number))
         os.dup2(printed, 2)
         os.dup2(printed if stdout is None else os.open(stdout, os.O_WRONLY), 1)
+        end_at_once()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
         status = work()
     except BaseException:
         import traceback

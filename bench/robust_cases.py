@@ -47,12 +47,16 @@ class Outcome:
 
 
 def run_case(
-    work: Callable[[], int], limit_s: float, end: tuple[int, float] | None = None, stdout: str | None = None
+    work: Callable[[], int],
+    limit_s: float,
+    end: tuple[int, float, bool] | None = None,
+    stdout: str | None = None,
 ) -> Outcome:
     """One case.
 
     Args:
-        work: returns an exit status. limit_s: then it is killed. end: signal, and seconds until it is sent.
+        work: returns an exit status. limit_s: then it is killed.
+        end: signal, seconds until it is sent, and whether they count from the first line that it prints.
         stdout: path for standard output instead of the file that is read.
     """
     with tempfile.TemporaryFile() as printed:
@@ -64,6 +68,8 @@ def run_case(
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
         sent_s = float("nan")
         if end is not None:
+            while end[2] and not os.fstat(printed.fileno()).st_size and time.monotonic() < begin + limit_s / 2:
+                time.sleep(0.002)
             time.sleep(end[1])
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, end[0])

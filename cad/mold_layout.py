@@ -24,6 +24,9 @@ from cad.params import EndcapParams
 
 JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon tells your printer's
 JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coupons)
+NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
+TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies beyond the edge: locks, and still prints
+CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 
@@ -191,8 +194,25 @@ class MoldLayout:
 
     @property
     def core_tab_radius_mm(self) -> float:
-        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys)."""
-        return 4.0
+        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys).
+
+        The draft narrows a tab's neck all the way up to the tip: at D=250, by 8 mm. A neck is as wide as its two
+        fillets leave it, ``y - fillet - draft`` on either side, with their centres at ``y^2 = (r + fillet)^2 -
+        (beyond r - fillet)^2``; solved for r, so that it keeps :data:`CORE_NECK_HALF_MM` at the tip of every size.
+        """
+        y = CORE_NECK_HALF_MM + NECK_FILLET_MM + self._core_taper_mm
+        a, half_b = 1 - TAB_BEYOND_RATIO**2, NECK_FILLET_MM * (1 + TAB_BEYOND_RATIO)
+        return max(4.0, (math.sqrt(half_b**2 + a * y**2) - half_b) / a)
+
+    @property
+    def core_tab_beyond_mm(self) -> float:
+        """Distance of a tab's centre beyond the long edge that carries it."""
+        return TAB_BEYOND_RATIO * self.core_tab_radius_mm
+
+    @property
+    def _core_taper_mm(self) -> float:
+        """How much narrower the centre piece is on each side at the height of the tip than at the mating plane."""
+        return self.params.tip_height_mm * math.tan(math.radians(self.core_draft_deg))
 
     @property
     def core_draft_deg(self) -> float:

@@ -26,6 +26,7 @@ from cad.errors import GeometryError
 from cad.interface import build_flange, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.mesh import from_manifold, tessellate, to_manifold
+from fab.repair import without_crossings
 from fab.sheet import sheet_mesh
 from fab.zone_grid import ZoneGrid, zone_grid
 
@@ -89,7 +90,8 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
 
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
     """The sheet fused with the flange's mesh."""
-    return replace(sheet, mesh=from_manifold(to_manifold(sheet.mesh) + to_manifold(flange)))
+    joined = from_manifold(to_manifold(sheet.mesh) + to_manifold(flange))
+    return replace(sheet, mesh=without_crossings(joined))
 
 
 def standing_sheet(

@@ -23,10 +23,10 @@ from cad.params import EndcapParams
 from cad.part import Part
 from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
-from fab.gyroid import InterfaceMesh, interface_mesh, volume_above
-from fab.mesh import TOLERANCE_MM, from_manifold, to_manifold
-from fab.part_mesh import PartMeshes
-from fab.repair import without_crossings
+from fab.meshing.gyroid import InterfaceMesh, interface_mesh, volume_above
+from fab.meshing.mesh import TOLERANCE_MM, from_manifold, to_manifold
+from fab.meshing.parts import PartMeshes
+from fab.meshing.repair import without_crossings
 
 Progress = Callable[[str], None]
 PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera")  # what the robot carries

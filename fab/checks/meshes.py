@@ -9,8 +9,8 @@ import manifold3d
 import trimesh
 
 from fab.checks.check import Check
-from fab.meshing.self_intersections import self_intersections
 from fab.meshing.mesh import to_manifold
+from fab.meshing.self_intersections import self_intersections
 
 VOLUME_RATIO = 1e-3  # mesh against solid
 STEP_VOLUME_RATIO = 1e-5  # solid against its STEP file: OCCT's own integrals repeat to 5e-6 after a round trip

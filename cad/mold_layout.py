@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cad import feasible
+from cad import feasible, leak
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 
@@ -35,18 +35,20 @@ class MoldLayout:
     """Derived sizes of the mold for one endcap (mm, endcap frame).
 
     Raises:
-        ParameterError: a joint clearance outside what the fit coupon tells.
+        ParameterError: a joint clearance that this size cannot have (:func:`joint_clearance_range_mm`).
     """
 
     params: EndcapParams
     joint_clearance_mm: float = JOINT_CLEARANCE_MM
 
     def __post_init__(self) -> None:
-        low, high = JOINT_CLEARANCE_RANGE_MM
+        low, high = joint_clearance_range_mm(self.params)
         if not low <= self.joint_clearance_mm <= high:
             raise ParameterError(
-                f"joint_clearance={self.joint_clearance_mm:g} outside {low}..{high} mm a side: tighter joints fuse in "
-                "print, looser ones leak silicone; measure it with the fit coupon (make coupons)",
+                f"joint_clearance={self.joint_clearance_mm:g} outside {low:g}..{high:g} mm a side at "
+                f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g}: tighter joints fuse in print, looser ones "
+                "leak more than 1 % of the silicone; measure it with the fit coupon (make coupons), and slow the "
+                "printer down or lower its flow where it needs more",
                 name="joint_clearance",
                 value=self.joint_clearance_mm,
             )
@@ -100,11 +102,8 @@ class MoldLayout:
 
     @property
     def bowl_wall_mm(self) -> float:
-        """PLA outside the silicone below the equator: the way that silicone must creep through a joint.
-
-        The leak goes as the cube of the gap over this way: a joint wider than 0.19 gets a thicker wall, at most 7.
-        """
-        return 6.0 * min(max(1.0, (self.joint_clearance_mm / 0.19) ** 3), 7.0 / 6.0)
+        """PLA outside the silicone below the equator: the way that silicone must creep through a joint."""
+        return leak.bowl_wall_mm(self.params, self.joint_clearance_mm)
 
     @property
     def stand_height_mm(self) -> float:
@@ -234,6 +233,12 @@ class MoldLayout:
     def key_azimuths_deg(self) -> tuple[float, float, float]:
         """Directions of the three keys; the wides lie 60 degrees further."""
         return (0.0, 120.0, 240.0)
+
+
+def joint_clearance_range_mm(params: EndcapParams) -> tuple[float, float]:
+    """Joint clearances that a size can have, mm a side: the fit coupon's, as far as the bowl holds the silicone."""
+    low, high = JOINT_CLEARANCE_RANGE_MM
+    return low, min(high, math.floor(leak.widest_joint_mm(params) * 1000) / 1000)
 
 
 def rotated(point: tuple[float, float], azimuth_deg: float) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from cad.params import EndcapParams
 from cad.part import Part
 from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
-from fab.meshing.gyroid import InterfaceMesh, interface_mesh, volume_above
+from fab.meshing.gyroid import InterfaceMesh, interface_mesh, joint_band_mm, volume_above
 from fab.meshing.mesh import TOLERANCE_MM, from_manifold, to_manifold
 from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
@@ -94,7 +94,7 @@ def build_design(
     gyroid = pending.result()
     meshes["interface"] = gyroid.mesh
     imprinted = from_manifold(to_manifold(meshes["shell"]) - to_manifold(gyroid.mesh))
-    meshes["shell"] = without_crossings(imprinted)
+    meshes["shell"] = without_crossings(imprinted, joint_band_mm(layout.params.flange_thickness_mm))
     return Design(layout, parts, {name: meshes[name] for name in parts}, gyroid)
 
 

@@ -164,7 +164,7 @@ def open_workshop(export: Export) -> Workshop:
     for make in (led_ring_part, camera_part):
         bought = make(export.params)
         meshes[bought.name], colors[bought.name] = tessellate(bought.solid), bought.color
-    layout = MoldLayout(export.params)
+    layout = MoldLayout(export.params, float(export.manifest["joint_clearance_mm"]))
     return Workshop(layout, meshes, colors, fit_joints(layout, meshes))
 
 

@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.leak import LEAK_RATIO, leak_ratio
 from cad.mold_core import ramp_end
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
@@ -34,11 +35,6 @@ SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 FACING = 0.95  # cosine of a facet's normal to the radius
 TRAP_MM = 0.05  # E: a quarter of a printed layer of the TPU, whose own steps hold more air
 LEVEL_MM = 1e-3  # vertices this near in height are on one level: facets of a flat roof or a ring
-LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
-VISCOSITY_PA_S = 35.0  # S, MAT07: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
-POT_LIFE_S = 45 * 60.0  # S
-SILICONE_KG_M3 = 1240.0  # S
-GRAVITY_M_S2 = 9.81
 
 
 def balance_check(
@@ -98,18 +94,9 @@ def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Che
 
 
 def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
-    """Share of the pour that could creep through the bowl's joints before it sets.
-
-    Notes:
-        Flow between parallel plates, q = g^3 dp / (12 mu l) for each length of joint (Batchelor, An Introduction to
-        Fluid Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone.
-    """
-    params = layout.params
-    gap, path = layout.joint_clearance_mm * 1e-3, layout.bowl_wall_mm * 1e-3
-    head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
-    joints = len(layout.bowl_seams_deg) * np.pi / 2 * params.outer_radius_mm * 1e-3
-    flow_m3_s = gap**3 * head / (12 * VISCOSITY_PA_S * path) * joints
-    return Check("cavity.leak_ratio", float(flow_m3_s * POT_LIFE_S * 1e9 / shell_volume_mm3), high=LEAK_RATIO)
+    """Share of the pour that could creep through the bowl's joints before it sets (:mod:`cad.leak`)."""
+    ratio = leak_ratio(layout.params, layout.joint_clearance_mm, layout.bowl_wall_mm, shell_volume_mm3)
+    return Check("cavity.leak_ratio", ratio, high=LEAK_RATIO)
 
 
 def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:

@@ -29,7 +29,7 @@ from cad.params import EndcapParams
 from fab.meshing.gyroid_sheet import sheet_mesh
 from fab.meshing.mesh import from_manifold, tessellate, to_manifold
 from fab.meshing.repair import without_crossings
-from fab.meshing.zone_grid import ZoneGrid, zone_grid
+from fab.meshing.zone_grid import SKIRT_MM, ZoneGrid, zone_grid
 
 WALL_MM = 0.45  # E: one line of a 0.4 mm nozzle
 DENSITY = 0.10  # the paper's interlock
@@ -38,7 +38,7 @@ STEP_MM = 0.6  # knee of bench/gyroid.csv
 AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
 PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero
 PHASE_SHIFTS_MM = (0.0, 1.9, 3.8, 5.7)  # along the axis, off the gyroid's own half and quarter periods
-WALL_FREEDOM = 3e-3  # relative, by which the wall may leave its nominal: a third of what the gate allows its mean
+WALL_FREEDOM = 1.5e-3  # relative, by which the wall may leave its nominal; facets add up to 8e-3 of the gate's 1e-2
 MAX_TRIALS = 6
 Phase = tuple[float, float, float]
 _CLEAR_MM = 0.01  # corners of the sheet keep this far from the plane of the flange: no slivers where the two join
@@ -97,7 +97,12 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
     """The sheet fused with the flange's mesh."""
     joined = from_manifold(to_manifold(sheet.mesh) + to_manifold(flange))
-    return replace(sheet, mesh=without_crossings(joined))
+    return replace(sheet, mesh=without_crossings(joined, joint_band_mm(float(flange.bounds[1][2]))))
+
+
+def joint_band_mm(floor_mm: float) -> tuple[float, float]:
+    """Heights between which booleans cut the sheet: round the flange's top. Elsewhere its faces are the grid's own."""
+    return floor_mm - 2 * SKIRT_MM, floor_mm + 2 * SKIRT_MM
 
 
 def standing_sheet(

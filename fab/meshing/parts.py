@@ -38,7 +38,8 @@ class PartMeshes:
         if part.recipe.less:
             tools = [self._operand(tool, TOOL_ANGLE_RAD) for tool in part.recipe.less]
             body = manifold3d.Manifold.batch_boolean([body, *tools], manifold3d.OpType.Subtract)
-        return without_crossings(from_manifold(body))
+        mesh = from_manifold(body)
+        return mesh if part.role == "cast" else without_crossings(mesh)  # the cast takes the gyroid's imprint first
 
     def _operand(self, solid: Solid, angle_rad: float | None = None) -> manifold3d.Manifold:
         """An operand's mesh; the solid is kept with it, so that its identity stays its own."""

@@ -18,9 +18,14 @@ ROUNDS = 12
 _MARGIN_MM = 1.0  # round the crossings, that is looked at again after each round
 
 
-def without_crossings(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh, repaired where faces cross; what cannot be repaired is left for the gates to refuse."""
-    crossing = crossing_faces(mesh)
+def without_crossings(mesh: trimesh.Trimesh, band_mm: tuple[float, float] | None = None) -> trimesh.Trimesh:
+    """The mesh, repaired where faces cross; what cannot be repaired is left for the gates to refuse.
+
+    Args:
+        mesh: closed.
+        band_mm: heights between which faces may cross; by default, anywhere.
+    """
+    crossing = crossing_faces(mesh) if band_mm is None else _crossing_near(mesh, _slab(mesh, band_mm), 0.0)
     reach = REACH_MM / 2 ** (ROUNDS - 1)
     for _ in range(ROUNDS):
         if len(crossing) == 0:
@@ -45,9 +50,16 @@ def _treated(mesh: trimesh.Trimesh, crossing: np.ndarray, reach_mm: float) -> tu
     return near.mesh(), mesh.triangles[crossing].reshape(-1, 3)
 
 
-def _crossing_near(mesh: trimesh.Trimesh, places: np.ndarray) -> np.ndarray:
+def _slab(mesh: trimesh.Trimesh, band_mm: tuple[float, float]) -> np.ndarray:
+    """Two corners of the part of the mesh's box that lies between two heights."""
+    corners = mesh.bounds.copy()
+    corners[:, 2] = band_mm
+    return corners
+
+
+def _crossing_near(mesh: trimesh.Trimesh, places: np.ndarray, margin_mm: float = _MARGIN_MM) -> np.ndarray:
     """Crossing faces among those near some places: indices into the whole mesh."""
-    low, high = places.min(axis=0) - _MARGIN_MM, places.max(axis=0) + _MARGIN_MM
+    low, high = places.min(axis=0) - margin_mm, places.max(axis=0) + margin_mm
     box = mesh.triangles
     inside = np.flatnonzero((box.min(axis=1) <= high).all(axis=1) & (box.max(axis=1) >= low).all(axis=1))
     return inside[crossing_faces(trimesh.Trimesh(mesh.vertices, mesh.faces[inside], process=False, validate=False))]

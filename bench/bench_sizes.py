@@ -1,9 +1,11 @@
 """Does every size come out? Sizes over the whole valid region, each built and gated as `make molds` does it.
 
-    python bench/bench_sizes.py                       all of them: hours; what this code has made is not made again
-    python bench/bench_sizes.py --seconds 600         as many as start within ten minutes
+    python bench/bench_sizes.py                       as many as start within ten minutes; what this code has made is
+                                                      not made again, so each run goes on where the last one ended
+    python bench/bench_sizes.py --seconds inf         all of them: a day
     python bench/bench_sizes.py --only edge           one kind: edge, random, round, clearance
     python bench/bench_sizes.py --size 200/10 --size 130/8/0.05     these, whatever the table holds
+    python bench/bench_sizes.py --today 3             three sizes of today's seed, nothing written: for continuous tests
     python bench/bench_sizes.py --plot                the map again from the table
 
 Writes beside this file: sizes.csv (a row a size: kind, D, T, clearance, digest of the code that made it, processor
@@ -15,16 +17,19 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import multiprocessing
 import os
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from datetime import date
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench.sizes import Size, code_digest, failures, survey
+from bench.sizes import Made, Size, code_digest, make, random_sizes, survey
 from cad.feasible import diameter_range_mm, wall_range_mm
 
 HERE = Path(__file__).parent
@@ -36,10 +41,13 @@ KINDS = {"edge": "s", "random": "o", "round": "D", "clearance": "^", "named": "*
 def main() -> int:
     """Run what is not done yet, then draw the map; returns 1 where a size failed."""
     options = _options()
+    if options.today:
+        return _today(options.today, options.date, options.workers)
     code = code_digest()
     if not options.plot:
         sizes = [_named(text) for text in options.size] or _open_sizes(code, options.only)
-        _run(sizes, code, options.workers, options.seconds)
+        for done in _made(sizes, options.workers, options.seconds):
+            _append(done, code)
     rows = _newest()
     _draw_map(rows)
     failed = [row for row in rows if row["failed"]]
@@ -52,12 +60,25 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_sizes.py"
     )
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="start no size after so long")
+    parser.add_argument("--seconds", type=float, default=600.0, help="start no size after so long (default: 600)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--only", choices=sorted(set(KINDS) - {"named"}), help="one kind of sizes")
     parser.add_argument("--size", action="append", default=[], metavar="D/T[/CLEARANCE]", help="a size of your own")
+    parser.add_argument("--today", type=int, default=0, metavar="N", help="N sizes of the day's seed")
+    parser.add_argument("--date", type=date.fromisoformat, default=date.today(), help="the day, YYYY-MM-DD")
     parser.add_argument("--plot", action="store_true", help="draw only")
     return parser.parse_args()
+
+
+def _today(count: int, day: date, workers: int) -> int:
+    """Sizes that no list holds, others every day; 1 where one failed."""
+    status = 0
+    for made in _made(random_sizes(day.toordinal(), count, "today"), workers, math.inf):
+        print(f"D={made.size.key[0]} T={made.size.key[1]}: {'; '.join(made.failed) or 'passed'}", flush=True)
+        if made.failed:
+            status = 1
+            print(f"again: python bench/bench_sizes.py --today {count} --date {day}", file=sys.stderr)
+    return status
 
 
 def _named(text: str) -> Size:
@@ -70,19 +91,19 @@ def _open_sizes(code: str, only: str | None) -> list[Size]:
     return [size for size in survey() if size.key not in done and only in (None, size.kind)]
 
 
-def _run(sizes: list[Size], code: str, workers: int, seconds: float) -> None:
-    """Make the sizes side by side; each is written as it ends."""
+def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
+    """The sizes, made side by side, each as it ends."""
     end = time.monotonic() + seconds
     context = multiprocessing.get_context("spawn")
-    queue, running = iter(sizes), dict[Future[tuple[list[str], int, float]], Size]()
+    queue, running = iter(sizes), set[Future[Made]]()
     with ProcessPoolExecutor(workers, context, initializer=_one_core, max_tasks_per_child=25) as pool:
         while True:
             while len(running) < workers and time.monotonic() < end and (size := next(queue, None)) is not None:
-                running[pool.submit(failures, size)] = size
+                running.add(pool.submit(make, size))
             if not running:
                 return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                _append(running.pop(future), code, *future.result())
+            ended, running = wait(running, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in ended)
 
 
 def _one_core() -> None:
@@ -92,14 +113,15 @@ def _one_core() -> None:
         os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})
 
 
-def _append(size: Size, code: str, failed: list[str], checks: int, seconds: float) -> None:
+def _append(made: Made, code: str) -> None:
+    size = made.size
     fresh = not TABLE.exists()
     with TABLE.open("a", newline="") as stream:
         writer = csv.writer(stream)
         if fresh:
             writer.writerow(HEADER)
-        writer.writerow([size.kind, *size.key, code, f"{seconds:.1f}", checks, "; ".join(failed)])
-    print(f"D={size.key[0]} T={size.key[1]} clearance {size.key[2]}: {'; '.join(failed) or 'passed'}", flush=True)
+        writer.writerow([size.kind, *size.key, code, f"{made.cpu_s:.1f}", made.checks, "; ".join(made.failed)])
+    print(f"D={size.key[0]} T={size.key[1]} clearance {size.key[2]}: {'; '.join(made.failed) or 'passed'}", flush=True)
 
 
 def _rows() -> list[dict[str, str]]:

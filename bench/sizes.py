@@ -42,6 +42,23 @@ class Size:
         return (f"{self.diameter_mm:g}", f"{self.wall_mm:g}", f"{self.clearance_mm:g}")
 
 
+@dataclass(frozen=True)
+class Made:
+    """How one size came out.
+
+    Attributes:
+        size: what was made.
+        failed: each check that failed with value and limit, or the error.
+        checks: number of checks that ran.
+        cpu_s: processor time.
+    """
+
+    size: Size
+    failed: tuple[str, ...]
+    checks: int
+    cpu_s: float
+
+
 class Inline(Executor):
     """Runs each job at once, in this process."""
 
@@ -118,12 +135,8 @@ def code_digest() -> str:
     return digest.hexdigest()[:12]
 
 
-def failures(size: Size) -> tuple[list[str], int, float]:
-    """Make one size and run every gate on its files.
-
-    Returns:
-        What failed (a check with value and limit, or an error), number of checks, processor seconds.
-    """
+def make(size: Size) -> Made:
+    """Make one size and run every gate on its files."""
     from fab.checks.gates import run_gates
     from fab.design import build_design
     from fab.exports import writer
@@ -142,4 +155,4 @@ def failures(size: Size) -> tuple[list[str], int, float]:
         failed = [str(error)]
     except Exception as error:  # a crash is a failure of this size, not of the survey
         failed = [f"{type(error).__name__}: {error}"]
-    return failed, count, time.process_time() - start
+    return Made(size, tuple(failed), count, time.process_time() - start)

@@ -30,6 +30,8 @@ def crossing_faces(mesh: trimesh.Trimesh) -> np.ndarray:
             "self-intersections cannot be checked without pymeshlab: run `make setup`, or pip install pymeshlab"
         ) from error
 
+    if len(mesh.faces) == 0:
+        return np.empty(0, dtype=np.int64)
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32)))
     meshes.compute_selection_by_self_intersections_per_face()

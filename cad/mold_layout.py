@@ -47,8 +47,8 @@ class MoldLayout:
             raise ParameterError(
                 f"joint_clearance={self.joint_clearance_mm:g} outside {low:g}..{high:g} mm a side at "
                 f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g}: tighter joints fuse in print, looser ones "
-                "leak more than 1 % of the silicone; measure it with the fit coupon (make coupons), and slow the "
-                "printer down or lower its flow where it needs more",
+                "leak more than 1 % of the silicone; measure it with the fit coupon (make coupons); where that "
+                "needs a wider one, correct the slicer's horizontal expansion and print the coupon again",
                 name="joint_clearance",
                 value=self.joint_clearance_mm,
             )

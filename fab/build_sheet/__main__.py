@@ -83,7 +83,7 @@ def make_sheet(variant: Variant, exports: Path) -> int:
         write_pdf(document, folder / "build_sheet.pdf")
         (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
         write_record(folder, RECORD, own)
-    note = "" if sliced else " (without print times: run make slice)"
+    note = "" if sliced else f" (without print times: run make slice {variant.words})"
     print(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from cad.dots import dot_pattern, ring_count
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
+from fab.build_sheet.commands import program_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import DISC_PX, FRAME_PX, SQUARE_PX, camera_pixels, dots_in, first_light, gores, ruler
 from fab.build_sheet.steps import screws, steps
@@ -78,7 +79,8 @@ def assembling(data: SheetData) -> list[Block]:
 
 def light_check(data: SheetData) -> list[Block]:
     """What the first frame should show."""
-    pixels = camera_pixels(data.layout.params)
+    params = data.layout.params
+    pixels = camera_pixels(params)
     frame, square = dots_in(pixels, *FRAME_PX), dots_in(pixels, SQUARE_PX, SQUARE_PX)
     return [
         Heading("First light", 1),
@@ -104,8 +106,10 @@ def light_check(data: SheetData) -> list[Block]:
             (1.4, 2.2, 2),
         ),
         Paragraph(
-            "Then save the frame as a.jpg and run: python -m sensing.calibrate --photo a.jpg --out camera.json "
-            "--picture "
-            "fit.png. Its fit shows the same dots with circles on them."
+            "Then save the frame as a.jpg in the toolkit's folder, open a terminal there, and run: "
+            + program_command(
+                "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
+            )
+            + " (after `make setup`). fit.png shows the same dots with circles on them."
         ),
     ]  # fmt: skip

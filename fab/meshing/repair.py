@@ -135,8 +135,8 @@ class _Patch:
             kept[row] = corners is not None
             if corners is not None:
                 faces[row] = corners
-        used, corners = np.unique(faces[kept], return_inverse=True)
-        return trimesh.Trimesh(self._points[used], corners.reshape(-1, 3), process=False, validate=False)
+        used, renumbered = np.unique(faces[kept], return_inverse=True)
+        return trimesh.Trimesh(self._points[used], renumbered.reshape(-1, 3), process=False, validate=False)
 
     def _length(self, a: int, b: int) -> float:
         return float(np.linalg.norm(self._points[a] - self._points[b]))

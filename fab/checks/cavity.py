@@ -6,6 +6,7 @@ Millimetres, endcap frame; the mold is poured with +z down.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import manifold3d
@@ -15,6 +16,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.interface import COLLAR_CLEARANCE_MM, VENT_DIAMETER_MM, vent_azimuths_deg
 from cad.mold_core import ramp_end
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
@@ -26,6 +28,10 @@ OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfa
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
 FACETS = 256  # on a circle: 0.01 mm of chord, well under the two lengths above
 WALL_SAMPLES = 3000
+LEVEL_DEG = 1.0  # E: a table levelled by eye
+FLANGE_AIR_MM3 = (
+    15.0  # E: a film over the gyroid's foot of less than 0.1 mm; a thousandth of a cast's smallest mass error
+)
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 FACING = 0.95  # cosine of a facet's normal to the radius
@@ -129,6 +135,39 @@ def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
     roofed = np.bincount(patch, weights=shell.vertex_normals[:, 2] < 0, minlength=number) > 0
     summit = roofed & (around > top) & (top > layout.params.flange_thickness_mm + 0.01)
     return Check("cavity.air_traps", float(summit.sum()), high=0)
+
+
+def flange_air_check(layout: MoldLayout) -> Check:
+    """Air that stays under the flat flange between two vents when the mold stands off level by :data:`LEVEL_DEG`."""
+    vents = len(vent_azimuths_deg())
+    params = layout.params
+    outer = math.sqrt(
+        (params.outer_radius_mm - COLLAR_CLEARANCE_MM) ** 2
+        - (params.flange_thickness_mm - params.centre_height_mm) ** 2
+    )
+    return Check(
+        "cavity.flange_air_mm3", flange_air_mm3(outer, vents, VENT_DIAMETER_MM, LEVEL_DEG), high=FLANGE_AIR_MM3
+    )
+
+
+def flange_air_mm3(outer_mm: float, vents: int, vent_mm: float, tilt_deg: float) -> float:
+    """Trapped air under a flat ceiling of radius ``outer_mm`` with vents at its edge, tilted so that the middle between
+    two vents is highest: the worst direction.
+
+    Air flows along the ceiling to its highest place and out where a vent reaches as high. What lies higher than the
+    nearer ends of both vents, x > x0 = R cos(pi / n - a) with a = vent / (2 R), stays:
+    V = tan(tilt) (2/3 (R^2 - x0^2)^(3/2) - x0 (R^2 acos(x0 / R) - x0 sqrt(R^2 - x0^2))).
+
+    Args:
+        outer_mm: radius of the ceiling's edge R.
+        vents: how many, equally spaced, n.
+        vent_mm: diameter of a vent.
+        tilt_deg: off level.
+    """
+    start = outer_mm * math.cos(math.pi / vents - vent_mm / (2 * outer_mm))
+    half_chord = math.sqrt(outer_mm**2 - start**2)
+    area = outer_mm**2 * math.acos(start / outer_mm) - start * half_chord
+    return math.tan(math.radians(tilt_deg)) * (2 / 3 * half_chord**3 - start * area)
 
 
 def _core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:

@@ -79,7 +79,7 @@ def write_assemblies(design: Design, folder: Path) -> None:
 
 def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
     """Displacements that pull the endcap apart along its axis."""
-    order = ("base", "camera", "ring_spacer", "led_ring", "interface", "shell")
+    order = ("arm_adapter", "base", "camera", "ring_spacer", "led_ring", "interface", "shell")
     spans = {name: (design.meshes[name].bounds[0][2], design.meshes[name].bounds[1][2]) for name in order}
     return exploded_offsets(spans, EXPLODED_GAP_MM)
 

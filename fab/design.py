@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import trimesh
 
+from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.camera import camera_part
 from cad.hanger import hanger_part
@@ -29,7 +30,7 @@ from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
 
 Progress = Callable[[str], None]
-PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera")  # what the robot carries
+PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera", "arm_adapter")  # what the robot carries
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
     progress("shell")
     parts.append(shell_part(layout, core))
     progress("interface, base, hardware")
-    makers = (build_interface, base_part, ring_spacer_part, led_ring_part, camera_part)
+    makers = (build_interface, base_part, ring_spacer_part, adapter_part, led_ring_part, camera_part)
     parts.extend(make(layout.params) for make in makers)
     return {part.name: part for part in parts}
 

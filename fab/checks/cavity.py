@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.interface import COLLAR_CLEARANCE_MM, VENT_DIAMETER_MM, vent_azimuths_deg
 from cad.leak import LEAK_RATIO, leak_ratio
 from cad.mold_core import ramp_end
 from cad.mold_layout import MoldLayout
@@ -29,6 +30,9 @@ OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfa
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
 FACETS = 256  # on a circle: 0.01 mm of chord, well under the two lengths above
 WALL_SAMPLES = 3000
+LEVEL_DEG = 1.0  # E: a table levelled by eye
+# E: a film of less than 0.1 mm at the gyroid's foot; a hundredth of the least air that the weight of a cast shows
+FLANGE_AIR_MM3 = 15.0
 SLIT_RAYS = 2  # rays of a bundle that lie before the one that measures
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
@@ -147,6 +151,39 @@ def _spill_depth_mm(links: csr_matrix, z: np.ndarray, summit: np.ndarray) -> flo
                 seen.add(other)
                 heappush(heap, (float(z[other]), other))
     return math.inf
+
+
+def flange_air_check(layout: MoldLayout) -> Check:
+    """Air that stays under the flat flange between two vents when the mold stands off level by :data:`LEVEL_DEG`."""
+    vents = len(vent_azimuths_deg())
+    params = layout.params
+    outer = math.sqrt(
+        (params.outer_radius_mm - COLLAR_CLEARANCE_MM) ** 2
+        - (params.flange_thickness_mm - params.centre_height_mm) ** 2
+    )
+    return Check(
+        "cavity.flange_air_mm3", flange_air_mm3(outer, vents, VENT_DIAMETER_MM, LEVEL_DEG), high=FLANGE_AIR_MM3
+    )
+
+
+def flange_air_mm3(outer_mm: float, vents: int, vent_mm: float, tilt_deg: float) -> float:
+    """Trapped air under a flat ceiling of radius ``outer_mm`` with vents at its edge, tilted so that the middle between
+    two vents is highest: the worst direction.
+
+    Air flows along the ceiling to its highest place and out where a vent reaches as high. What lies higher than the
+    nearer ends of both vents, x > x0 = R cos(pi / n - a) with a = vent / (2 R), stays:
+    V = tan(tilt) (2/3 (R^2 - x0^2)^(3/2) - x0 (R^2 acos(x0 / R) - x0 sqrt(R^2 - x0^2))).
+
+    Args:
+        outer_mm: radius of the ceiling's edge R.
+        vents: how many, equally spaced, n.
+        vent_mm: diameter of a vent.
+        tilt_deg: off level.
+    """
+    start = outer_mm * math.cos(math.pi / vents - vent_mm / (2 * outer_mm))
+    half_chord = math.sqrt(outer_mm**2 - start**2)
+    area = outer_mm**2 * math.acos(start / outer_mm) - start * half_chord
+    return math.tan(math.radians(tilt_deg)) * (2 / 3 * half_chord**3 - start * area)
 
 
 def _core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:

@@ -1,6 +1,6 @@
 """Hooks of the documentation site: pages link to curves under bench/, which lie beside docs/ and not in it.
 
-Also turns each tutorial script under docs/tutorials/ into its page: the script is what the tests run, the page shows it.
+Also turns each tutorial under docs/tutorials/ into its page: what the tests run is what the page shows.
 """
 
 from __future__ import annotations

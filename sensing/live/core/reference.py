@@ -20,8 +20,6 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.params import EndcapParams
-from sensing.calibration.dots import CalibrationError
-from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
@@ -164,7 +162,15 @@ def press_n(before: ModelInput, last: Zero, new: Zero, estimator: WrenchEstimato
 
 
 def misplaced_px(zero: Zero, params: EndcapParams) -> float:
-    """How far the dots lie from the design's, at 480 lines, in the 90 % quantile; 0 where they cannot be assigned."""
+    """How far the dots lie from the design's, at 480 lines, in the 90 % quantile; 0 where they cannot be compared.
+
+    That is where they cannot be assigned to those of the design, and on computers without SciPy.
+    """
+    try:
+        from sensing.calibration.dots import CalibrationError
+        from sensing.calibration.from_dots import calibrate_from_dots
+    except ImportError:
+        return 0.0
     gray = decode_gray(zero.frame())
     size = gray.shape[1], gray.shape[0]
     dots = find_dots(gray)

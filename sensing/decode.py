@@ -105,7 +105,7 @@ def png_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _decoded(frame: Frame, colour: str, reduction: int) -> Image:
-    """(H, W, 1) or (H, W, 3) of a JPEG; one that the decoder complains of is refused, for its numbers would be wrong."""
+    """(H, W, 1) or (H, W, 3) of a JPEG; one that the decoder complains of is refused: its numbers would be wrong."""
     data = frame.jpeg or b""
     where = f"{frame.source}: frame {frame.sequence}"
     if data[:2] != b"\xff\xd8":

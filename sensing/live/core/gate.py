@@ -68,9 +68,7 @@ class Gate:
         same_s = frame.time_s - self._same[1]
         return same_s if same_s > FROZEN_S else 0.0
 
-    def judge(
-        self, likeness: float, tracks: DotTracks | None, estimate: Wrench, predict: Predict
-    ) -> Verdict:
+    def judge(self, likeness: float, tracks: DotTracks | None, estimate: Wrench, predict: Predict) -> Verdict:
         """Verdict on one frame.
 
         Args:
@@ -90,7 +88,9 @@ class Gate:
         if tracks is not None and worst < clear:
             flags |= {DISTURBED}
             count = int((tracks.lost | (tracks.quality < clear)).sum())
-            reasons.append(f"{count} of {len(tracks.ids)} dots look otherwise than in the reference: glint, dirt, lamp?")
+            reasons.append(
+                f"{count} of {len(tracks.ids)} dots look otherwise than in the reference: glint, dirt, lamp?"
+            )
         if held:
             flags |= {UNCONFIRMED}
             reasons.append("the force stepped within one frame: waiting for the next to confirm it")
@@ -109,7 +109,11 @@ class Gate:
 def small_picture(gray: Image) -> NDArray[np.float32]:
     """(1200,) the picture in few pixels, without its mean."""
     step = max(1, min(gray.shape) // LEAST_SIDE_PX)  # every pixel would cost ten times as much
-    small = cv2.resize(np.ascontiguousarray(gray[::step, ::step]), SMALL, interpolation=cv2.INTER_AREA).astype(np.float32).ravel()
+    small = (
+        cv2.resize(np.ascontiguousarray(gray[::step, ::step]), SMALL, interpolation=cv2.INTER_AREA)
+        .astype(np.float32)
+        .ravel()
+    )
     return small - small.mean()
 
 

@@ -323,9 +323,7 @@ class CapPipeline:
         )
         return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
 
-    def _field(
-        self, method: FieldMethod, frame: Frame, watch: _Watch
-    ) -> tuple[DotTracks | None, ShearField, Image]:
+    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image]:
         if not isinstance(method, ModelInput):
             gray = decode_gray(frame, COARSE)
             field = method.update(frame)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sensing.live.core.state import MEASURED, Event
+from sensing.live.core.state import MEASURED, Event, word
 from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracking.zero import Drift, Zero
 from sensing.wrench.contact import ContactState
@@ -76,7 +76,7 @@ def plain(reading: CapReading) -> dict[str, Any]:
     return {
         "cap": reading.cap,
         "valid": reading.valid,
-        "state": reading.event.value,
+        "state": word(reading.event),
         "reason": reading.reason,
         "time_s": reading.frame.time_s,
         "sequence": reading.frame.sequence,
@@ -92,6 +92,14 @@ def plain(reading: CapReading) -> dict[str, Any]:
         "dots_known": followed[1],
         "flags": sorted(wrench.flags),
     }
+
+
+def nothing(cap: str, state: str, reason: str) -> dict[str, Any]:
+    """What :func:`plain` gives of an endcap of which no frame comes: its state, and null for every number."""
+    numbers = ("time_s", "force_norm_n", "contact", "contact_since_s")
+    return {"cap": cap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
+        "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3, "flags": [],
+    }  # fmt: skip
 
 
 def without_numbers(

@@ -88,6 +88,11 @@ TRANSITIONS[State.ENDED] = dict.fromkeys(Event, State.ENDED) | {Event.CLOSED: St
 TRANSITIONS[State.CLOSED] = dict.fromkeys(Event, State.CLOSED)
 
 
+def word(event: Event) -> str:
+    """The state's word for a single frame with this event."""
+    return _USUAL[event].value
+
+
 def next_state(state: State, event: Event) -> State:
     """State after an event."""
     return TRANSITIONS[state][event]

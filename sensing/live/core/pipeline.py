@@ -260,7 +260,8 @@ class CapPipeline:
         if verdict is not None:
             return replace(
                 blank, event=verdict.event, reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
-                wrench=replace(blank.wrench, flags=verdict.flags), estimate=replace(blank.estimate, flags=verdict.flags),
+                wrench=replace(blank.wrench, flags=verdict.flags),
+                estimate=replace(blank.estimate, flags=verdict.flags),
             )  # fmt: skip
         return self._measured(blank, tracks, field, gray, watch)
 
@@ -318,8 +319,8 @@ class CapPipeline:
         if frame.size is None or frame.size == (width, height):
             return None
         reason = (
-            f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px, zeroed at {width}x{height}: set the camera's "
-            "mode back, or zero again"
+            f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px, zeroed at {width}x{height}: set the "
+            "camera's mode back, or zero again"
         )
         return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
 

@@ -119,8 +119,8 @@ def without_numbers(
     contact = ContactState(frame.time_s, False, float("nan"), float("nan"), False)
     centre = PressureCentre(nothing, float("nan"), float("nan"))
     return CapReading(
-        cap, number, frame, None, field, wrench, wrench, contact, centre, drift, zero, epoch, captured_s, captured_s, {},
-        Event.UNDECODED, "",
+        cap, number, frame, None, field, wrench, wrench, contact, centre, drift, zero, epoch, captured_s, captured_s,
+        {}, Event.UNDECODED, "",
     )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ class ReferenceTaker:
 
     Args:
         name: of the endcap. params: its design. frames: averaged for a reference; 1 takes a single picture as it is, 0
-            none at all. build: sets up the method. estimator, most_n: a difference that it estimates as more is a press.
+            none at all. build: sets up the method. estimator, most_n: a difference estimated as more is a press.
 
     Attributes:
         reason: why the last one was refused, or what goes on; empty when nothing does. pressed: whether confirming

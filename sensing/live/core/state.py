@@ -2,8 +2,8 @@
 
     state = next_state(State.RUNNING, Event.UNSEEN)          # State.BLIND
 
-Every frame is one event (:class:`Event`, from the pipeline), and so is what the clock and the source show while no frame
-comes. The state follows the newest event; only states that have ended keep theirs. Numbers count in the states of
+Every frame is one event (:class:`Event`, from the pipeline), and so is what the clock and the source show while no
+frame comes. The state follows the newest event; only states that have ended keep theirs. Numbers count in the states of
 :data:`VALID` alone. Times in s of the monotonic clock.
 """
 
@@ -53,7 +53,7 @@ class Event(StrEnum):
     CLOSED = "closed"  # closed by the run
 
 
-VALID = frozenset({State.RUNNING, State.DEGRADED})
+VALID = frozenset({State.RUNNING, State.DEGRADED, State.ENDED})  # of a file that has ended, the last ones
 MEASURED = frozenset({Event.GOOD, Event.FLAGGED})
 LEVEL = {  # of diagnostic_msgs/DiagnosticStatus: 0 OK, 1 WARN, 2 ERROR
     State.RUNNING: 0,
@@ -84,6 +84,7 @@ TRANSITIONS: dict[State, dict[Event, State]] = {state: dict(_USUAL) for state in
 TRANSITIONS[State.RUNNING][Event.UNDECODED] = State.DEGRADED  # one damaged picture; the next one decides
 TRANSITIONS[State.WAITING][Event.COLLECTED] = State.WAITING  # the reason stays until a reference is taken
 TRANSITIONS[State.UNPLUGGED][Event.SILENCE] = State.UNPLUGGED  # the more exact word stays
+TRANSITIONS[State.FAILED][Event.ENDED] = State.FAILED  # the reason stays
 TRANSITIONS[State.ENDED] = dict.fromkeys(Event, State.ENDED) | {Event.CLOSED: State.CLOSED}
 TRANSITIONS[State.CLOSED] = dict.fromkeys(Event, State.CLOSED)
 
@@ -146,6 +147,7 @@ class Machine:
             before = self._condition
             state = next_state(before.state, event)
             since_s = before.since_s if state is before.state else now_s
-            kept = before.reason if state is before.state and event is Event.COLLECTED else reason
+            stays = event is Event.COLLECTED or (state is State.FAILED and event is Event.ENDED)
+            kept = before.reason if stays and state is before.state else reason
             self._condition = Condition(state, "" if state is State.RUNNING else kept, since_s)
             return self._condition

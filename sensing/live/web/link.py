@@ -1,9 +1,9 @@
 """What the run and the page's process tell one another, over a pair of sockets; standard library only.
 
 The page's process sends lines: ``look 0 2``, or one of the viewers' words with the number of an endcap and the time
-(ms) of the state that the viewer saw: a button that was pressed on an old state does nothing (:func:`is_fresh`). A look is answered
-by messages: details and new pictures of the caps named, then the state, which ends the answer. The page asks for the
-next look only after that, so that nothing piles up, and what it gets is the newest.
+(ms) of the state that the viewer saw: a button pressed on an old state does nothing (:func:`is_fresh`). A look is
+answered by messages: details and new pictures of the endcaps named, then the state, which ends the answer. The page
+asks for the next look only after that, so that nothing piles up, and what it gets is the newest.
 """
 
 from __future__ import annotations

@@ -146,7 +146,7 @@ class MoldLayout:
     def hanger_thickness_mm(self) -> float:
         """Stiff enough to close the mold against thick silicone (E); an M3 x 12, the shortest that its standard allows
         included, then still holds all of the interface's nut and does not reach the end of its blind hole."""
-        return 7.5
+        return 7.6
 
     @property
     def vent_circle_radius_mm(self) -> float:

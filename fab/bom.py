@@ -120,6 +120,11 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
         BomLine("M3 square nut DIN 562", captured, "pc", "nuts", "captured in the interface", 0.05 * captured, "S")
     )
     lines.append(BomLine("M4 hexagon nut ISO 4032", count, "pc", "nuts", "closes the mold", 0.05 * count, "S"))
+    small = sum(f.joint.washers * len(f.joint.places) for f in fits if f.joint.holder == "captured nut")
+    if small:
+        lines.append(
+            BomLine("M3 washer ISO 7092 (small)", small, "pc", "washers", "base to interface", 0.02 * small, "S")
+        )
     washers = sum(2 * f.joint.washers * len(f.joint.places) for f in loose)
     lines.append(BomLine("M4 washer ISO 7089", washers, "pc", "washers", "closes the mold", 0.02 * washers, "S"))
     return lines

@@ -55,14 +55,18 @@ def balance_check(
     return Check("cavity.balance_error_ratio", abs(cavity.volume() / shell_volume_mm3 - 1), high=BALANCE_RATIO)
 
 
-def cavity_body(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> manifold3d.Manifold:
-    """The space between the pieces of cup and core above the flange, with what of the joints lies next to it."""
+def cavity_body(
+    layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh], flash_mm: float = INSIDE_MM
+) -> manifold3d.Manifold:
+    """The space between the pieces of cup and core above the flange, with ``flash_mm`` of the joints next to it."""
     params = layout.params
     centre = [0.0, 0.0, params.centre_height_mm]
     ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, FACETS).translate(centre)
     space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
     bodies = [to_manifold(mesh) for mesh in pieces.values()]
-    return manifold3d.Manifold.batch_boolean([space, *bodies, _core_filler(layout)], manifold3d.OpType.Subtract)
+    return manifold3d.Manifold.batch_boolean(
+        [space, *bodies, _core_filler(layout, flash_mm)], manifold3d.OpType.Subtract
+    )
 
 
 def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:
@@ -127,11 +131,11 @@ def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
     return Check("cavity.air_traps", float(summit.sum()), high=0)
 
 
-def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
+def _core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:
     """A body just inside the core, that fills the joints between its pieces."""
     params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
-    radius, centre = params.inner_radius_mm - INSIDE_MM, params.centre_height_mm
-    start = max(layout.neck_radius_mm - INSIDE_MM, 0.0)
+    radius, centre = params.inner_radius_mm - inside_mm, params.centre_height_mm
+    start = max(layout.neck_radius_mm - inside_mm, 0.0)
     floor = params.flange_thickness_mm - 1.0
     heights = centre + radius * np.sin(np.linspace(np.arcsin((floor - centre) / radius), np.pi / 2, FACETS))
     cone = start + np.maximum(0.0, heights - params.flange_thickness_mm) / slope

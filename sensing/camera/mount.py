@@ -84,7 +84,9 @@ class MountedCamera:
             FileError: a file that is missing, is no such JSON, or holds numbers that make no camera.
         """
         try:
-            record = json.loads(Path(path).read_text())
+            if Path(path).exists() and not Path(path).is_file():
+                raise ValueError("no regular file")
+            record = json.loads(Path(path).read_text(encoding="utf-8"))
             if record["format"] != FILE_FORMAT:
                 raise ValueError(f"format={record['format']!r}")
             return cls(FisheyeCamera(**record["camera"]), np.array(record["T_camera_endcap"], dtype=float))

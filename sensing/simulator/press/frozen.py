@@ -64,7 +64,7 @@ class FrozenPress:
                 self.fast_steps += 1
                 if found.certificate is not None and found.certificate.iterations > RENEW_AFTER:
                     self._store(self.press.step_model(state, target), found, target)
-                return self.press.felt(found)
+                return self.press.within_reach(found)
         self.fallbacks += 1
         found = self.press.advance(state, target)
         if found.normal_n > 0:
@@ -116,7 +116,9 @@ class FrozenPress:
             if np.linalg.norm(wrong) < self.tolerance * np.linalg.norm(load):
                 end = newton.evaluate(problem, field, depth)
                 if end.error < self.tolerance:
-                    return self.press.accept(state, target, newton.Solution(end, -1, slope, (0.0,) * (count + 1)))
+                    return self.press.accept(
+                        state, target, newton.Solution(end, newton.UNKNOWN_PIVOTS, slope, count), level=2
+                    )
                 if renew:  # contact outside the patch: condense it anew where it is now, and go on from there
                     return self._fast(state, target, self._store(problem.model, end, target), renew=False)
                 return None

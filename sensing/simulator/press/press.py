@@ -71,7 +71,7 @@ class Press:
         self.indenter = indenter
         self.friction = friction
         self.prony = viscous.checked(prony) if prony else ()
-        self.body = indenter.packed(model.geometry)
+        self.body = indenter.body(model.geometry)
         self.frame = indenter.frame()
         self._soft_n_mm = closed_forms.point_stiffness_n_mm(model.geometry, model.solid.law)
 
@@ -109,7 +109,7 @@ class Press:
             switched |= here.certificate.switched
         assert here.certificate is not None
         certificate = replace(here.certificate, iterations=spent, substeps=substeps, switched=switched)
-        return self.felt(replace(here, certificate=certificate))
+        return self.within_reach(replace(here, certificate=certificate))
 
     def problem(self, state: State, target: Target) -> newton.StepProblem:
         """The step from a state to a target, ready for :func:`sensing.simulator.press.newton.solve`."""
@@ -148,8 +148,10 @@ class Press:
         guess = max(state.depth_mm, 0.0) + (target.normal_n - state.normal_n) / slope
         return max(guess, FIRST_TOUCH_MM)
 
-    def accept(self, state: State, target: Target, solution: newton.Solution, switched: bool = False) -> State:
-        """State and certificate of a converged step."""
+    def accept(
+        self, state: State, target: Target, solution: newton.Solution, level: int = 1, switched: bool = False
+    ) -> State:
+        """State and certificate of a converged step, solved by ``level``."""
         here = solution.iterate
         position = self.model.solid.mesh.points + here.displacement
         wrench = contact_wrench(self.model, position, here.contact)
@@ -165,7 +167,7 @@ class Press:
             cone_excess_mpa=_cone_excess(here.contact, self.friction),
             negative_pivots=solution.negative_pivots,
             force_stiffness_n_mm=solution.force_stiffness_n_mm,
-            iterations=len(solution.errors) - 1,
+            iterations=solution.iterations,
             substeps=1,
             switched=switched,
         )
@@ -179,11 +181,12 @@ class Press:
             reaction=reaction,
             normal_n=-float(wrench[:3] @ self.frame[:, 0]),
             certificate=certificate,
+            level=level,
             time_s=state.time_s if target.time_s is None else target.time_s,
             history=self._history(state, target, here.displacement),
         )
 
-    def felt(self, state: State) -> State:
+    def within_reach(self, state: State) -> State:
         """The state itself.
 
         Raises:
@@ -196,9 +199,9 @@ class Press:
         if unfelt > limit:
             raise Refusal(
                 "mesh",
-                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where contact "
-                f"is felt, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small for this mesh "
-                "at this depth; take a finer density, a larger radius, or press deeper",
+                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where "
+                f"contact is measured, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small "
+                "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
             )
         return state
 

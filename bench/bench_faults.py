@@ -1,10 +1,10 @@
-"""Fault injector: damaged, black, noisy, glaring, dirty and wrong-size frames of untouched endcaps, through the pipeline.
+"""Fault injector: damaged, black, noisy, glaring, dirty, wrong-size frames of untouched endcaps through the pipeline.
 
 python bench/bench_faults.py [--frames 10000] [--seed 1] [--out bench/faults.csv]
 
-Each fault lasts for one, two or ten frames between good ones; every frame of a fault is made anew. A force over 0.5 N on
-a frame that is neither flagged nor invalid is a miss, and the last line counts them. The pictures are those of the
-simulated robot at rest (rendered once on a computer); all faults are drawn from the seed.
+Each fault lasts for one, two or ten frames between good ones: damage is made anew for every frame, light and dirt stay
+where they are. A force over 0.5 N on a frame that is neither flagged nor invalid is a miss, and the last line counts
+them. The pictures are those of the simulated robot at rest (rendered once on a computer).
 """
 
 from __future__ import annotations
@@ -36,11 +36,12 @@ Fault = Callable[[np.ndarray, bytes, Rng], bytes]  # (picture, its JPEG) -> what
 def _jpeg(picture: np.ndarray, rng: Rng) -> bytes:
     """With the sensor's noise, as a camera would send it."""
     noisy = picture + rng.normal(0.0, 1.5, picture.shape)
-    quality = int(rng.integers(85, 96))
-    return cv2.imencode(".jpg", np.clip(noisy, 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    options = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(85, 96))]
+    return cv2.imencode(".jpg", np.clip(noisy, 0, 255).astype(np.uint8), options)[1].tobytes()
 
 
 def flipped_bits(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """One to three bits."""
     data = bytearray(jpeg)
     for place in rng.integers(2, len(data) - 2, rng.integers(1, 4)):
         data[place] ^= 1 << int(rng.integers(8))
@@ -48,6 +49,7 @@ def flipped_bits(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def flipped_bytes(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """One to twenty bytes."""
     data = bytearray(jpeg)
     for place in rng.integers(2, len(data) - 2, rng.integers(1, 21)):
         data[place] ^= int(rng.integers(1, 256))
@@ -55,16 +57,19 @@ def flipped_bytes(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def lost_packet(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """A piece of the stream is missing."""
     begin, length = int(rng.integers(600, len(jpeg) - 100)), int(rng.choice([64, 512, 1024, 3072]))
     return jpeg[:begin] + jpeg[begin + length :]
 
 
 def doubled_packet(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """A piece of the stream came twice."""
     begin, length = int(rng.integers(600, len(jpeg) - 100)), int(rng.choice([64, 512, 1024, 3072]))
     return jpeg[: begin + length] + jpeg[begin:]
 
 
 def cut_short(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Cut, with or without an end marker."""
     return jpeg[: int(rng.integers(2, len(jpeg)))] + (b"\xff\xd9" if rng.random() < 0.5 else b"")
 
 
@@ -77,30 +82,39 @@ def torn(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def no_picture(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
-    return [b"<html>busy</html>", b"\xff\xd8\xff\xd9", cv2.imencode(".png", picture)[1].tobytes()][rng.integers(3)]
+    """A message, an empty JPEG, or a PNG."""
+    return [b"<html>busy</html>", b"\xff\xd8\xff\xd9", cv2.imencode(".png", picture.astype(np.uint8))[1].tobytes()][
+        rng.integers(3)
+    ]
 
 
 def black(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Lens covered, or lamp off."""
     return _jpeg(picture * rng.choice([0.0, 0.005, 0.02]), rng)
 
 
 def dim(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Little light, much noise."""
     return _jpeg(picture * rng.uniform(0.03, 0.5) + rng.normal(0, rng.uniform(0, 4), picture.shape), rng)
 
 
 def white(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Far too much light."""
     return _jpeg(np.clip(picture * rng.uniform(2.0, 20.0) + rng.uniform(0, 200), 0, 255), rng)
 
 
 def noisy(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Sensor noise of 5 to 120 gray levels."""
     return _jpeg(picture + rng.normal(0, rng.uniform(5, 120), picture.shape), rng)
 
 
 def only_noise(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Nothing but noise."""
     return _jpeg(rng.integers(0, 256, picture.shape).astype(float), rng)
 
 
 def salt(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Black and white pixels."""
     speckled = picture.copy()
     hit = rng.random(picture.shape[:2]) < rng.uniform(0.001, 0.2)
     speckled[hit] = rng.integers(0, 2, (int(hit.sum()), 1)) * 255
@@ -108,6 +122,7 @@ def salt(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def glare(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """One to three glints."""
     y, x = np.mgrid[0:480, 0:640].astype(np.float32)
     bright = picture.copy()
     for _ in range(int(rng.integers(1, 4))):
@@ -119,6 +134,7 @@ def glare(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def dirt(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Specks on lens or skin."""
     light = np.ones((480, 640), np.float32)
     size = rng.uniform(1, 20)
     for _ in range(int(rng.integers(1, 30))):
@@ -131,6 +147,7 @@ def dirt(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def blurred(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Out of focus."""
     return _jpeg(cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.5, 12)), rng)
 
 
@@ -143,6 +160,7 @@ def lamp_out(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
 
 
 def wrong_size(picture: np.ndarray, jpeg: bytes, rng: Rng) -> bytes:
+    """Another mode of the camera."""
     sizes = [(320, 240), (800, 600), (640, 360), (480, 640), (1280, 720), (648, 480)]
     return _jpeg(cv2.resize(picture, sizes[rng.integers(len(sizes))]), rng)
 

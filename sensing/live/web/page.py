@@ -23,6 +23,7 @@ import cv2
 
 from cad.errors import EndcapError, ParameterError
 from sensing.decode import decode_bgr
+from sensing.live.core.preview import Preview
 from sensing.live.outputs.recording import Recording
 from sensing.live.web.access import page_address, page_token
 from sensing.live.web.link import (
@@ -36,7 +37,6 @@ from sensing.live.web.link import (
     message,
     parse_line,
 )
-from sensing.live.web.preview import Preview
 from sensing.live.web.state import detail, hello, state
 from sensing.records import Frame
 

@@ -157,7 +157,7 @@ def test_a_black_camera_is_an_error_for_json_terminal_and_diagnostics(press):
     assert last["force_n"] == [None] * 3 and last["state"] == "blind" and last["valid"] is False
     reading, condition = got[-1]
     health = cap.stats.health(cap.feed.health, condition, cap.pipeline.faults)
-    name, level, message, values = diagnosis(health)
+    _name, level, message, values = diagnosis(health)
     assert level == 2 and message.startswith("blind: ") and values["valid"] == "false"
     assert " F    -  blind" in cap_line(health, reading) and "0.0 N" not in cap_line(health, reading)
 
@@ -175,7 +175,7 @@ def test_without_dots_from_the_start_the_reason_is_given_and_stays():
 # --- damaged pictures ------------------------------------------------------------------------------------------
 def test_a_picture_that_the_decoder_complains_of_is_unusable_counted_and_quiet(press, capfd):
     pipe = pipeline()
-    found = [pipe.update(f) for f in frames(press[:6] + [broken(press[6])] + press[7:12])]
+    found = [pipe.update(f) for f in frames([*press[:6], broken(press[6]), *press[7:12]])]
     assert found[6].event is Event.UNDECODED and np.isnan(found[6].wrench.force_n).all() and pipe.faults == 1
     assert plain(found[6])["flags"] == ["damaged"]
     assert all(r.valid for r in found[:6] + found[7:])
@@ -186,7 +186,7 @@ def test_a_single_picture_with_a_false_step_is_held_back_and_a_press_is_not_dela
     half = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
     half[250:] = np.roll(half[250:], 16, axis=1)  # blocks that slid: the decoder has nothing to complain of
     pipe = pipeline()
-    found = [pipe.update(f) for f in frames(press[:8] + [encoded(half)] + press[9:18])]
+    found = [pipe.update(f) for f in frames([*press[:8], encoded(half), *press[9:18]])]
     wrong = found[8]
     assert np.linalg.norm(wrong.estimate.force_n) > 1.0  # what it would have been
     assert np.linalg.norm(wrong.wrench.force_n) < 0.1 and not wrong.contact.touching

@@ -34,7 +34,7 @@ LEAST_SEEN = 0.5  # fraction of the dots under which the rest is guesswork
 SURE = 0.98  # correlation of the worst window above which a step needs no confirmation
 CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load
 STEP_N, STEP_OF_FORCE = 0.35, 0.1  # step that needs confirmation, and more of it under load
-FROZEN_S = 1.0  # a real sensor has noise: the same picture for this long means a camera that hangs
+FROZEN_S, FROZEN_FRAMES = 1.0, 5  # a real sensor has noise: the same picture for so long means a camera that hangs
 Predict = Callable[[], NDArray[np.float64] | None]
 DISTURBED, UNCONFIRMED = "dots_disturbed", "unconfirmed"
 
@@ -58,15 +58,17 @@ class Gate:
     """Judges the frames of one endcap, in order."""
 
     def __init__(self) -> None:
-        self._same: tuple[Frame, float] | None = None
+        self._same: Frame | None = None  # the first of those that are equal
+        self._count = 0
         self._held_n: NDArray[np.float64] | None = None
 
     def frozen(self, frame: Frame) -> float:
         """For how long the picture has been the same, s; 0 until that is too long."""
-        if self._same is None or _differs(self._same[0], frame):
-            self._same = frame, frame.time_s
-        same_s = frame.time_s - self._same[1]
-        return same_s if same_s > FROZEN_S else 0.0
+        if self._same is None or _differs(self._same, frame):
+            self._same, self._count = frame, 0
+        self._count += 1
+        same_s = frame.time_s - self._same.time_s
+        return same_s if same_s > FROZEN_S and self._count > FROZEN_FRAMES else 0.0
 
     def judge(self, likeness: float, tracks: DotTracks | None, estimate: Wrench, predict: Predict) -> Verdict:
         """Verdict on one frame.

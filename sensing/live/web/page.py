@@ -151,7 +151,8 @@ class PageServer:
         """Details of an endcap, and its picture if that is new; without a valid reading, the newest frame."""
         cap = self._run.engine.caps[number]
         reading, frame = self._run.latest.get(cap.name), cap.frame
-        if reading is not None and reading.tracks is not None and cap.machine.condition.valid:
+        now = cap.machine.condition.valid or (reading is not None and reading.frame is frame)
+        if reading is not None and reading.valid and reading.tracks is not None and now:
             frame, shown = reading.frame, detail(reading, number)
         elif frame is None:
             return

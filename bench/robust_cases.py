@@ -13,9 +13,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sensing.live.ending import leave
+from sensing.live.ending import end_at_once, leave
 
 MOST_MB = 1000.0
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 NOISE = ("Traceback", "Fatal Python", "Exception ignored", "terminate called", "FATAL", "Segmentation")
 
 
@@ -46,21 +47,29 @@ class Outcome:
 
 
 def run_case(
-    work: Callable[[], int], limit_s: float, end: tuple[int, float] | None = None, stdout: str | None = None
+    work: Callable[[], int],
+    limit_s: float,
+    end: tuple[int, float, bool] | None = None,
+    stdout: str | None = None,
 ) -> Outcome:
     """One case.
 
     Args:
-        work: returns an exit status. limit_s: then it is killed. end: signal, and seconds until it is sent.
+        work: returns an exit status. limit_s: then it is killed.
+        end: signal, seconds until it is sent, and whether they count from the first line that it prints.
         stdout: path for standard output instead of the file that is read.
     """
     with tempfile.TemporaryFile() as printed:
         begin = time.monotonic()
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDS)  # until the child has its handlers
         pid = os.fork()
         if pid == 0:
             _child(work, printed.fileno(), stdout)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
         sent_s = float("nan")
         if end is not None:
+            while end[2] and not os.fstat(printed.fileno()).st_size and time.monotonic() < begin + limit_s / 2:
+                time.sleep(0.002)
             time.sleep(end[1])
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, end[0])
@@ -74,10 +83,10 @@ def run_case(
 
 def _child(work: Callable[[], int], printed: int, stdout: str | None) -> None:
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda number, _: os._exit(128 + number))
         os.dup2(printed, 2)
         os.dup2(printed if stdout is None else os.open(stdout, os.O_WRONLY), 1)
+        end_at_once()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
         status = work()
     except BaseException:
         import traceback

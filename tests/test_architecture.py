@@ -52,7 +52,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     },
 }
 SHARED_WITH_SIMULATOR = {"sensing.records", "sensing.records_labelled"}  # besides the package camera
-PACKAGES = ("cad", "fab", "sensing")
+PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
 KERNEL = ("OCP", "build123d", "cadquery")
 

@@ -54,6 +54,17 @@ def zone_clip_radius_mm(params: EndcapParams) -> float:
     return limit if _sphere_section(params, inner, params.flange_thickness_mm) < limit else 0.0
 
 
+def vent_reach_mm(params: EndcapParams, height_mm: float) -> float:
+    """Cylindrical radius at which the notches of the vents begin, at a height near the flange's top.
+
+    A notch's axis is the chord of the flange's outer surface between bottom and top; it leans by the chord's slope.
+    """
+    sphere, top = params.outer_radius_mm - COLLAR_CLEARANCE_MM, params.flange_thickness_mm
+    low, high = (_sphere_section(params, sphere, z) for z in (0.0, top))
+    slope = (high - low) / top
+    return low + slope * height_mm - VENT_DIAMETER_MM / 2 * math.hypot(1.0, slope)
+
+
 def zone_volume_mm3(params: EndcapParams) -> float:
     """Volume of the gyroid zone in closed form: pi times the integral of outer^2 - max(inner, clip)^2 over height."""
     inner, outer = zone_radii_mm(params)

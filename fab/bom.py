@@ -27,9 +27,15 @@ SILICONE_USD_KG = 40.0  # E: Smooth-Sil 950, small kit
 
 def all_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
     """Every screw joint of endcap and mold, as the parts return them."""
-    from cad import base, hanger, mold_cup
+    from cad import arm_adapter, base, hanger, mold_cup
 
-    return (*base.screw_joints(layout.params), *hanger.screw_joints(layout), *mold_cup.screw_joints(layout))
+    params = layout.params
+    return (
+        *base.screw_joints(params),
+        *arm_adapter.screw_joints(params),
+        *hanger.screw_joints(layout),
+        *mold_cup.screw_joints(layout),
+    )
 
 
 def fit_joints(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[ScrewFit]:
@@ -77,7 +83,8 @@ def bom_checks(
     screws = sum(line.quantity for line in lines if line.owner == "screws")
     nuts = sum(line.quantity for line in lines if line.owner == "nuts")
     wanted = sum(len(joint.places) for joint in joints)
-    held = sum(len(joint.places) for joint in joints if joint.holder != "plastic" and joint.owner != "hanger")
+    with_nut = ("captured nut", "loose nut")
+    held = sum(len(joint.places) for joint in joints if joint.holder in with_nut and joint.owner != "hanger")
     return [
         *(check for fit in fits for check in fit.checks),
         Check("bom.parts_without_line", len(missing), high=0),

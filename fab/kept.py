@@ -42,7 +42,7 @@ def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceM
             return InterfaceMesh(trimesh.Trimesh(vertices, faces, process=False, validate=False), **values)
         made = interface_mesh(params)
         vertices, faces = np.asarray(made.mesh.vertices), np.asarray(made.mesh.faces)
-        np.savez(folder / MESH_FILE, vertices=vertices.astype(np.float32), faces=faces.astype(np.int32))
+        np.savez(folder / MESH_FILE, vertices=vertices, faces=faces.astype(np.int32))
         numbers = {name: value for name, value in vars(made).items() if name != "mesh"}
         cache.store(key, folder, [MESH_FILE], numbers)
         return made

@@ -27,7 +27,8 @@ HELP = """\
 options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
   T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
-  joint_clearance=0.15   gap of the printed joints, mm a side (0.05 to 0.30): the best step of the fit coupon
+  joint_clearance=0.15   gap of the printed joints, mm a side: the best step of the fit coupon
+                   (0.05 to about 0.21; the widest, by the leak, depends on the size and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
   exports=DIR      folder that receives D130_T8/ (default: exports/)
   cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept

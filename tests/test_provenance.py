@@ -174,7 +174,7 @@ def test_values_of_the_released_network():
 
 
 def test_values_of_fabrication():
-    from fab.checks.cavity import VISCOSITY_PA_S
+    from cad.leak import VISCOSITY_PA_S
     from fab.led_ring.budget import LED_A, RING_A
     from fab.slice import settings
 

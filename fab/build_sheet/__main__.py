@@ -170,10 +170,11 @@ def open_workshop(export: Export) -> Workshop:
 
 def part_colors(export: Export) -> dict[str, tuple[float, float, float]]:
     """The parts' own colours, as in the assembly."""
-    from cad import hanger, interface, mold_core, mold_cup, shell
+    from cad import arm_adapter, hanger, interface, mold_core, mold_cup, shell
 
     stems = {"cup_": mold_cup.COLOR, "core_": mold_core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}
     stems |= {"shell": shell.COLOR, "base": (0.30, 0.33, 0.38), "ring_spacer": (0.96, 0.84, 0.36)}
+    stems["arm_adapter"] = arm_adapter.COLOR
     names = [part["name"] for part in export.manifest["parts"] if part["role"] != "bought"]
     return {name: next((c for stem, c in stems.items() if name.startswith(stem)), (0.7, 0.7, 0.7)) for name in names}
 

@@ -55,6 +55,20 @@ def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
             screws=("base_to_interface",),
             drawn_mm=45.0,
         ),
+        Step(
+            "adapter",
+            "assemble",
+            "Adapter to the robot, endcap to the adapter",
+            (
+                "Adapter onto the robot's flange: pin first, then its screws from above, heads in the hub's pockets.",
+                "Cables through the hub's bore and out along its groove.",
+                "Endcap onto the arms; {screws:adapter_to_base} from below into the inserts of the lugs.",
+                "The heads of the endcap's own screws stay free between the arms: a dome is changed on the robot.",
+            ),
+            (Move(("arm_adapter",), down, ("base", "interface", "shell")),),
+            screws=("adapter_to_base",),
+            drawn_mm=35.0,
+        ),
     )
 
 

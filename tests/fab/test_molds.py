@@ -81,7 +81,7 @@ def test_manifest_names_every_part_with_its_figures(written):
     parts = {part["name"]: part for part in manifest["parts"]}
     mold = [f"cup_{half}_{k}" for half in ("bowl", "collar") for k in (1, 2, 3)]
     mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wide") for k in (1, 2, 3)), "hanger"]
-    assert set(parts) == {*mold, "interface", "base", "ring_spacer", "shell", "led_ring", "camera"}
+    assert set(parts) == {*mold, "interface", "base", "ring_spacer", "arm_adapter", "shell", "led_ring", "camera"}
     for name, part in parts.items():
         assert part["role"] in ("printed", "cast", "bought") and part["quantity"] >= 1 and part["material"]
         assert part["volume_mm3"]["solid"] > 0 and part["volume_mm3"]["mesh"] > 0

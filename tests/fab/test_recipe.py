@@ -178,7 +178,7 @@ MANIFEST = {
 def test_every_part_screw_and_nut_has_its_line():
     lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, 2e3), None)
     assert all(check.ok for check in bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), lines))
-    assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 10 + 6 + 8 + 6
+    assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 5 + 10 + 6 + 8 + 6
     rows = list(csv.DictReader(io.StringIO(bom_csv(lines))))
     assert len(rows) == len(lines) and math.isclose(float(rows[0]["quantity"]), 1)
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.plain_numbers import plain_number
 from sensing.live.core.config import MODELS, CapConfig, LiveConfig, save_config
 from sensing.live.core.engine import Engine, LiveCap
 from sensing.live.core.reading import CapReading
@@ -210,8 +211,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
     parser.add_argument("--model", choices=MODELS, default="default")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
-    parser.add_argument("--diameter", type=float, default=130.0, metavar="MM", help="of the design (130)")
-    parser.add_argument("--wall", type=float, default=8.0, metavar="MM", help="of the design (8)")
+    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
+    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
     parser.add_argument("--weight", type=float, default=0.0, metavar="N", help="of the robot, for the force sum")
     return parser

@@ -11,7 +11,7 @@ and the caller says which half (``azimuth_hint_deg``). Pixels as in :mod:`sensin
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,7 +33,10 @@ MIN_CONTRAST = 0.22  # relative to the silicone around it; ink measures 0.35 to 
 AREA_PX = (35.0, 520.0)
 SEARCH_RINGS = 4
 TIP_CANDIDATES = 20
-NOISE_PX = 1.0  # hand-painted dots scatter by about this much at 480 rows
+ANCHORS = 7  # the tip, then ring 1
+NEAR_STEPS = 4  # of a fifth of the dots' spacing: 32 px at 480 rows
+FEWEST_TO_FIT = 7
+SURE, LEAST_MATCHED = 0.85, 0.6  # share of the pairs that there can be: ends the search, and is needed at its end
 
 
 class CalibrationError(EndcapError):
@@ -126,15 +129,73 @@ def assign_dots(
     if len(blobs_px) < 20:
         raise CalibrationError(f"{len(blobs_px)} dots found, at least 20 needed: sharper photo, or give dots as a CSV")
     tree = cKDTree(blobs_px)
-    mounted = _search(tree, points[rings < SEARCH_RINGS], start, azimuth_hint_deg)
-    spacing = _spacing_px(tree)
-    last = int(rings.max())
+    best: tuple[int, DotPairs, MountedCamera] | None = None
+    for candidate in _candidates(tree, points[rings < SEARCH_RINGS], start, azimuth_hint_deg):
+        pairs, mounted = _grown(tree, candidate, points, rings, fit)
+        if best is None or len(pairs.blob_index) > best[0]:
+            best = len(pairs.blob_index), pairs, mounted
+        if best[0] >= SURE * _possible(best[2], points, blobs_px):
+            return best[1], best[2]
+    if best is None or best[0] < LEAST_MATCHED * _possible(best[2], points, blobs_px):
+        matched = "no pose under which rings 0 to 3 are seen" if best is None else f"{best[0]} dots matched"
+        raise CalibrationError(
+            f"pattern not recognised: {matched} of {len(blobs_px)} found (need {100 * LEAST_MATCHED:.0f} %); "
+            f"check --diameter and --wall, take an undeformed photo, or give dots as a CSV"
+        )
+    return best[1], best[2]
+
+
+def _grown(
+    tree: cKDTree, mounted: MountedCamera, points: Array, rings: NDArray[np.intp], fit: Fit
+) -> tuple[DotPairs, MountedCamera]:
+    """Pairs and camera, fitted ring by ring from the tip outward."""
+    spacing, last = _spacing_px(tree), int(rings.max())
     for ring in [*range(2, last + 1), last, last]:
         tolerance = spacing * (0.3 if ring < last else 0.2)
         pairs = _mutual_nearest(tree, mounted, points, rings <= ring, tolerance)
-        mounted = fit(mounted, points[pairs.pattern_index], blobs_px[pairs.blob_index])
-    pairs = _mutual_nearest(tree, mounted, points, rings <= last, 0.2 * spacing)
-    return pairs, mounted
+        if len(pairs.blob_index) < FEWEST_TO_FIT:
+            break
+        mounted = fit(mounted, points[pairs.pattern_index], tree.data[pairs.blob_index])
+    return _mutual_nearest(tree, mounted, points, rings <= last, 0.2 * spacing), mounted
+
+
+def _possible(mounted: MountedCamera, points: Array, blobs_px: Array) -> int:
+    """How many pairs there can be: blobs, or dots that the camera sees."""
+    pixels = mounted.project(points)
+    size = (mounted.camera.width_px, mounted.camera.height_px)
+    return min(len(blobs_px), int(((pixels > 0) & (pixels < np.array(size) - 1)).all(axis=1).sum()))
+
+
+def _candidates(
+    tree: cKDTree, points: Array, start: MountedCamera, azimuth_hint_deg: float
+) -> Iterator[MountedCamera]:
+    """Cameras to begin with: near the start at any azimuth, then any scale and place.
+
+    In the second search some blob is taken for the tip or, where the tip is not painted, for a dot of the first ring.
+    """
+    yield _near(tree, points, start, azimuth_hint_deg)
+    for anchor in range(ANCHORS):
+        score, mounted = _search_from(tree, points, anchor, start, azimuth_hint_deg)
+        if score >= 0.4 * len(points):
+            yield mounted
+
+
+def _near(tree: cKDTree, points: Array, start: MountedCamera, azimuth_hint_deg: float) -> MountedCamera:
+    """The start camera, turned about its axis and its picture shifted so that most of the dots lie on blobs."""
+    tolerance = 0.2 * _spacing_px(tree)
+    middle = np.array([start.camera.cx_px, start.camera.cy_px])
+    pattern = start.project(points) - middle
+    reach = np.arange(-NEAR_STEPS, NEAR_STEPS + 1) * tolerance
+    shifts = np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 1, 2)
+    best, choice = -1.0, (0.0, start.project(points[0]))
+    for azimuth in np.radians(azimuth_hint_deg + np.arange(-90, 90, 2)):
+        turn = np.array([[np.cos(azimuth), -np.sin(azimuth)], [np.sin(azimuth), np.cos(azimuth)]])
+        where = pattern @ turn.T + middle + shifts
+        distance = tree.query(where, distance_upper_bound=tolerance)[0]
+        score = np.maximum(0, 1 - (distance / tolerance) ** 2).sum(-1)
+        if score.max() > best:
+            best, choice = float(score.max()), (azimuth, where[score.argmax(), 0])
+    return _place(start, 1.0, *choice, points[0])
 
 
 def _spacing_px(tree: cKDTree) -> float:
@@ -142,12 +203,14 @@ def _spacing_px(tree: cKDTree) -> float:
     return float(np.median(tree.query(tree.data, k=2)[0][:, 1]))
 
 
-def _search(tree: cKDTree, points: Array, start: MountedCamera, azimuth_hint_deg: float) -> MountedCamera:
-    """Best of candidate tips, scales and azimuths: a score of 1 for each pattern dot exactly on a blob."""
+def _search_from(
+    tree: cKDTree, points: Array, anchor: int, start: MountedCamera, azimuth_hint_deg: float
+) -> tuple[float, MountedCamera]:
+    """(score, camera) of the best candidate in which a pattern dot, the anchor, lies on a blob near the middle."""
     blobs, spacing = tree.data, _spacing_px(tree)
     pattern = start.project(points)
-    pattern = pattern - pattern[0]
-    step = float(np.median(np.linalg.norm(pattern[1:7], axis=1)))
+    step = float(np.median(np.linalg.norm(pattern[1:7] - pattern[0], axis=1)))
+    pattern = pattern - pattern[anchor]
     order = np.argsort(np.linalg.norm(blobs - np.median(blobs, axis=0), axis=1))
     best, choice = -1.0, (1.0, 0.0, blobs[0])
     for scale in spacing / step * np.geomspace(0.8, 1.35, 12):
@@ -159,12 +222,7 @@ def _search(tree: cKDTree, points: Array, start: MountedCamera, azimuth_hint_deg
             score = np.maximum(0, 1 - (distance / (0.2 * spacing)) ** 2).sum(-1)
             if score.max() > best:
                 best, choice = float(score.max()), (scale, azimuth, where[score.argmax(), 0])
-    if best < 0.4 * len(points):
-        raise CalibrationError(
-            f"pattern not recognised: rings 0 to 3 scored {best:.1f} of {len(points)} (need {0.4 * len(points):.0f}); "
-            f"check --diameter and --wall, take an undeformed photo, or give dots as a CSV"
-        )
-    return _place(start, *choice, points[0])
+    return best, _place(start, *choice, points[0])
 
 
 def _place(start: MountedCamera, scale: float, azimuth: float, tip_px: Array, tip_mm: Array) -> MountedCamera:

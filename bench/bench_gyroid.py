@@ -20,10 +20,10 @@ import numpy as np
 
 from cad.feasible import MIN_WALL_MM
 from cad.params import EndcapParams
-from fab.gyroid import STEP_MM, WALL_MM, gyroid_sheet, standing_sheet, volume_above
-from fab.gyroid_checks import COVERED_SHARE, VOXEL_MM, ball_reach, cast_space, sheet_walls_mm
-from fab.self_intersections import self_intersections
-from fab.zone_grid import zone_grid
+from fab.checks.gyroid import COVERED_SHARE, VOXEL_MM, ball_reach, cast_space, sheet_walls_mm
+from fab.checks.self_intersections import self_intersections
+from fab.meshing.gyroid import STEP_MM, WALL_MM, gyroid_sheet, standing_sheet, volume_above
+from fab.meshing.zone_grid import zone_grid
 
 HERE = Path(__file__).parent
 STEPS_MM = (1.6, 1.2, 1.0, 0.8, 0.6, 0.5, 0.4)

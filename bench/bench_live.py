@@ -34,15 +34,15 @@ from live_probes import IdleProbe, Viewer, clocks
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from sensing.live.config import CapConfig, LiveConfig
-from sensing.live.engine import LiveCap
-from sensing.live.feed import CameraFeed
-from sensing.live.model import LiveModel, load_model
-from sensing.live.page import PageServer
-from sensing.live.pipeline import ZERO_FRAMES, CapPipeline
-from sensing.live.recording import Recording
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import CameraFeed
+from sensing.live.core.model import LiveModel, load_model
+from sensing.live.core.pipeline import ZERO_FRAMES, CapPipeline
+from sensing.live.demo.scene import SIZE, SceneSource, scene_film
+from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun, favour_the_loop
-from sensing.live.scene import SIZE, SceneSource, scene_film
+from sensing.live.web.page import PageServer
 from sensing.records import Frame
 from sensing.tracking.zero import take_zero
 

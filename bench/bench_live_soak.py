@@ -18,11 +18,11 @@ from typing import Any
 
 from live_probes import Viewer
 
+from sensing.live.demo.scene import scene_config
 from sensing.live.open_caps import open_caps
-from sensing.live.page import PageServer
-from sensing.live.recording import Recording
+from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun, favour_the_loop
-from sensing.live.scene import scene_config
+from sensing.live.web.page import PageServer
 
 HERE = Path(__file__).resolve().parent
 PARTS = 20

@@ -29,8 +29,8 @@ from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.picture import read_image
 from sensing.camera.nominal import nominal_mount
-from sensing.simulator.render_dome import DomeRenderer
-from sensing.simulator.render_settings import Paint, RenderSettings
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import Paint, RenderSettings
 
 HERE = Path(__file__).parent
 PARAMS = EndcapParams(130, 8)

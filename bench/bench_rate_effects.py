@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from cad.materials import silicone
-from sensing.simulator.data_states import PathState, path_states
-from sensing.simulator.geometry import shell_geometry
+from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
-from sensing.simulator.loading import LoadPath, Waypoint
-from sensing.simulator.press import Target
-from sensing.simulator.protocols import load_path
+from sensing.simulator.press.press import Target
+from sensing.simulator.protocols.catalogue import load_path
+from sensing.simulator.protocols.loading import LoadPath, Waypoint
+from sensing.simulator.solid.geometry import shell_geometry
 
 MOTIONS = ("circle", "stick-slip", "impact")
 SEED = 0

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from cad.materials import silicone
-from sensing.simulator.frozen import FrozenPress
-from sensing.simulator.geometry import shell_geometry
-from sensing.simulator.indenter import Indenter
-from sensing.simulator.press import Press
-from sensing.simulator.reduced_basis import FRICTION, STATES, reduced_model, training_states
-from sensing.simulator.shell import shell_model
-from sensing.simulator.verify_reduced import UNSEEN_FRICTION, exact_states, judge, level_2_rate, unseen_path
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.press.frozen import FrozenPress
+from sensing.simulator.press.press import Press
+from sensing.simulator.reduced.basis import FRICTION, STATES, reduced_model, training_states
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.shell import shell_model
+from sensing.simulator.verification.reduced import UNSEEN_FRICTION, exact_states, judge, level_2_rate, unseen_path
 
 HERE = Path(__file__).parent
 MODES = (10, 20, 35, 50)

@@ -25,8 +25,8 @@ import matplotlib.pyplot as plt
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
-from sensing.simulator.render_dome import DomeRenderer
-from sensing.simulator.render_settings import LEVELS, Paint, RenderSettings
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import LEVELS, Paint, RenderSettings
 
 HERE = Path(__file__).parent
 PARAMS = EndcapParams(130, 8)

@@ -3,7 +3,7 @@
 On D = 130, T = 8, tilt 30, half model, processor time on one core: mesh density and element against the converged mesh,
 contact penalty against the stiffest, both factorisations in the same run, and the levels against level 1 on the mesh
 ``data``, on a path and at a friction that level 3 has not seen (level 4 where build/library.npz lies, as
-``python -m sensing.simulator.verify --only library`` leaves it). Minutes.
+``python -m sensing.simulator.verification --only library`` leaves it). Minutes.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from cad.materials import silicone
-from sensing.simulator.geometry import shell_geometry
-from sensing.simulator.indenter import Indenter
+from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
-from sensing.simulator.library import Library
-from sensing.simulator.mesh import DENSITIES, MeshDensity
-from sensing.simulator.press import Press, Target
+from sensing.simulator.press.press import Press, Target
+from sensing.simulator.reduced.library import Library
 from sensing.simulator.scene import Scene, SceneState
-from sensing.simulator.shell import ShellModel, shell_model
-from sensing.simulator.surface import dot_directions, surface_sampler
-from sensing.simulator.system import factorise, factorise_sparse
-from sensing.simulator.verify_levels import LIBRARY
-from sensing.simulator.verify_reduced import ABOVE_N, UNSEEN_FRICTION, unseen_path
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.mesh import DENSITIES, MeshDensity
+from sensing.simulator.solid.shell import ShellModel, shell_model
+from sensing.simulator.solid.surface import dot_directions, surface_sampler
+from sensing.simulator.solid.system import factorise, factorise_sparse
+from sensing.simulator.verification.levels import LIBRARY
+from sensing.simulator.verification.reduced import ABOVE_N, UNSEEN_FRICTION, unseen_path
 
 FORCES_N = (2.0, 5.0, 10.0, 20.0, 35.0)
 GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()

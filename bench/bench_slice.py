@@ -22,8 +22,8 @@ import trimesh
 
 from cad.interface import build_flange, build_zone
 from cad.params import EndcapParams
-from fab.gyroid import interface_mesh
-from fab.mesh import tessellate
+from fab.meshing.gyroid import interface_mesh
+from fab.meshing.mesh import tessellate
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import print_figures, zone_figures
 from fab.slice.project_3mf import Project, Volume, write_prusa

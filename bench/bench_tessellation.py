@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.design import build_solids
-from fab.mesh import TOLERANCE_MM, tessellate
+from fab.meshing.mesh import TOLERANCE_MM, tessellate
 
 HERE = Path(__file__).parent
 TOLERANCES_MM = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.records import Frame, Wrench
-from sensing.simulator.render_dome import DomeRenderer
-from sensing.simulator.render_settings import Lamp, RenderSettings
-from sensing.tracking.tracker import DotTracker, TrackerConfig
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import Lamp, RenderSettings
+from sensing.tracking.model_input import model_input
 from sensing.wrench.contact import ContactDetector, threshold_from_rest
 from sensing.wrench.model import WrenchModel, load_wrench_model
 
@@ -81,10 +81,10 @@ class Rest:
 
     def told(self, lamp: Lamp, count: int, start: int) -> Iterator[Wrench]:
         """The model's answers on frames under a lamp."""
-        tracker = DotTracker(self.zero, TrackerConfig(shape=self.model.shape))
+        seen = model_input(self.zero, self.model.shape, self.model.design)
         for k in range(count):
             frame = Frame(k / RATE_HZ, k, "rest", image=self.picture(lamp, start + k))
-            yield self.model.estimate(tracker.field(tracker.update(frame)))
+            yield self.model.estimate(seen.update(frame))
 
     def picture(self, lamp: Lamp, number: int) -> NDArray[np.uint8]:
         """One gray picture as received; a number is a noise."""

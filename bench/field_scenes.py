@@ -21,8 +21,8 @@ import numpy as np
 from cad.params import EndcapParams
 from sensing.decode import decode_bgr
 from sensing.records import Frame, Image
-from sensing.simulator.render_dome import DomeRenderer
-from sensing.simulator.render_settings import Paint, RenderSettings
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import Paint, RenderSettings
 from sensing.sources.degrade import LEVELS, degrade, random_degradation
 from sensing.sources.files import PICTURES, read_picture
 from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image

@@ -1,7 +1,8 @@
 """The rigid base: carries camera, ring and interface, and bolts to the robot arm. Endcap frame, millimetres.
 
-It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside the silicone's. Provenance letters are
-those of facts.md ("Geometry"): M measured, S standard, E our estimate. All sizes depend on the diameter alone.
+It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside the silicone's. Provenance letters
+are those of docs/provenance.md (GEO02 to GEO20): M measured, S standard, E our estimate. All sizes depend on the
+diameter alone.
 
 Printed with its bottom (z = -16) on the bed: pockets for camera, ring, cable and M4 heads open upward; the lugs
 stand on the bed; only the seats under the M3 heads, 1.6 mm wide, and the roofs of the insert holes are bridged. Where

@@ -1,6 +1,6 @@
 """Dimensions of bought parts: one table, ``bought.csv``, one row a dimension (millimetres; standard library only).
 
-Columns: ``part``, ``dimension``, ``value_mm``, ``provenance`` (letter of facts.md) and ``note``.
+Columns: ``part``, ``dimension``, ``value_mm``, ``provenance`` (letter of docs/provenance.md) and ``note``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, facts.md).
+"""The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, CAM01).
 
-Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M); the
-heights of holder and lens are our estimate (E), chosen so that the entrance pupil lies at ``camera_height_mm`` when
-the board sits on the base's pads. Only the front glass rises over the 180 degree plane.
+Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M, GEO15,
+GEO16); the heights of holder and lens are our estimate (E), chosen so that the entrance pupil lies at
+``camera_height_mm`` when the board sits on the base's pads. Only the front glass rises over the 180 degree plane.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Standard library only, because the sensing side needs the same pattern. Directions are unit vectors from the sphere's
 centre in the endcap frame; polar angles are measured from the tip of the dome (+z).
 
-Source: the released pattern (facts.md, "painted dots"), counted on unwrapped photos: 1, 6, 10, 12, 16, 18, 20, 20
+Source: the released pattern (M, CAM06), counted on unwrapped photos: 1, 6, 10, 12, 16, 18, 20, 20
 dots at equal polar steps, one dot of every ring on a common meridian. The two equal counts put the equator midway
 between rings 6 and 7, so the step is 180/13 degrees, and counts beyond the equator mirror those before it.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from cad.params import EndcapParams
 
-RING_COUNTS = (1, 6, 10, 12, 16, 18, 20)  # M: up to the last ring before the equator; later rings mirror it
+RING_COUNTS = (1, 6, 10, 12, 16, 18, 20)  # M, CAM06: up to the last ring before the equator; later rings mirror it
 POLAR_STEP_DEG = 180.0 / 13  # E: from the mirrored counts
 MERIDIAN_DEG = 0.0  # azimuth on which every ring has a dot
 DOT_RADIUS_MM = 2.0  # E: half the 4 mm that a dot measures on the photos

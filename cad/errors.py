@@ -10,9 +10,25 @@ Every message is one line: name=value, the accepted range or form, the reason, t
 
 from __future__ import annotations
 
+import re
+
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+
+
+def printable(text: str, newlines: bool = False) -> str:
+    r"""Text without what a terminal obeys: control and direction characters as ``\x1b``; newlines only if asked for."""
+    text = text if newlines else text.replace("\n", "\\n")
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
 
 class EndcapError(ValueError):
-    """Base of all errors that a user can cause and mend. The command line prints it and exits with status 2."""
+    """Base of all errors that a user can cause and fix. The command line prints it and exits with status 2.
+
+    Words of files and servers may be part of the message: what a terminal would obey is escaped.
+    """
+
+    def __str__(self) -> str:
+        return printable(super().__str__(), newlines=True)
 
 
 class ParameterError(EndcapError):

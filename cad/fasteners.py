@@ -57,7 +57,7 @@ class BomLine:
         owner: part or step that asks for it.
         use: what it is for.
         price_usd: for all of them; ``None`` where we do not know.
-        provenance: letter of facts.md.
+        provenance: letter of docs/provenance.md.
     """
 
     item: str

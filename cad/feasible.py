@@ -7,7 +7,7 @@ valid choice can be computed instead of guessed:
                   35,000 cP silicone would not fill the bond.
     T <= R / 5    a thicker wall no longer bends like a shell: the dots hardly move (E).
     opening       the silicone on the flange must leave the LED ring (radius 39.0 + 0.3) a way in.
-    cap           the gyroid must end at least 60 degrees from the tip, outside the paper's 50 degree tilts plus a
+    crown         the gyroid must end at least 60 degrees from the tip, outside the paper's 50 degree tilts plus a
                   10 degree patch: TPU under the contact would falsify the wrench.
     collar        above the equator the mold's collar needs room for the dam that holds the silicone which rises in
                   the closing stroke, and for the bolt flange.
@@ -128,7 +128,7 @@ def require_feasible(diameter_mm: float, wall_mm: float) -> None:
 
 
 def _diameter_holds(diameter_mm: float) -> bool:
-    """Rim, cap and bed: the limits that no wall can mend."""
+    """Rim, crown and bed: the limits that no choice of the wall meets."""
     outer = diameter_mm / 2
     centre = scaling.centre_height_mm(diameter_mm)
     if not math.isfinite(centre) or diameter_mm > MAX_DIAMETER_MM:

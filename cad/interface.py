@@ -2,7 +2,7 @@
 
 Endcap frame (:mod:`cad.params`), millimetres. The flange lies on the mating plane, z 0..flange_thickness; screws come
 from below and pull the nuts down onto the floor of their pockets. The nuts slide in radially from the bore. The gyroid
-itself is a mesh (:mod:`fab.gyroid`): as a B-rep it would have a hundred thousand faces.
+itself is a mesh (:mod:`fab.meshing.gyroid`): as a B-rep it would have a hundred thousand faces.
 
 Printed as it stands, mating plane down, without support: a pocket's roof is a 5.65 mm bridge. It is cast dome down, so
 air and overflow leave through the vents at the flange's outer edge.
@@ -92,7 +92,7 @@ def build_zone(params: EndcapParams) -> Solid:
 
 
 def build_interface(params: EndcapParams) -> Part:
-    """The printed part; its solid is the flange, its mesh (with the gyroid) comes from :mod:`fab.gyroid`."""
+    """The printed part; its solid is the flange, its mesh (with the gyroid) comes from :mod:`fab.meshing.gyroid`."""
     return Part("interface", "printed", "TPU 95A", build_flange(params), COLOR)
 
 

@@ -1,7 +1,7 @@
 """The LED ring's electronic parts: one table, ``led_parts.csv``, one row a part (standard library only).
 
 ``value`` is in the SI unit of column ``unit``; length runs from lead to lead, so across a part with leads on two
-sides; the last column says where the numbers come from, with the letters of facts.md.
+sides; the last column says where the numbers come from, with the letters of docs/provenance.md.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ MIDDLE_RADIUS_MM = 35.0  # E: middle of the board
 DRIVER_AZIMUTH_DEG = 100.0  # beside the plug; between the LEDs at 80 and 120 degrees
 PLUG_AZIMUTH_DEG = 90.0  # of the spacer's notch
 PLUG_RADIUS_MM = 34.375  # its pads lie inside the spacer's notch and 0.3 mm inside the board's edge
-LED_COUNT = 9  # P: 25 V / 2.8 V
+LED_COUNT = 9  # P, LED05, LED06: 25 V / 2.8 V
 LED_RANGE = (6, 9)  # more leave no gap for the driver; with fewer the boost inductor runs dry (fab.led_ring.driver)
 
 Point = tuple[float, float]

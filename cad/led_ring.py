@@ -1,9 +1,9 @@
 """The LED ring board as a bought body: annular circuit board, every part's envelope on it, plug underneath.
 
 Endcap frame, millimetres; keeps its size at every diameter. The paper gives the parts (boost driver, JB3030AWT LEDs
-of about 2.8 V in one string at a nominal 25 V, hence nine of them; facts.md), not the outline: the outline is sized to
-fit spacer and bore (E). Everything lies below the camera's 180 degree plane. Places come from
-:mod:`cad.led_placement`, sizes from led_parts.csv; copper and drill files are made by ``python -m fab.led_ring``.
+of about 2.8 V in one string at a nominal 25 V, hence nine of them; P, LED05, LED06), not the outline: the outline is
+sized to fit spacer and bore (E). Everything lies below the camera's 180 degree plane. Places come from
+:mod:`cad.led_placement`, sizes from led_parts.csv; ``python -m fab.led_ring`` makes copper and drill files.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The silicones: mixing, density and hyperelastic constants (standard library only: the bottom layer).
 
-The table is ``materials.csv`` beside this file; its last column says where each number comes from, with the letters of
-facts.md (P paper, M measured, S data sheet, E estimate). Stresses in MPa = N/mm2, densities in g/cm3, times as named.
+The table is ``materials.csv`` beside this file; its last column says where each number comes from, with letters and
+ids of docs/provenance.md (P paper, M measured, S data sheet, E estimate). Stresses in MPa = N/mm2, densities in g/cm3,
+times as named.
 
 Energy per reference volume, with I1b the first invariant of the isochoric right Cauchy-Green tensor:
 

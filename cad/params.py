@@ -7,9 +7,9 @@ wider at its equator than at its rim.
 
 What scales and what does not. The sensing hardware (camera, LED ring, nuts, screws) keeps its size. Base, screw
 circle and arm pattern depend on the diameter alone, so that shells of different wall or silicone can be swapped on
-one base. At D=130 they coincide with the released sensor (facts.md, "Geometry").
+one base. At D=130 they coincide with the released sensor (M, GEO02 to GEO11).
 
-Provenance letters in comments are those of facts.md: P paper, M measured, S standard, E our estimate.
+Provenance letters in comments are those of docs/provenance.md: P paper, M measured, S standard, E our estimate.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class EndcapParams:
 
     @property
     def screw_azimuths_deg(self) -> tuple[float, ...]:
-        """Azimuths of the ten M3 screws: 18 + 36 k degrees (M)."""
+        """Azimuths of the ten M3 screws: 18 + 36 k degrees (M, GEO06)."""
         return tuple(18.0 + 36.0 * k for k in range(10))
 
     @property
@@ -106,7 +106,7 @@ class EndcapParams:
 
     @property
     def interlock_depth_mm(self) -> float:
-        """Depth of the gyroid zone inside the silicone wall (P: 25 mm)."""
+        """Depth of the gyroid zone inside the silicone wall (P, GEO25: 25 mm)."""
         return scaling.INTERLOCK_DEPTH_MM
 
     @property
@@ -127,12 +127,12 @@ class EndcapParams:
     # --- rigid base -------------------------------------------------------------------------------------------
     @property
     def base_sphere_radius_mm(self) -> float:
-        """Sphere that the base follows (67.5 at D=130): 2.5 mm proud of the silicone, whose rim it guards (M)."""
+        """Sphere that the base follows (67.5 at D=130): 2.5 mm outside the silicone, whose rim it guards (M, GEO02)."""
         return self.outer_radius_mm + 2.5
 
     @property
     def base_thickness_mm(self) -> float:
-        """Thickness below the mating plane (M); fixed, because camera and screws are."""
+        """Thickness below the mating plane (M, GEO04); fixed, because camera and screws are."""
         return 16.0
 
     @property
@@ -142,7 +142,7 @@ class EndcapParams:
 
     @property
     def arm_azimuths_deg(self) -> tuple[float, ...]:
-        """Azimuths of the five M4 arm screws: 180 + 72 k degrees (M)."""
+        """Azimuths of the five M4 arm screws: 180 + 72 k degrees (M, GEO10)."""
         return tuple((180.0 + 72.0 * k) % 360.0 for k in range(5))
 
     # --- camera -----------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 Endcap frame, millimetres; keeps its size at every diameter. It stands on the recess's floor and is held by two drops
 of glue. Printed as it stands: nothing hangs over but the 11 degree cone underneath, 0.7 mm high. All sizes here are
-our estimate (E) but the recess's (M, facts.md).
+our estimate (E) but the recess's (M, GEO17, GEO18).
 """
 
 from __future__ import annotations

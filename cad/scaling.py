@@ -2,27 +2,27 @@
 
 The released sensor (D=130) is reproduced; other sizes keep its shape (the rim in proportion to D) until the ring of
 fixed size no longer fits through the bore, and then keep the rim and flatten the neck instead.
-Provenance letters are those of facts.md: P paper, M measured, S standard, E our estimate. Lengths in mm.
+Provenance letters are those of docs/provenance.md: P paper, M measured, S standard, E our estimate. Lengths in mm.
 """
 
 from __future__ import annotations
 
 import math
 
-RELEASED_OUTER_RADIUS_MM = 65.0  # P: 130 mm endcap
-RELEASED_CENTRE_HEIGHT_MM = 38.37  # M: sphere centre above the mating plane
-RELEASED_SCREW_CIRCLE_MM = 47.53  # M: radius of the ten M3 screws
+RELEASED_OUTER_RADIUS_MM = 65.0  # P, GEO01: 130 mm endcap
+RELEASED_CENTRE_HEIGHT_MM = 38.37  # M, GEO03: sphere centre above the mating plane
+RELEASED_SCREW_CIRCLE_MM = 47.53  # M, GEO07: radius of the ten M3 screws
 RELEASED_RIM_RADIUS_MM = math.sqrt(RELEASED_OUTER_RADIUS_MM**2 - RELEASED_CENTRE_HEIGHT_MM**2)  # 52.47
 SCREW_INSET_MM = RELEASED_RIM_RADIUS_MM - RELEASED_SCREW_CIRCLE_MM  # 4.94: nut, its pocket wall, the rim
 
-RING_ENVELOPE_RADIUS_MM = 39.0  # M: recess that takes ring and spacer
+RING_ENVELOPE_RADIUS_MM = 39.0  # M, GEO17: recess that takes ring and spacer
 RING_CLEARANCE_MM = 0.3  # E: a ring that drops through the bore without filing
 BORE_INSET_MM = 4.5  # E: half a nut (2.8) and 1.7 of TPU ledge inside it, so that the nut cannot tip inward
 MIN_RIM_RADIUS_MM = RING_ENVELOPE_RADIUS_MM + RING_CLEARANCE_MM + BORE_INSET_MM + SCREW_INSET_MM  # 48.74
 
 CAMERA_HEIGHT_MM = 17.0  # E: entrance pupil above the mating plane; puts the view's rim where the photos show it
 FLANGE_THICKNESS_MM = 6.0  # E: 2.2 TPU under the nut, 2.0 nut pocket, 1.8 roof
-INTERLOCK_DEPTH_MM = 25.0  # P
+INTERLOCK_DEPTH_MM = 25.0  # P, GEO25
 
 
 def rim_radius_mm(diameter_mm: float) -> float:

@@ -13,9 +13,9 @@ import trimesh
 
 from cad.fasteners import BomLine, ScrewJoint
 from cad.mold_layout import MoldLayout
-from fab.check import Check
+from fab.checks.check import Check
+from fab.checks.screw_fit import ScrewFit, fitted
 from fab.recipe import RELEASE_AGENT, Recipe
-from fab.screw_fit import ScrewFit, fitted
 
 BOUGHT = {  # manifest's bought parts: what to ask for, price
     "camera": ("USB camera ELP-USBFHD01M, OV2710, 180 degree fisheye (P)", 45.0),

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
 from cad.params import EndcapParams
-from fab.check import ChecksFailedError
+from fab.checks.check import ChecksFailedError
 
 EXPORTS = str(Path(__file__).resolve().parent.parent / "exports")
 

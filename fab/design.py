@@ -23,9 +23,9 @@ from cad.params import EndcapParams
 from cad.part import Part
 from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
-from fab.gyroid import InterfaceMesh, interface_mesh, volume_above
-from fab.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
-from fab.self_intersections import self_intersections
+from fab.checks.self_intersections import self_intersections
+from fab.meshing.gyroid import InterfaceMesh, interface_mesh, volume_above
+from fab.meshing.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
 
 Progress = Callable[[str], None]
 PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera")  # what the robot carries

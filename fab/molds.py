@@ -15,7 +15,7 @@ from pathlib import Path
 from cad.errors import FileError
 from cad.feasible import diameter_range_mm
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command, Interrupts, parse_design, parse_length
 from fab.progress import Progress
 
@@ -57,7 +57,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 def load_libraries(progress: Progress) -> None:
     """Import CAD kernel and mesh libraries, which takes seconds."""
     progress("CAD kernel")
-    for module in ("fab.design", "fab.exports", "fab.gates"):
+    for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
         importlib.import_module(module)
 
 
@@ -94,9 +94,9 @@ def make_molds(layout: MoldLayout, exports: Path, progress: Progress) -> int:
 
 def _make(layout: MoldLayout, final: Path, workers: ProcessPoolExecutor, progress: Progress) -> int:
     """Build, write and check with running workers."""
-    from fab import exports as files
+    from fab.checks.gates import run_gates
     from fab.design import build_design
-    from fab.gates import run_gates
+    from fab.exports import writer as files
 
     design = build_design(layout, workers, progress)
     with files.whole_folder(final) as folder, finished([]) as pending:

@@ -15,6 +15,7 @@ from cad.errors import EndcapError
 from sensing.records import Frame, Image
 
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
+MOST_PIXELS = 1 << 26  # of a picture: a few bytes of a damaged or hostile file may claim gigabytes
 _REDUCED_GRAY = {
     1: cv2.IMREAD_GRAYSCALE,
     2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
@@ -101,8 +102,20 @@ def as_uint8(image: NDArray, source: str) -> Image:
     return np.ascontiguousarray(image)
 
 
+def png_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) from the head of a PNG (ISO/IEC 15948, 11.2.2); None if it is none."""
+    if data[:8] != b"\x89PNG\r\n\x1a\n" or len(data) < 24:
+        return None
+    return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+
+
 def _imdecode(frame: Frame, flag: int) -> Image:
-    image = cv2.imdecode(np.frombuffer(frame.jpeg or b"", np.uint8), flag)
+    if frame.size is not None and frame.size[0] * frame.size[1] > MOST_PIXELS:
+        raise FrameError(f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px: at most {MOST_PIXELS} pixels")
+    try:
+        image = cv2.imdecode(np.frombuffer(frame.jpeg or b"", np.uint8), flag)
+    except cv2.error:  # it raises for some bytes and gives None for others
+        image = None
     if image is None:
         raise FrameError(f"{frame.source}: frame {frame.sequence} is no readable picture: check cable and file")
     return image

@@ -4,7 +4,7 @@
 
 Rows of ``index.csv``: ``wrench``, six numbers as text (N, N m), and ``array_path``, a (2, 30, 30) float32 shear field
 in pixels of the 200 x 200 crop against the untouched picture in the same light (:mod:`sensing.tracking.gelslim`;
-facts.md, "data"). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does
+P, NET19). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does
 to the plane, about the sphere's centre. Further columns say path, phase and level, so that splits can keep a path
 together. :mod:`sensing.learning.authors_dataset` reads the result.
 """

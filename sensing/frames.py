@@ -13,7 +13,7 @@ joint, ...  any rigid frame: give its pose ``T_joint_endcap``
 
 - A :class:`sensing.records.Wrench` is what the world does **to the endcap**; pressing on the tip gives Fz < 0.
 - A force sensor under the plane is pressed by the endcap: it reads the opposite, ``reads = REACTION``.
-- The authors' labels are of that kind, and their nodes publish the negated prediction (facts.md, "output sign"), which
+- The authors' labels are of that kind, and their nodes publish the negated prediction (M, NET09), which
   is therefore the wrench on the endcap: ``wrench = AUTHORS_LABEL_SIGN * label``. That their label is the force *on the
   plane* is our reading of that minus (E), and that their "endcap sensor centre" is the sphere's centre too (E).
 - Image u runs along the endcap's x and v along its y for a camera mounted without rotation.

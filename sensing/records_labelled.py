@@ -14,7 +14,6 @@ in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at the or
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
+from sensing.npz import read_npz
 from sensing.records import Frame, Wrench
 
 FORMAT = 2
@@ -208,9 +208,8 @@ def read_shard(path: Path, names: Collection[str] | None = None) -> dict[str, ND
         FileError: missing or corrupt.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in (archive.files if names is None else names)}
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, zipfile.error, EOFError) as error:
+        return read_npz(path, names)
+    except (OSError, ValueError, KeyError) as error:
         raise FileError(
             f"{path}: not a whole shard ({error}): delete it and run the command that wrote the set again"
         ) from error

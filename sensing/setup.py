@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
-from sensing.live.config import MODELS, CapConfig, LiveConfig, save_config
-from sensing.live.engine import Engine, LiveCap
+from sensing.live.core.config import MODELS, CapConfig, LiveConfig, save_config
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.reading import CapReading
+from sensing.live.core.warm_up import warm_up
 from sensing.live.open_caps import Models, configured_models, open_caps
-from sensing.live.reading import CapReading
-from sensing.live.warm_up import warm_up
 from sensing.sources.camera import list_devices
 from sensing.tracking.zero import save_zero
 from sensing.wrench.contact import threshold_from_rest

@@ -106,8 +106,8 @@ def _said(drift: Drift) -> str:
 
 
 def _count(text: str) -> int:
-    if not text.isdigit() or int(text) < LEAST_FRAMES:
-        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number, at least {LEAST_FRAMES}")
+    if not (text.isascii() and text.isdigit() and len(text) < 6) or int(text) < LEAST_FRAMES:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number from {LEAST_FRAMES} to 99999")
     return int(text)
 
 

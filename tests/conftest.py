@@ -17,7 +17,7 @@ def released_mold():
     from cad.mold_cup import cup_parts
     from cad.mold_layout import MoldLayout
     from cad.params import EndcapParams
-    from fab.mesh import tessellate
+    from fab.meshing.mesh import tessellate
 
     layout = MoldLayout(EndcapParams(130.0, 8.0))
     made = [*core_parts(layout, core_body(layout)), *cup_parts(layout)]
@@ -29,7 +29,8 @@ def short_paths(monkeypatch: pytest.MonkeyPatch) -> None:
     """A protocol of short paths, one path a shard."""
     from small_data import short_path
 
-    from sensing.simulator import data_request, protocols
+    from sensing.simulator.dataset import request as data_request
+    from sensing.simulator.protocols import catalogue as protocols
 
     monkeypatch.setitem(protocols.PROTOCOLS, "short", short_path)
     monkeypatch.setattr(data_request, "PATHS_PER_SHARD", 1)
@@ -40,8 +41,8 @@ def small_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A labelled set of two shards, written by one process."""
     from small_data import small_request
 
-    from sensing.simulator import data_request
-    from sensing.simulator.dataset import write_dataset
+    from sensing.simulator.dataset import request as data_request
+    from sensing.simulator.dataset.writer import write_dataset
 
     kept = data_request.PATHS_PER_SHARD
     folder = tmp_path_factory.mktemp("set")

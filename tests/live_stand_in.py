@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 import cv2
 import numpy as np
 
-from sensing.live.config import CapConfig
-from sensing.live.model import LiveModel, live_model
-from sensing.live.pipeline import CapPipeline
+from sensing.live.core.config import CapConfig
+from sensing.live.core.model import LiveModel, live_model
+from sensing.live.core.pipeline import CapPipeline
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.newest import FrameSource

@@ -12,12 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import FileError
-from sensing.simulator import data_request, protocols
 from sensing.simulator.__main__ import main
-from sensing.simulator.data_request import DataRequest
-from sensing.simulator.dataset import shard_path, write_dataset
-from sensing.simulator.loading import LoadPath, Waypoint, timed
-from sensing.simulator.press import Target
+from sensing.simulator.dataset import request as data_request
+from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.dataset.writer import shard_path, write_dataset
+from sensing.simulator.press.press import Target
+from sensing.simulator.protocols import catalogue as protocols
+from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
 
 ROOT = Path(__file__).resolve().parent.parent
 

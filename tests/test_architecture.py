@@ -20,7 +20,9 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
-SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "whole_file")}
+SHARED = {
+    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "whole_file")
+}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),
@@ -30,8 +32,12 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "wrench": {"camera", "tracking"},
     "recording": {"tracking"},
     "learning": {"camera", "tracking", "wrench"},
-    "live": {"camera", "sources", "tracking", "wrench"},
-    "": {"calibration", "camera", "learning", "live", "recording", "sources", "tracking", "wrench"},
+    "live.core": {"camera", "sources", "tracking", "wrench"},
+    "live.outputs": {"live.core"},
+    "live.web": {"live.core", "live.outputs"},
+    "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
+    "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
+    "": {"calibration", "camera", "learning", "live", "live.core", "recording", "sources", "tracking", "wrench"},
 }
 SHARED_WITH_SIMULATOR = {"sensing.records", "sensing.records_labelled"}  # besides the package camera
 PACKAGES = ("cad", "fab", "sensing")
@@ -92,7 +98,8 @@ def own(names: set[str]) -> set[str]:
 def part(module: str) -> str:
     """Package of sensing that a module lies in, "" for the modules beside the packages."""
     names = module.split(".")
-    return names[1] if len(names) > 1 and names[1] in ARROWS else ""
+    inner = ".".join(names[1:3])
+    return next((name for name in (inner, *names[1:2]) if name in ARROWS), "")
 
 
 def sensing_violations(module: str, names: set[str]) -> set[str]:
@@ -131,8 +138,14 @@ def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(mo
     assert sensing_violations(module, imports_of(module)) == set()
 
 
+def test_the_runtime_does_not_import_the_verification():
+    runtime = {m for m in MODULES if m.startswith("sensing") and "verification" not in m}
+    found = {m: {n for n in imports_of(m) if "simulator.verification" in n} for m in runtime}
+    assert {m for m, names in found.items() if names} == set()
+
+
 def test_every_package_of_sensing_has_its_arrows_and_they_have_no_cycle():
-    assert {path.parent.name for path in (ROOT / "sensing").glob("*/*.py")} == set(ARROWS) - {""}
+    assert {path.parent.name for path in (ROOT / "sensing").glob("*/*.py")} == {n for n in ARROWS if n and "." not in n}
     order = list(ARROWS)
     assert all(order.index(other) < order.index(package) for package in ARROWS for other in ARROWS[package])
 
@@ -140,23 +153,23 @@ def test_every_package_of_sensing_has_its_arrows_and_they_have_no_cycle():
 @pytest.mark.parametrize(
     ("module", "source", "bad"),
     [
-        ("sensing.flow", "from fab.mesh import weld", {"fab.mesh"}),
+        ("sensing.flow", "from fab.meshing.mesh import weld", {"fab.meshing.mesh"}),
         ("sensing.flow", "def f():\n    import build123d.topology", {"build123d.topology"}),
         ("sensing.flow", "from cad import base, params", {"cad.base"}),
         ("sensing.flow", "from cad.mold_layout import MoldLayout", {"cad.mold_layout"}),
-        ("sensing.flow", "from sensing.simulator.render import ray", {"sensing.simulator.render"}),
+        ("sensing.flow", "from sensing.simulator.render.dome import ray", {"sensing.simulator.render.dome"}),
         ("sensing.flow", "from sensing.train import main", {"sensing.train"}),
-        ("sensing.simulator.render", "from sensing.flow import track", {"sensing.flow"}),
-        ("sensing.simulator.render", "from ..flow import track", {"sensing.flow"}),
-        ("sensing.simulator.render", "from sensing.frames import rigid", {"sensing.frames"}),
-        ("sensing.simulator.render", "from sensing.tracking import dots", {"sensing.tracking.dots"}),
-        ("sensing.simulator.render", "from sensing.calibration.dots import f", {"sensing.calibration.dots"}),
-        ("sensing.simulator.render", "from sensing.camera.model import project\nfrom .mesh import m", set()),
+        ("sensing.simulator.render.dome", "from sensing.flow import track", {"sensing.flow"}),
+        ("sensing.simulator.render.dome", "from ...flow import track", {"sensing.flow"}),
+        ("sensing.simulator.render.dome", "from sensing.frames import rigid", {"sensing.frames"}),
+        ("sensing.simulator.render.dome", "from sensing.tracking import dots", {"sensing.tracking.dots"}),
+        ("sensing.simulator.render.dome", "from sensing.calibration.dots import f", {"sensing.calibration.dots"}),
+        ("sensing.simulator.render.dome", "from sensing.camera.model import project\nfrom .mesh import m", set()),
         ("sensing.tracking.dots", "from ..wrench.model import m", {"sensing.wrench.model"}),
         ("sensing.tracking.dots", "import sensing.field", {"sensing.field"}),
         ("sensing.camera.model", "from sensing.tracking.dots import find", {"sensing.tracking.dots"}),
         ("sensing.records", "from sensing.camera.model import project", {"sensing.camera.model"}),
-        ("sensing.live.model", "def f():\n    import sensing.learning.net", {"sensing.learning.net"}),
+        ("sensing.live.core.model", "def f():\n    import sensing.learning.net", {"sensing.learning.net"}),
         ("sensing.learning.net", "from sensing import records, compiled\nfrom . import ridge", set()),
         ("sensing.flow", "from cad.params import EndcapParams\nfrom cad import dots\nimport numpy", set()),
     ],

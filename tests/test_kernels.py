@@ -32,10 +32,10 @@ for name, module in list(sys.modules.items()):
 """
 MECHANICS = """
 from cad.materials import silicone
-from sensing.simulator.geometry import shell_geometry
-from sensing.simulator.indenter import Indenter
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
-from sensing.simulator.press import Target
+from sensing.simulator.press.press import Target
 from sensing.simulator.scene import Scene
 for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
     simulator = Simulator(shell_geometry(130, 8), law, "draft", level=level)
@@ -48,7 +48,7 @@ PICTURES = """
 from cad.params import EndcapParams
 from sensing.tracking.methods import METHODS, field_method
 from sensing.records import Frame
-from sensing.simulator.render_dome import DomeRenderer
+from sensing.simulator.render.dome import DomeRenderer
 renderer = DomeRenderer(EndcapParams(130, 8))
 first, second = renderer.render(), renderer.render(frame=1)
 for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
@@ -57,14 +57,14 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
         for number in (1, 2):
             frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
             tell(method.update(frame).channels)
-from sensing.tracking.tracker import DotTracker, TrackerConfig
+from sensing.tracking.model_input import model_input
 from sensing.wrench.filter import WrenchFilter
 from sensing.wrench.model import load_wrench_model
 model, smooth = load_wrench_model(EndcapParams(130, 8)), WrenchFilter()
-tracker = DotTracker(Frame(0.0, 0, "test", image=first.image_bgr), TrackerConfig(shape=model.shape))
+seen = model_input(Frame(0.0, 0, "test", image=first.image_bgr), model.shape, model.design)
 for number in (1, 2, 3):
     frame = Frame(number / 30, number, "test", image=np.roll(first.image_bgr, number, axis=1))
-    estimate = model.estimate(tracker.field(tracker.update(frame)))
+    estimate = model.estimate(seen.update(frame))
     for told in (estimate, smooth.update(estimate), smooth.at(number / 30 + 0.01)):
         tell(np.concatenate([told.force_n, told.torque_nm, told.covariance.ravel()]))
 """

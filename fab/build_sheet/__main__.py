@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cad.errors import FileError
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.params import EndcapParams
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command, parse_design
 from fab.progress import Progress
 
@@ -69,7 +69,7 @@ def make_sheet(params: EndcapParams, exports: Path, material: str = DEFAULT_SILI
     from fab.build_sheet.content import build_document
     from fab.build_sheet.html import write_html
     from fab.build_sheet.pdf import write_pdf
-    from fab.exports import whole_folder
+    from fab.exports.writer import whole_folder
     from fab.slice.projects import read_export
 
     silicone(material)
@@ -121,7 +121,7 @@ def _collect(
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import draw_ring_light, ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
-    from fab.check import Check
+    from fab.checks.check import Check
     from fab.recipe import recipe, shell_volume_mm3
 
     progress("parts and screws")
@@ -154,7 +154,7 @@ def open_workshop(export: Export) -> Workshop:
     from cad.mold_layout import MoldLayout
     from fab.bom import fit_joints
     from fab.build_sheet.pictures import Workshop
-    from fab.mesh import tessellate
+    from fab.meshing.mesh import tessellate
     from fab.slice.projects import read_part
 
     meshes, colors = {}, part_colors(export)

@@ -9,8 +9,8 @@ from typing import Any
 
 from cad.fasteners import BomLine
 from cad.mold_layout import MoldLayout
+from fab.checks.screw_fit import ScrewFit
 from fab.recipe import Recipe
-from fab.screw_fit import ScrewFit
 
 
 @dataclass(frozen=True)

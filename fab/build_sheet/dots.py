@@ -4,7 +4,7 @@ A gore is the strip of the inner surface between two meridians: along its middle
 lengths on each parallel are true. Cut out and laid into the dome from the tip it meets its dots.
 
 Notes:
-    The camera's picture is the equidistant fisheye r = f theta with its disc of 331 px at 90 degrees (facts.md).
+    The camera's picture is the equidistant fisheye r = f theta with its disc of 331 px at 90 degrees (M, CAM04).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from cad.params import EndcapParams
 from fab.build_sheet.blocks import Drawing
 
 MARGIN_MM = 4.0
-DISC_PX = 331.0  # M: radius of the shell in a 640 x 480 frame
+DISC_PX = 331.0  # M, CAM04: radius of the shell in a 640 x 480 frame
 FRAME_PX = (640.0, 480.0)
-SQUARE_PX = 480.0  # P: centre square of the released pipeline
+SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
 WIDEST_MM = 86.0  # two gores side by side on A4
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from cad.led_placement import LED_COUNT, LED_RANGE
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Table
-from fab.check import Check
+from fab.checks.check import Check
 from fab.led_ring.budget import RING_A, driver_checks, warmest_room_c
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light, light_checks

@@ -18,10 +18,10 @@ from cad.dots import DOT_RADIUS_MM, dot_pattern, dot_position_mm
 from cad.fasteners import ScrewJoint
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
-from fab.canvas import Canvas, Frame, Surface, View
-from fab.extraction import core_path
-from fab.mesh import from_manifold, joined, to_manifold
-from fab.screw_fit import ScrewFit
+from fab.checks.extraction import core_path
+from fab.checks.screw_fit import ScrewFit
+from fab.meshing.mesh import from_manifold, joined, to_manifold
+from fab.pictures.canvas import Canvas, Frame, Surface, View
 
 WIDTH_PX, HEIGHT_PX = 900, 640
 THUMB_PX = 240
@@ -90,7 +90,7 @@ class Workshop:
 
     def _seat(self, joint: ScrewJoint) -> float:
         """Height of the head's seat."""
-        from fab.screw_fit import screw_seat_mm
+        from fab.checks.screw_fit import screw_seat_mm
 
         return screw_seat_mm(joint, self.meshes)
 

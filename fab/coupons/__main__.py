@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
 from cad.materials import DEFAULT_SILICONE, silicone
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command
 
 if TYPE_CHECKING:
     import trimesh
 
     from cad.part import Part
-    from fab.check import Check
+    from fab.checks.check import Check
 
 IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray": "peel_tpu"}
 HELP = f"""\
@@ -86,8 +86,8 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
     """
     from cad.coupons import coupon_parts
     from fab.coupons.mesh import coupon_meshes
-    from fab.exports import whole_folder
-    from fab.render import PictureItem, render_parts
+    from fab.exports.writer import whole_folder
+    from fab.pictures.parts import PictureItem, render_parts
 
     density = silicone(material).density_g_cm3
     parts = {part.name: part for part in coupon_parts()}
@@ -115,8 +115,8 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
     from build123d import export_step
 
     from cad.step_file import canonical_step
-    from fab.exports import write_3mf
-    from fab.mesh import write_stl
+    from fab.exports.writer import write_3mf
+    from fab.meshing.mesh import write_stl
 
     for name, part in parts.items():
         write_stl(folder / f"{name}.stl", meshes[name])
@@ -133,7 +133,7 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
         ChecksFailedError: a check failed.
     """
     from fab.coupons.checks import coupon_checks, solid_checks
-    from fab.mesh import read_stl
+    from fab.meshing.mesh import read_stl
 
     read = {name: read_stl(folder / f"{name}.stl") for name in parts}
     checks = [*solid_checks(parts), *coupon_checks(parts, read)]

@@ -10,10 +10,10 @@ import trimesh
 from cad.bought import bought_mm
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TENSILE_BLOCK_MM, WIDTH_MM, socket_x_mm, zones_mm
 from cad.part import Part
-from fab.check import Check
-from fab.fit import CLEARANCE_MM, bed_check, min_wall_check
-from fab.gyroid import DENSITY
-from fab.mesh_checks import mesh_checks
+from fab.checks.check import Check
+from fab.checks.fit import CLEARANCE_MM, bed_check, min_wall_check
+from fab.checks.meshes import mesh_checks
+from fab.meshing.gyroid import DENSITY
 
 DENSITY_RATIO = 3e-3  # as the interface's
 OPEN_SHARE = 0.35  # TPU on an open side of the gyroid; the sheet cut straight covers 10 %

@@ -16,8 +16,8 @@ from skimage.measure import marching_cubes
 from cad.coupons import zones_mm
 from cad.errors import GeometryError
 from cad.part import Part
-from fab.gyroid import AREA_PER_PERIOD, DENSITY, WALL_MM, gyroid_distance_mm
-from fab.mesh import from_manifold, tessellate, to_manifold, weld
+from fab.meshing.gyroid import AREA_PER_PERIOD, DENSITY, WALL_MM, gyroid_distance_mm
+from fab.meshing.mesh import from_manifold, tessellate, to_manifold, weld
 
 STEP_MM = 0.6  # as the interface's
 ROOT_MM = 0.3  # how far the sheet reaches into the solid part, to fuse with it

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
 from cad.params import EndcapParams
-from fab.check import Check, require_passed
+from fab.checks.check import Check, require_passed
 from fab.command import EXPORTS, Command, parse_design, parse_length
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
@@ -63,7 +63,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
-    from fab.exports import whole_folder
+    from fab.exports.writer import whole_folder
     from fab.led_ring.copper import build_copper
     from fab.led_ring.gerber import board_files, read_archive, write_archive
     from fab.led_ring.light import dome_light, light_checks

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from cad import led_ring
 from cad.params import EndcapParams
-from fab.check import Check
+from fab.checks.check import Check
 from fab.led_ring.driver import (
     C_IN_LEAST_F,
     C_OUT_RANGE_F,
@@ -33,8 +33,8 @@ from fab.led_ring.driver import (
     losses_w,
 )
 
-LED_A = 0.020  # P
-RING_A = 0.130  # P: the ring draws less
+LED_A = 0.020  # P, LED03
+RING_A = 0.130  # P, LED08: the ring draws less
 USB_A = 0.500  # S: 2.5 W at 5 V
 USB_LOW_V = 4.75  # S: at a powered port
 CAMERA_A = 0.220  # E: ELP-USBFHD01M streaming

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from cad.led_parts import led_part
 from cad.led_placement import LED_COUNT, led_azimuths_deg
 
-V_REFERENCE = 0.200  # S: V_FB, 0.196 to 0.204
+V_REFERENCE = 0.200  # S, LED01: V_FB, 0.196 to 0.204
 V_REFERENCE_SPREAD = 0.02  # S
 RESISTOR_SPREAD = 0.01  # 1 % part
 V_PROTECTION = (37.0, 39.0)  # S: open-LED protection at the SW pin, least and most

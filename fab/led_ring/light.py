@@ -21,7 +21,7 @@ from cad import ring_spacer
 from cad.led_placement import LED_COUNT, Placement, placements
 from cad.led_ring import BOARD_THICKNESS_MM
 from cad.params import EndcapParams
-from fab.check import Check
+from fab.checks.check import Check
 
 REFLECTANCE = 0.5  # E: white silicone, translucent
 AZIMUTHS = 360

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from cad import ring_spacer
 from cad.led_placement import Placement
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
-from fab.check import Check
+from fab.checks.check import Check
 from fab.led_ring.copper import Pad
 
 CLEARANCE_MM = 0.2

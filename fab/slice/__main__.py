@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from fab.check import require_passed
+from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command, Interrupts, parse_design
 from fab.progress import Progress
 
 if TYPE_CHECKING:
-    from fab.check import Check
+    from fab.checks.check import Check
     from fab.slice.projects import Export
     from fab.slice.result import SliceResult
 
@@ -74,7 +74,7 @@ def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_g
         SlicerMissingError: PrusaSlicer is not installed.
         FileError: no export, or a file cannot be read or written.
     """
-    from fab.exports import whole_folder
+    from fab.exports.writer import whole_folder
     from fab.slice.projects import project_names, read_export
     from fab.slice.run import find_slicer, slicer_version
 

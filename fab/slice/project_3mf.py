@@ -23,7 +23,7 @@ import numpy as np
 import trimesh
 
 from cad.errors import FileError
-from fab.mesh import joined
+from fab.meshing.mesh import joined
 from fab.slice.settings import BED_MM, PrintSettings, Region
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"

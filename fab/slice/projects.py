@@ -15,7 +15,7 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from fab.mesh import read_stl, tessellate
+from fab.meshing.mesh import read_stl, tessellate
 from fab.slice.pose import laid_down
 from fab.slice.project_3mf import Project, Volume
 from fab.slice.settings import ROUNDING_MM, part_settings, zone_region

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.params import EndcapParams
-from fab.check import Check
+from fab.checks.check import Check
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import PrintFigures, ZoneFigures, print_figures, zone_figures
 from fab.slice.project_3mf import Project, write_orca, write_prusa

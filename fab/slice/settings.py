@@ -6,7 +6,7 @@ unless marked.
 Notes:
     The zone's settings open its sides: without perimeters and without top and bottom layers the slicer's default infill
     anchors still run along half of the boundary; ``infill_anchor``, ``infill_anchor_max`` and
-    ``solid_infill_below_area`` at 0 stop that (facts.md, "Gyroid infill law").
+    ``solid_infill_below_area`` at 0 stop that (M, GYR06).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ NOZZLE_MM = 0.4
 FILAMENT_DIAMETER_MM = 1.75
 LAYER_MM = 0.2
 LINE_MM = 0.45
-ZONE_PERCENT = 10.0  # P: the paper's infill
-ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line take off its width (facts.md)
-GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (facts.md)
+ZONE_PERCENT = 10.0  # P, GYR01
+ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line take off its width (S, GYR02)
+GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (S, GYR03)
 GCODE_START = "G28\\nG90\\nM83\\nG92 E0"
 GCODE_END = "M104 S0\\nM140 S0\\nM84"
 
@@ -217,7 +217,7 @@ def native_density_percent(wall_mm: float) -> float:
         wall_mm: thickness of the zone.
 
     Notes:
-        With line spacing s the slicer's period is 2 pi s / (2.44 rho) (facts.md). A gyroid of period L has 2.44 / L of
+        With line spacing s the slicer's period is 2 pi s / (2.44 rho) (S, GYR03). A gyroid of period L has 2.44 / L of
         line in a unit of section, each line a sheet of s, so it is filled by 2.44^2 / (2 pi) rho = 0.948 rho; and
         lines end s / 2 before either side of the zone.
     """

@@ -103,9 +103,10 @@ class MountedCamera:
             )
         except OSError as error:
             raise FileError(f"{path}: cannot read ({error.strerror}); make one with sensing.calibrate") from error
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+            said = " ".join(str(error).split())[:200]
             raise FileError(
-                f"{path}: not a camera file of format {FILE_FORMAT} ({error}); make one with sensing.calibrate"
+                f"{path}: not a camera file of format {FILE_FORMAT} ({said}); make one with sensing.calibrate"
             ) from error
 
 

@@ -1,7 +1,7 @@
 """The authors' data set as they publish it: ``index.csv`` beside ``shear_fields/NNNNNN.npy``.
 
 ``index.csv`` has at least the columns ``wrench`` (six numbers as text, "[Fx, Fy, Fz, Tx, Ty, Tz]", N, N m)
-and ``array_path``; each array is (2, 30, 30), u and v in pixels of the 200 x 200 crop (facts.md, "data"). Signs and
+and ``array_path``; each array is (2, 30, 30), u and v in pixels of the 200 x 200 crop (P, NET19). Signs and
 frame of the labels: :data:`sensing.frames.AUTHORS_LABEL_SIGN`. Rows follow one another in time.
 """
 

@@ -20,7 +20,7 @@ from sensing.learning.samples import MARKERS, ROW_ARRAYS, SHAPE, Samples, read_s
 from sensing.wrench.model import WrenchModel
 
 Array = NDArray[np.float64]
-RELEASED_SHAPE = (30, 30)  # facts.md
+RELEASED_SHAPE = (30, 30)  # P, NET06
 HELD_SHARE = 0.15
 HELD_TILT_DEG = (25.0, 35.0)
 HELD_FRICTION = 0.8  # and above

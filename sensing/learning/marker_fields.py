@@ -2,7 +2,7 @@
 
 Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting tell nothing
 about the next one's. So every loading path is seen by several made-up sensors: what calibration leaves of camera
-mounting and focal length (:mod:`sensing.tracking.nominal_view` takes out the rest), dots painted beside their place or
+mounting and focal length (:mod:`sensing.tracking.model_input` takes out the rest), dots painted beside their place or
 not at all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests use
 pictures and the real tracker.
 

@@ -1,4 +1,4 @@
-"""The paper's training, as published (facts.md, "training"): Adam 1e-3, batches of 32, 100 epochs, best validation.
+"""The paper's training, as published (P, NET11 to NET14): Adam 1e-3, batches of 32, 100 epochs, best validation.
 
 The loss is the mean square over six axes, N and N m mixed; the split is random over samples that follow one another in
 time, so neighbours of training samples are tested on. Kept as it is for comparison; our own training is
@@ -19,10 +19,10 @@ from torch import nn
 from cad.errors import ParameterError
 from sensing.wrench.paper_model import FIELD_SIZE, PaperModel, predict
 
-LEARNING_RATE = 1e-3  # P
-BATCH = 32  # P
-EPOCHS = 100  # P
-SHARES = (0.70, 0.15, 0.15)  # P: training, test, validation
+LEARNING_RATE = 1e-3  # P, NET11
+BATCH = 32  # P, NET12
+EPOCHS = 100  # P, NET12
+SHARES = (0.70, 0.15, 0.15)  # P, NET14: training, test, validation
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,9 @@ from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
 from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
-from sensing.tracking.methods import DotField, field_method
-from sensing.tracking.nominal_view import NominalField
+from sensing.tracking.methods import FieldMethod, field_method
+from sensing.tracking.model_input import model_input
+from sensing.tracking.zero import single_zero
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
 MARKERS = "markers"
@@ -151,7 +152,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     design = data.params
     if not data.shards:
         raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
-    stamp = f"5 {method} {shape} " + " ".join(
+    stamp = f"6 {method} {shape} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
@@ -173,13 +174,16 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
 def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
     """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
-    worker, now, camera = None, None, _camera(data.folder)
+    worker: FieldMethod | None = None
+    now, camera = None, _camera(data.folder)
     for item in data.frames():
         run = (item.path, str(item.labels["azimuth_deg"]))
         if worker is None or run != now:  # a new run: another reference, or the contact jumps
-            worker, now = field_method(method, item.reference, shape), run
-            if camera is not None and isinstance(worker, DotField):
-                worker = NominalField(worker.tracker, shape, camera, design)
+            now = run
+            if method == "dots":
+                worker = model_input(single_zero(item.reference).frame(), shape, design, camera)
+            else:
+                worker = field_method(method, item.reference, shape)
         field = worker.update(item.frame)
         fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
         yield fields, field.valid, *_label_row(data, item.labels, to_sphere)

@@ -1,8 +1,9 @@
 """``python -m sensing.live``."""
 
-import sys
-
-from sensing.live.cli import main
+from sensing.live.ending import end_at_once, leave
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_at_once()
+    from sensing.live.cli import main
+
+    leave(main())

@@ -9,10 +9,14 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from cad.errors import EndcapError, FileError, ParameterError
-from sensing.live.config import MODELS, CapConfig, LiveConfig, load_config
-from sensing.live.outputs import add_outputs
+from cad.errors import EndcapError, FileError, ParameterError, printable
+from sensing.live.core.config import MODELS, CapConfig, LiveConfig, load_config
+from sensing.live.ending import LOST, Stop
+from sensing.live.open_outputs import add_outputs
+from sensing.live.options import complete
+from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, favour_the_loop, run_until_stopped
+from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import METHODS
 
 DESCRIPTION = """\
@@ -29,14 +33,17 @@ Wrench and contact of endcaps, live. Without arguments: a simulated robot on six
 Cameras are zeroed at the start: leave the caps untouched for a second. Forces in N and torques in N m act on the
 endcap, at the origin of its frame.
 """
-EPILOG = "exit status: 0 ended or stopped by Ctrl-C, 1 --check found a difference, 2 bad input (one line on stderr)"
+EPILOG = """\
+exit status: 0 ended or stopped by Ctrl-C, SIGTERM or SIGHUP; 1 a recording, --json or --check is not whole (one line
+on stderr); 2 bad input (one line on stderr); 130 or 143 stopped before it began
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the options ask for; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        return _run(options)
+        return _run(complete(options))
     except EndcapError as error:
         print(f"sensing.live: {error}", file=sys.stderr)
         return 2
@@ -57,28 +64,33 @@ def _run(options: argparse.Namespace) -> int:
 
         caps = replay_caps(options.replay, config, options.speed)
     if any(cap.pipeline.model.method == "dots" for cap in caps):
-        from sensing.live.warm_up import warm_up
+        from sensing.live.core.warm_up import warm_up
 
         warm_up(lambda text: print(text, file=sys.stderr))
     run = LiveRun(config, caps, min(options.workers, len(caps)))
-    stream = sys.stderr if options.json else sys.stdout
-    with ExitStack() as outputs:
-        add_outputs(run, options, outputs, stream)
+    lines = Lines(sys.stderr if options.json else sys.stdout)
+    with Stop() as stop, ExitStack() as outputs:
+        add_outputs(run, options, outputs, lines)
         favour_the_loop()
-        run_until_stopped(run, stream, options.seconds, outputs)
-    return 0
+        run_until_stopped(run, lines, options.seconds, outputs, stop)
+    losses = [said for loss in run.losses if (said := loss())]
+    losses += [said for cap in caps if (said := getattr(cap.feed, "damage", ""))]
+    for line in dict.fromkeys(losses):
+        print(f"sensing.live: {printable(line)}", file=sys.stderr)
+    return LOST if losses else 0
 
 
-def _check(path: Path | None, config: LiveConfig) -> int:
+def _check(path: Path, config: LiveConfig) -> int:
+    from sensing.live.mcap_records import DamagedError
     from sensing.live.replay import verify
 
-    if path is None:
-        raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
-    frames, different = verify(path, config)
-    if not frames:
+    check = verify(path, config)
+    if not check.frames and check.end is None:
         raise FileError(f"{path}: no frame in it: record for longer than it takes to zero")
-    print(f"{path}: {frames} frames computed again, {different} differ")
-    return 1 if different else 0
+    print(f"{path}: {check.frames} frames computed again, {check.different} differ")
+    if check.end is not None:
+        print(f"sensing.live: {check.end}", file=sys.stderr)
+    return LOST if check.different or isinstance(check.end, DamagedError) or not check.frames else 0
 
 
 def _config(options: argparse.Namespace) -> LiveConfig:
@@ -95,7 +107,7 @@ def _config(options: argparse.Namespace) -> LiveConfig:
     words = _sources(options)
     model = options.model or "default"
     if not words:
-        from sensing.live.scene import scene_config
+        from sensing.live.demo.scene import scene_config
 
         config = scene_config(model, options.weights, options.method)
         return replace(config, caps=tuple(replace(cap, rate_hz=options.rate) for cap in config.caps))
@@ -114,7 +126,7 @@ def _config(options: argparse.Namespace) -> LiveConfig:
 def _sources(options: argparse.Namespace) -> list[str]:
     if options.camera is not None:
         numbers = [word.strip() for word in options.camera.split(",")]
-        if not all(word.isdigit() for word in numbers):
+        if not all(is_camera_number(word) for word in numbers):
             raise ParameterError(
                 f"--camera {options.camera}: give numbers, such as 0 or 0,2,4 (listed by python -m sensing.sources)",
                 name="camera",
@@ -143,15 +155,15 @@ def _parser() -> argparse.ArgumentParser:
     model.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     model.add_argument("--method", choices=METHODS, help="another field method than the model's own")
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
-    model.add_argument("--diameter", type=float, default=130.0, metavar="MM", help="of the design (130)")
-    model.add_argument("--wall", type=float, default=8.0, metavar="MM", help="of the design (8)")
-    model.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="frames a second of a camera (30)")
-    model.add_argument("--exposure", type=float, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
-    model.add_argument("--speed", type=float, default=1.0, metavar="X", help="of files; 0: as fast as possible (1)")
-    model.add_argument("--workers", type=int, default=1, metavar="N", help="threads that share the caps (1)")
+    model.add_argument("--diameter", type=float, metavar="MM", help="of the design (130)")
+    model.add_argument("--wall", type=float, metavar="MM", help="of the design (8)")
+    model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
+    model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
+    model.add_argument("--speed", type=float, metavar="X", help="of files; 0: as fast as possible (1)")
+    model.add_argument("--workers", type=int, metavar="N", help="threads that share the caps (1)")
     out = parser.add_argument_group("outputs")
     out.add_argument("--no-page", action="store_true", help="numbers here only")
-    out.add_argument("--host", default="127.0.0.1", help="address of the page (127.0.0.1); others need a token")
+    out.add_argument("--host", help="address of the page (127.0.0.1); others need a token")
     out.add_argument("--port", type=int, metavar="N", help="port of the page (8008, or any free one)")
     out.add_argument(
         "--record", type=Path, nargs="?", const=Path(), metavar="FILE", help="MCAP; without a name: endcap_TIME.mcap"

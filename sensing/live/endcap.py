@@ -15,14 +15,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from sensing.live.config import CapConfig, LiveConfig
-from sensing.live.engine import Engine, LiveCap
-from sensing.live.model import LiveModel
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.model import LiveModel
+from sensing.live.core.reading import CapReading
+from sensing.live.core.sink import QueuedSink
+from sensing.live.core.stats import CapHealth
+from sensing.live.core.warm_up import warm_up
 from sensing.live.open_caps import open_caps
-from sensing.live.reading import CapReading
-from sensing.live.sink import QueuedSink
-from sensing.live.stats import CapHealth
-from sensing.live.warm_up import warm_up
 from sensing.records import Wrench
 
 ROOM = 64  # readings that a slow reader may be behind before the oldest are lost

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
-from pathlib import Path
 
-from sensing.live.config import CapConfig, LiveConfig
-from sensing.live.engine import LiveCap
-from sensing.live.feed import CameraFeed, Feed, FileFeed, Pace
-from sensing.live.model import LiveModel, load_model
-from sensing.live.pipeline import ZERO_FRAMES, CapPipeline
-from sensing.live.scene import SceneSource, scene_number
+from cad.errors import ParameterError
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
+from sensing.live.core.model import LiveModel, load_model
+from sensing.live.core.pipeline import ZERO_FRAMES, CapPipeline
+from sensing.live.demo.scene import SceneSource, scene_number
 from sensing.sources.camera import CameraConfig
 from sensing.sources.choose import source_opener
 from sensing.sources.files import FolderSource
@@ -61,11 +62,15 @@ def open_feed(cap: CapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     if number is not None:
         SceneSource(number, rate_hz)  # a wrong number or a missing scene is told at once
         return CameraFeed(lambda: SceneSource(number, rate_hz)), True
-    if Path(cap.source).is_dir():
+    if os.path.isdir(cap.source):
         folder = FolderSource(cap.source, cap.rate_hz or PHOTOS_HZ)
         return FileFeed(lambda: folder, Pace(speed)), False
     camera = CameraConfig(rate_hz=rate_hz, exposure=cap.exposure or None)
     opener, live = source_opener(cap.source, camera)
+    if not live and (cap.rate_hz or cap.exposure):
+        raise ParameterError(
+            f"rate_hz and exposure of {cap.name} have no effect on {cap.source}: leave them out", name="rate_hz"
+        )
     opener()  # a camera that is not there, a bad address or a file that cannot be read is told at once
     if live:
         return CameraFeed(opener), True

@@ -1,35 +1,39 @@
 """A recording through the same pipeline again: same pictures, same capture times, same references, same bits.
 
     for cap in replay_caps(path, config): ...        # as sensing.live.open_caps.open_caps
-    verify(path, config)                             # (readings, readings whose wrench differs in any bit)
+    verify(path, config)                             # frames, and frames whose wrench differs in any bit
 
-A file whose writer was killed is read up to its last whole chunk.
+A file that is cut or damaged is read up to there.
 """
 
 from __future__ import annotations
 
-import json
-import struct
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 
 from cad.errors import FileError
-from sensing.live import ros_types as ros
-from sensing.live.config import LiveConfig
-from sensing.live.engine import LiveCap
-from sensing.live.feed import Captured, FileFeed, Pace
+from sensing.decode import MOST_PIXELS, png_size
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import Captured, FileFeed, Pace
+from sensing.live.core.pipeline import CapPipeline
+from sensing.live.mcap_records import CutError, DamagedError, read_records
 from sensing.live.open_caps import Models, configured_models
-from sensing.live.pipeline import CapPipeline
-from sensing.live.recorder import METADATA, TOPICS, configured
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
+from sensing.live.outputs.recorder import TOPICS
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.tracking.zero import Zero, single_zero
+
+LATEST_S = 1e9  # capture times beyond are no times
 
 
 @dataclass(frozen=True)
@@ -44,22 +48,41 @@ class Recorded:
     zero: Zero | None
 
 
+@dataclass(frozen=True)
+class Check:
+    """A recording computed again.
+
+    Attributes:
+        frames: compared. different: those whose wrench differs in any bit. end: why the file could not be read to its
+            end; None if it could.
+    """
+
+    frames: int
+    different: int
+    end: FileError | None = None
+
+
 def read_config(path: Path, model: str | None = None, weights: Path | None = None) -> LiveConfig:
     """What ran when the file was recorded, with another model or weights if asked for.
 
     Raises:
         FileError: no recording of ours.
     """
-    for record in _records(path):
+    recorded: RecordedConfig | None = None
+    files: dict[str, bytes] = {}
+    for record in read_records(path):
         if isinstance(record, Metadata) and record.name == METADATA:
-            try:
-                config = configured(json.loads(record.metadata["config"]), str(path))
-            except (ValueError, KeyError, TypeError) as error:
-                raise FileError(f"{path}: its configuration cannot be read ({error})") from None
-            return replace(config, model=model or config.model, weights=weights or config.weights)
-        if isinstance(record, Message):
+            recorded = parsed(record.metadata, path)
+        elif isinstance(record, Attachment):
+            files[record.name] = record.data
+        elif isinstance(record, Channel | Message):
             break
-    raise FileError(f"{path}: an MCAP file, but no recording of endcaps: give one made with --record")
+    if recorded is None:
+        raise FileError(f"{path}: an MCAP file, but no recording of endcaps: give one made with --record")
+    config = recorded.with_files(files, path)
+    if model is not None and model != config.model:
+        return replace(config, model=model, weights=weights, method=None)
+    return config if weights is None else replace(config, weights=weights)
 
 
 def replay_caps(path: Path, config: LiveConfig, speed: float = 1.0, models: Models | None = None) -> list[LiveCap]:
@@ -67,7 +90,7 @@ def replay_caps(path: Path, config: LiveConfig, speed: float = 1.0, models: Mode
     models, pace = models or configured_models(config), Pace(speed)
     caps = []
     for number, cap in enumerate(config.caps):
-        pipeline = CapPipeline(cap, models(cap), None, number, zero_frames=1 << 30)
+        pipeline = CapPipeline(cap, models(cap), None, number, zero_frames=0)
         caps.append(LiveCap(ReplayFeed(path, cap.name, pipeline.set_zero, pace), pipeline))
     return caps
 
@@ -77,11 +100,15 @@ class ReplayFeed(FileFeed):
 
     Args:
         path: recording. cap: name. set_zero: takes a reference, in the thread that takes the frames. pace: shared.
+
+    Attributes:
+        damage: where the file is damaged; empty if it is not, so far.
     """
 
     def __init__(self, path: Path, cap: str, set_zero: Callable[[Zero], None], pace: Pace) -> None:
         self._zeros: dict[int, Zero] = {}
         self._set_zero = set_zero
+        self.damage = ""
         super().__init__(lambda: self._frames_of(path, cap), pace)
 
     def take(self) -> Captured | None:
@@ -94,100 +121,114 @@ class ReplayFeed(FileFeed):
         return item
 
     def _frames_of(self, path: Path, cap: str) -> Iterator[Frame]:
-        for recorded in recorded_frames(path, cap):
-            if recorded.zero is not None:
-                self._zeros[id(recorded.frame)] = recorded.zero
-            yield recorded.frame
+        try:
+            for recorded in recorded_frames(path, cap):
+                if recorded.zero is not None:
+                    self._zeros[id(recorded.frame)] = recorded.zero
+                yield recorded.frame
+        except DamagedError as error:
+            self.damage = str(error)
+            raise
 
 
 def recorded_frames(path: Path, cap: str) -> Iterator[Recorded]:
     """Pictures of a cap in the order of recording.
 
     Raises:
-        FileError: missing, or no MCAP.
+        FileError: missing, or no MCAP. DamagedError, CutError: after the pictures that can be read.
     """
-    zero, time_s = None, None
+    zero, time_s, begun = None, None, False
     for topic, message in _messages(path, cap):
         if topic == "zero":
-            image = ros.decode(ros.IMAGE, message.data)
-            zero = single_zero(_frame(bytes(image.data), image.format, 0.0, 0, cap), cap)
+            zero, begun = single_zero(_frame(path, cap, message, 0.0), cap), True
         elif topic == "image/capture_time":
-            time_s = float(ros.decode(ros.FLOAT64, message.data).data)
-        elif topic == "image/compressed" and time_s is not None:
-            image = ros.decode(ros.IMAGE, message.data)
-            frame = _frame(bytes(image.data), image.format, time_s, message.sequence, cap)
-            yield Recorded(frame, zero)
+            time_s = _number(path, topic, message)
+        elif topic == "image/compressed" and time_s is not None and begun:
+            yield Recorded(_frame(path, cap, message, time_s), zero)
             zero, time_s = None, None
 
 
 def recorded_wrenches(path: Path, cap: str) -> list[np.ndarray]:
-    """(6,) filtered wrench of every frame of a cap, as recorded."""
+    """(6,) filtered wrench of every frame of a cap, as recorded, as far as the file can be read."""
     found = []
-    for topic, message in _messages(path, cap):
-        if topic == "wrench/wrench_pred":
-            wrench = ros.decode(ros.WRENCH, message.data).wrench
-            parts = (wrench.force, wrench.torque)
-            found.append(np.array([getattr(part, axis) for part in parts for axis in "xyz"]))
+    try:
+        for topic, message in _messages(path, cap):
+            if topic == "wrench/wrench_pred":
+                found.append(_wrench(path, message))
+    except (CutError, DamagedError):
+        pass
     return found
 
 
-def verify(path: Path, config: LiveConfig, models: Models | None = None) -> tuple[int, int]:
-    """Compute everything again and compare: (frames, frames whose wrench differs in any bit)."""
-    models, frames, different = models or configured_models(config), 0, 0
+def verify(path: Path, config: LiveConfig, models: Models | None = None) -> Check:
+    """Compute everything again and compare."""
+    models, check = models or configured_models(config), Check(0, 0)
     for number, cap in enumerate(config.caps):
-        pipeline = CapPipeline(cap, models(cap), None, number, zero_frames=1 << 30)
+        pipeline = CapPipeline(cap, models(cap), None, number, zero_frames=0)
         told = iter(recorded_wrenches(path, cap.name))
-        for recorded in recorded_frames(path, cap.name):
-            if recorded.zero is not None:
-                pipeline.set_zero(recorded.zero)
-            reading = pipeline.update(recorded.frame)
-            before = next(told, None)
-            if before is None:
-                break  # the end of a killed recording
-            frames += 1
-            again = None if reading is None else [*reading.wrench.force_n, *reading.wrench.torque_nm]
-            different += again is None or not np.array_equal(again, before)
-    return frames, different
+        try:
+            for recorded in recorded_frames(path, cap.name):
+                if recorded.zero is not None:
+                    pipeline.set_zero(recorded.zero)
+                reading = pipeline.update(recorded.frame)
+                before = next(told, None)
+                if before is None:
+                    break  # the end of a cut recording
+                again = None if reading is None else [*reading.wrench.force_n, *reading.wrench.torque_nm]
+                same = again is not None and np.array_equal(again, before)
+                check = replace(check, frames=check.frames + 1, different=check.different + (not same))
+        except (CutError, DamagedError) as error:
+            check = replace(check, end=error)
+    return check
 
 
-def _frame(data: bytes, form: str, time_s: float, sequence: int, cap: str) -> Frame:
-    if form == "jpeg":
-        return Frame(time_s, sequence, cap, jpeg=data, size=jpeg_size(data))
-    import cv2
-
+def _frame(path: Path, cap: str, message: Message, time_s: float) -> Frame:
+    told = _decoded(path, ros.IMAGE, message)
+    data, sequence = bytes(told.data), message.sequence
+    size = jpeg_size(data) if told.format == "jpeg" else png_size(data)
+    if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
+        raise _unusable(path, message, f"a picture of {size} px")
+    if told.format == "jpeg":
+        return Frame(time_s, sequence, cap, jpeg=data, size=size)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise FileError(f"{cap}: picture {sequence} of the recording cannot be read: the file is damaged")
+        raise _unusable(path, message, "no picture")
     return Frame(time_s, sequence, cap, image=image)
+
+
+def _number(path: Path, topic: str, message: Message) -> float:
+    value = float(_decoded(path, ros.FLOAT64, message).data)
+    if not abs(value) < LATEST_S or math.isnan(value):
+        raise _unusable(path, message, f"{topic} {value}")
+    return value
+
+
+def _wrench(path: Path, message: Message) -> np.ndarray:
+    wrench = _decoded(path, ros.WRENCH, message).wrench
+    return np.array([getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"], float)
+
+
+def _decoded(path: Path, kind: str, message: Message) -> Any:
+    try:
+        return ros.decode(kind, message.data)
+    except Exception as error:  # whatever the library makes of bytes that are no such message
+        raise _unusable(path, message, f"no {kind}: {type(error).__name__}") from None
+
+
+def _unusable(path: Path, message: Message, reason: str) -> DamagedError:
+    return DamagedError(
+        f"{path}: message {message.sequence} of {message.log_time / 1e9:.3f} s is damaged ({reason}): what stands "
+        "before it is read"
+    )
 
 
 def _messages(path: Path, cap: str) -> Iterator[tuple[str, Message]]:
     topics: dict[int, str] = {}
-    for record in _records(path):
+    records: Iterator[McapRecord] = read_records(path)
+    for record in records:
         if isinstance(record, Channel) and record.topic.startswith(f"/{cap}/"):
             topic = record.topic.removeprefix(f"/{cap}/")
             if topic in TOPICS:
                 topics[record.id] = topic
         elif isinstance(record, Message) and record.channel_id in topics:
             yield topics[record.channel_id], record
-
-
-def _records(path: Path) -> Iterator[object]:
-    """Records in order, up to where a killed writer left off."""
-    try:
-        with path.open("rb") as stream:
-            records = StreamReader(stream).records
-            first = True
-            while True:
-                try:
-                    record = next(records)
-                except StopIteration:
-                    return
-                except (McapError, struct.error, EOFError) as error:
-                    if first:
-                        raise FileError(f"{path}: no MCAP file ({error}): give one made with --record") from None
-                    return
-                first = False
-                yield record
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a recording") from None

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import gc
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import TextIO
+from typing import TextIO, cast
 
-from sensing.live.config import LiveConfig
-from sensing.live.engine import Engine, LiveCap
-from sensing.live.latest import Latest
-from sensing.live.robot import RobotState, robot_state
-from sensing.live.terminal import REFRESH_S, Terminal, summary
+from cad.errors import printable
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.latest import Latest
+from sensing.live.core.robot import RobotState, robot_state
+from sensing.live.ending import Stop
+from sensing.live.outputs.lines import Lines
+from sensing.live.outputs.terminal import REFRESH_S, Terminal, summary
 
+HURRY_S = 0.3  # for cameras and readings under way, and after a signal for each output (a recording: LEAST_S there)
+PATIENCE_S = 30.0  # for a slow disk or reader, at an end that nobody asked for
 SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
 
 
@@ -25,7 +28,8 @@ class LiveRun:
 
     Attributes:
         config: what runs. engine: the loop. latest: newest readings.
-        notes: lines for the terminal beside those of the caps.
+        notes: lines for the terminal beside those of the caps. losses: what was asked for and is not whole; each
+            says so in a line, or nothing. patience_s: for how long an output may finish.
     """
 
     def __init__(self, config: LiveConfig, caps: Sequence[LiveCap], workers: int = 1) -> None:
@@ -33,6 +37,8 @@ class LiveRun:
         self.latest = Latest([cap.name for cap in config.caps])
         self.engine = Engine(caps, [self.latest], workers)
         self.notes: list[Callable[[], str]] = []
+        self.losses: list[Callable[[], str]] = []
+        self.patience_s = PATIENCE_S
         self.begin_s = time.monotonic()
         self._reasons: list[Callable[[], bool]] = []
 
@@ -67,38 +73,46 @@ def favour_the_loop() -> None:
 
 
 def run_until_stopped(
-    run: LiveRun, stream: TextIO, seconds: float | None = None, more: ExitStack | None = None
+    run: LiveRun,
+    stream: TextIO | Lines,
+    seconds: float | None = None,
+    more: ExitStack | None = None,
+    stop: Stop | None = None,
 ) -> None:
-    """Run to the end of all sources, for ``seconds``, or to Ctrl-C; then close everything and print a summary.
+    """Run to the end of all sources, for ``seconds``, or to a signal; then close everything and print a summary.
+
+    Recordings are closed before cameras; all ends within two seconds of a signal, whatever hangs.
 
     Args:
-        run: not yet started. stream: for the lines. more: outputs to close before the summary.
+        run: not yet started. stream: for the lines. more: outputs to close before the summary. stop: what signals set,
+            if the caller listens to them already.
     """
-    stop = threading.Event()
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in _signals()}
-    terminal = Terminal(stream)
+    lines = stream if isinstance(stream, Lines) else Lines(stream)
+    run.stop_when(lambda: lines.gone)
+    terminal = Terminal(cast(TextIO, lines))
     end_s = None if seconds is None else time.monotonic() + seconds
-    try:
-        with run.engine:
-            while not stop.is_set() and not run.done and not run.engine.wait(0.0):
+    with ExitStack() as own:
+        asked = (stop or own.enter_context(Stop())).asked
+        try:
+            run.engine.start()
+            while not asked.is_set() and not run.done and not run.engine.wait(0.0):
                 terminal.show(run.engine.health(), run.latest.all(), run.robot(), _notes(run))
                 if end_s is not None and time.monotonic() >= end_s:
                     break
-                stop.wait(REFRESH_S if end_s is None else max(0.0, min(REFRESH_S, end_s - time.monotonic())))
-    finally:
-        if more is not None:
-            more.close()
-        for number, handler in before.items():
-            signal.signal(number, handler)
+                asked.wait(REFRESH_S if end_s is None else max(0.0, min(REFRESH_S, end_s - time.monotonic())))
+        finally:
+            run.patience_s = HURRY_S if asked.is_set() else PATIENCE_S
+            run.engine.halt(HURRY_S)
+            if more is not None:
+                more.close()
+            run.engine.close(HURRY_S)
     terminal.show(run.engine.health(), run.latest.all(), run.robot(), [])
     for line in summary(run.engine.health(fresh=True), time.monotonic() - run.begin_s) + _notes(run):
-        print(line, file=stream)
+        lines.write(printable(line) + "\n")
+    lines.close()
+    if lines.failed and not lines.gone:
+        run.losses.append(lambda: f"lines of text: {lines.failed}")
 
 
 def _notes(run: LiveRun) -> list[str]:
     return [said for note in run.notes if (said := note())]
-
-
-def _signals() -> tuple[int, ...]:
-    """Only the main thread may catch them."""
-    return (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()

@@ -4,7 +4,7 @@ Times are seconds of one monotonic clock. A clock that jumps would pair pictures
 so it is refused: times that go backwards, or that leap forward.
 
 Notes:
-    Approximate synchronisation as robots know it, with a slop of 50 ms (facts.md, "protocol": labels synchronised
+    Approximate synchronisation as robots know it, with a slop of 50 ms (P, NET23: labels synchronised
     within 50 ms); between the two samples around the frame the wrench is interpolated, so that the error is that of a
     straight line over the sensor's own step rather than the slop.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, ParameterError
 from sensing.recording.ft_streams import FtSample
 
-SLOP_S = 0.05  # P
+SLOP_S = 0.05  # P, NET23
 LEAP_S, FRAME_LEAP_S = 1.0, 10.0  # between samples, and frames, that follow one another: no stream pauses so long
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
-from sensing.simulator import data_cli
-from sensing.simulator.geometry import shell_geometry
-from sensing.simulator.indenter import KINDS, Indenter
-from sensing.simulator.mesh import DENSITIES
-from sensing.simulator.press import Press, Target
-from sensing.simulator.shell import shell_model
-from sensing.simulator.state import contact_patch
+from sensing.simulator.contact.indenter import KINDS, Indenter
+from sensing.simulator.dataset import cli as data_cli
+from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.state import contact_patch
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.mesh import DENSITIES
+from sensing.simulator.solid.shell import shell_model
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -14,10 +14,11 @@
 
 A state that a level cannot certify is answered by the level above it; ``SceneState.level`` says which. Paths in the
 mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. A caller asks for
-azimuth 0 and turns the result: ``markers`` samples the turned field, :func:`sensing.simulator.surface.turn_wrench`
-turns the wrench. Level 4 answers targets given by normal and tangential force (``Target(normal_n, tangential_n=...)``,
-or :meth:`Simulator.bulk` for many at once); it knows no path, so a fall-back presses and then pulls. Level 3 trains
-itself when it first meets a plane at a tilt (some hundred level 2 states): for many states at few tilts.
+azimuth 0 and turns the result: ``markers`` samples the turned field,
+:func:`sensing.simulator.solid.surface.turn_wrench` turns the wrench. Level 4 answers targets given by
+normal and tangential force (``Target(normal_n, tangential_n=...)``, or :meth:`Simulator.bulk` for many at once); it
+knows no path, so a fall-back presses and then pulls. Level 3 trains itself when it first meets a plane at a tilt (some
+hundred level 2 states): for many states at few tilts.
 
 Rate effects (levels 1 and 2) come with the silicone's series, and then targets say when they are reached:
 
@@ -34,23 +35,23 @@ import numpy as np
 
 from cad.errors import ParameterError
 from cad.materials import HyperelasticLaw
-from sensing.simulator import tangential
-from sensing.simulator.condensed import StoredTangent
-from sensing.simulator.element import Array
-from sensing.simulator.frozen import FrozenPress
-from sensing.simulator.geometry import ShellGeometry
-from sensing.simulator.indenter import Indenter
-from sensing.simulator.library import Library
-from sensing.simulator.library_level import LibraryLevel
-from sensing.simulator.mesh import MeshDensity
-from sensing.simulator.press import Press, Target
-from sensing.simulator.reduced_basis import ReducedModel
-from sensing.simulator.reduced_press import ReducedPress, trained
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.press import tangential
+from sensing.simulator.press.condensed import StoredTangent
+from sensing.simulator.press.frozen import FrozenPress
+from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.state import Refusal, State, contact_patch
+from sensing.simulator.reduced.basis import ReducedModel
+from sensing.simulator.reduced.library import Library
+from sensing.simulator.reduced.library_level import LibraryLevel
+from sensing.simulator.reduced.press import ReducedPress, trained
 from sensing.simulator.scene import BulkStates, Scene, SceneState
-from sensing.simulator.shell_halves import ShellHalves
-from sensing.simulator.state import Refusal, State, contact_patch
-from sensing.simulator.surface import turn_wrench
-from sensing.simulator.viscous import Prony
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.geometry import ShellGeometry
+from sensing.simulator.solid.mesh import MeshDensity
+from sensing.simulator.solid.rate_effects import Prony
+from sensing.simulator.solid.shell_halves import ShellHalves
+from sensing.simulator.solid.surface import turn_wrench
 
 LEVELS = (1, 2, 3, 4)
 RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted to elastic states
@@ -65,7 +66,7 @@ class Simulator:
         geometry, law: the shell. density: of the mesh.
         level: 1 to 4 (see the module's text).
         tolerance: of level 2.
-        library: what level 4 answers from (:mod:`sensing.simulator.library_fit`).
+        library: what level 4 answers from (:mod:`sensing.simulator.reduced.library_fit`).
         prony: rate effects of the silicone, pairs (g, tau_s); none by default.
 
     Raises:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sensing.simulator.element import Array
-from sensing.simulator.indenter import Indenter
-from sensing.simulator.mesh import Index
-from sensing.simulator.state import Certificate, Patch
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.press.state import Certificate, Patch
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.mesh import Index
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cad.errors import ParameterError
+from cad.errors import ParameterError, printable
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
@@ -102,7 +102,9 @@ def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int,
         if index.is_file() and index.read_text().strip() not in ("", "0"):
             continue  # the second node of a USB camera carries metadata only
         name = entry / "name"
-        found.append((int(entry.name[5:]), name.read_text().strip() if name.is_file() else "camera"))
+        found.append(
+            (int(entry.name[5:]), printable(name.read_text(errors="replace").strip()) if name.is_file() else "camera")
+        )
     return found
 
 

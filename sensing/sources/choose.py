@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,20 +25,25 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     Raises:
         FileError: nothing of that name.
     """
-    if word.isdigit():
+    if is_camera_number(word):
         base = camera or CameraConfig()
         config = CameraConfig(int(word), base.size, base.rate_hz, base.exposure, base.gain)
         return lambda: CameraSource(config), True
     if word.startswith(("http://", "https://")):
         return lambda: MjpegSource(word), True
     path = Path(word)
-    if path.is_dir():
+    if os.path.isdir(word):
         return lambda: FolderSource(path), False
-    if not path.is_file():
+    if not os.path.isfile(word):  # unlike the methods of Path, these take any text
         raise FileError(f"{word}: no camera number, address, folder or file: check the spelling")
     if path.suffix.lower() in PICTURES:
         return lambda: [read_picture(path)], False
     return lambda: VideoSource(path), False
+
+
+def is_camera_number(word: str) -> bool:
+    """Whether a word is a number as cameras have: up to four digits 0 to 9."""
+    return len(word) <= 4 and word.isascii() and word.isdigit()
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from cad.dots import DOT_RADIUS_MM, Dot, dot_pattern, dot_position_mm
 from cad.params import EndcapParams
 from sensing.records import Image
 
-RIM_RADIUS_PX = 331.0  # facts.md: the shell as a disc at 640 x 480; the 180 degree edge of the view
+RIM_RADIUS_PX = 331.0  # M, CAM04: the shell as a disc at 640 x 480; the 180 degree edge of the view
 SUPERSAMPLE = 4
 
 

@@ -14,7 +14,7 @@ from urllib.error import URLError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
-from cad.errors import ParameterError
+from cad.errors import ParameterError, printable
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
@@ -46,7 +46,8 @@ class MjpegSource:
                 for sequence, jpeg in enumerate(split_jpegs(stream)):
                     yield Frame(time.monotonic(), sequence, self.name, jpeg=jpeg, size=jpeg_size(jpeg))
         except (URLError, OSError, http.client.HTTPException, ValueError) as error:
-            raise SourceError(f"{self.name}: {getattr(error, 'reason', error)}: check address and network") from None
+            said = printable(str(getattr(error, "reason", error)))[:200]  # words of a server
+            raise SourceError(f"{self.name}: {said}: check address and network") from None
         raise SourceError(f"{self.name}: the stream ended: is the camera still there?")
 
 
@@ -60,7 +61,7 @@ def split_jpegs(stream: BinaryIO) -> Iterator[bytes]:
     while line := stream.readline(65536):
         header = line.strip().lower()
         if header.startswith(b"content-length:") and header[15:].strip().isdigit():
-            length = int(header[15:])
+            length = int(header[15:].strip()[:20])  # bytes know only the digits 0 to 9
             if length > LARGEST_FRAME:
                 raise ValueError(f"frame of {length} bytes, at most {LARGEST_FRAME} allowed")
         elif header == b"" and length is not None:

@@ -130,12 +130,16 @@ class LiveSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def close(self) -> None:
-        """Stop the thread; a read that hangs in a driver is left behind (the thread is a daemon)."""
+    def stop(self) -> None:
+        """Ask the thread to end; does not wait."""
         self._stop.set()
         self._queue.close()
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Stop the thread; a read that hangs in a driver is left behind after ``wait_s`` (the thread is a daemon)."""
+        self.stop()
         if self._thread.is_alive():
-            self._thread.join(timeout=2.0)
+            self._thread.join(wait_s)
 
     def get(self, timeout_s: float | None = None) -> Frame | None:
         """The next frame, None after the timeout or at the end."""

@@ -1,6 +1,6 @@
 """The shear field exactly as the released sensor computes it, so that its network and its data keep working.
 
-Every step is a row of facts.md, "The released sensing pipeline": centre square, 200 x 200 area average cut to 8 bits,
+The steps are NET01 to NET07 of docs/provenance.md: centre square, 200 x 200 area average cut to 8 bits,
 gray with the RGB weights applied to a BGR frame, Farneback flow against the undeformed image, mean over 25 x 25
 blocks, bilinear to H x W. Unit of u and v: pixels of the 200 x 200 crop; x to the right, y down. Derived channels
 follow the public definition of the GelSlim 4.0 shear field (Sipos et al. 2024): derivatives per cell by central
@@ -24,9 +24,9 @@ from cad.errors import ParameterError
 from sensing.decode import decode_bgr
 from sensing.records import Frame, Image, ShearField
 
-CROP_PX = 200  # facts.md: the square that the flow sees
-BLOCK_PX = 25  # facts.md: pooling block, 8 x 8 blocks
-FARNEBACK = (0.5, 3, 45, 3, 5, 1.2, 0)  # facts.md: pyramid, levels, window, iterations, poly_n, poly_sigma, flags
+CROP_PX = 200  # P, NET02: the square that the flow sees
+BLOCK_PX = 25  # M, NET05: pooling block, 8 x 8 blocks
+FARNEBACK = (0.5, 3, 45, 3, 5, 1.2, 0)  # M, NET04: pyramid, levels, window, iterations, poly_n, poly_sigma, flags
 FLOW_CHANNELS = ("u", "v", "div", "curl", "sol_u", "sol_v", "irr_u", "irr_v")
 CHANGE_CHANNELS = ("du", "dv", "dudt", "dvdt")
 CHANNELS = FLOW_CHANNELS + CHANGE_CHANNELS

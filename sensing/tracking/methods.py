@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
 from cad.errors import ParameterError
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField, normalised
-from sensing.tracking.gelslim import GelslimConfig, GelslimField
+from sensing.tracking.gelslim import CROP_PX, GelslimConfig, GelslimField
 from sensing.tracking.tracker import DotTracker, TrackerConfig
 
 METHODS = ("dots", "gelslim", "farneback", "dis", "lk", "dense")
@@ -22,7 +24,9 @@ class FieldMethod(Protocol):
 
 
 class DotField:
-    """The dots' field behind the common interface.
+    """The dots' field of the picture plane, behind the common interface; sharpened by the stretch that windows show.
+
+    For pictures and comparisons of fields. A wrench model reads :class:`sensing.tracking.model_input.ModelInput`.
 
     Attributes:
         tracker: the tracker in use.
@@ -36,7 +40,14 @@ class DotField:
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame; keeps its tracks."""
         self.tracks = self.tracker.update(frame)
-        return self.tracker.field(self.tracks)
+        return self.field(self.tracks)
+
+    def field(self, tracks: DotTracks) -> ShearField:
+        """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
+        operator = self.tracker.operator
+        channels = operator.field(tracks.displacement_px, tracks.stretch)
+        channels *= np.float32(CROP_PX / min(self.tracker.size))
+        return ShearField(tracks.time_s, channels, valid=operator.valid(~tracks.lost))
 
 
 def field_method(name: str, reference: Frame, shape: tuple[int, int] = (30, 30)) -> FieldMethod:

@@ -21,7 +21,7 @@ BEND_SCORE = 0.7  # a window that fits worse says nothing about its stretch
 BEND_AGAIN = 0.08  # a misfit larger than this is measured a second time from the new start
 FLAT_STRETCH = 0.01  # less stretch than this is neglected: 0.07 px at the window's edge, none in its middle
 GAIN_LEAST = 0.15  # a window with less than this share of the reference's contrast is no dot
-LONGEST_STEP_PX = 3.0
+LONGEST_STEP = 0.5  # over a window's half width
 LEAST_SEEN = 0.4  # share of a window's weight that must lie inside the frame and be unsaturated
 NOTHING = -2.0  # correlation of a window without contrast or beyond the frame
 MARGIN = 24  # frame round the working picture, so that a window at its edge is sampled like any other
@@ -93,6 +93,7 @@ def _align_one(image, centre, half, rows, shear, plain, energy, iterations, stop
     flat = max(abs(pose[2] - 1) + abs(pose[3]), abs(pose[4]) + abs(pose[5] - 1)) < FLAT_STRETCH
     coarse = True  # far from the goal the cheap sampling without stretch is good enough
     bends = 2
+    limit = np.float32(LONGEST_STEP * half)
     score = np.float32(NOTHING)
     for step in range(iterations):
         inside, whole = _sample(image, centre, half, flat or coarse, pose, raw, value)
@@ -106,8 +107,8 @@ def _align_one(image, centre, half, rows, shear, plain, energy, iterations, stop
         if score < -1:  # no contrast at all: further steps are meaningless
             return score
         longest = max(abs(sx), abs(sy))
-        if longest > LONGEST_STEP_PX:
-            sx, sy = sx * LONGEST_STEP_PX / longest, sy * LONGEST_STEP_PX / longest
+        if longest > limit:
+            sx, sy = sx * limit / longest, sy * limit / longest
         pose[0] -= pose[2] * sx + pose[3] * sy
         pose[1] -= pose[4] * sx + pose[5] * sy
         settled = flat or not coarse

@@ -5,7 +5,7 @@ many dots agree on (or no motion at all) picks one each; from these the field gr
 the candidate nearest to what its neighbours predict. So a swap of identities needs a whole patch to jump by a dot
 spacing, not one dot.
 
-Units: pixels of the working (reduced) picture.
+Units: pixels of the picture searched, but for what :class:`WideSearch` takes and gives: pixels of the working picture.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.decode import working_reduction
 from sensing.tracking.field_operator import FieldOperator
-from sensing.tracking.patches import Patches
+from sensing.tracking.patch_kernels import MARGIN, framed
+from sensing.tracking.patches import cut_patches
 from sensing.tracking.search_kernels import best_rigid_motion, correlation_map
 
 STRIDE = 2
@@ -28,42 +30,62 @@ SHORTEST_PX = 40.0  # pairs nearer than this tell no turn
 STRETCH = 0.07  # pairs whose distance changes by more than this share are no pair
 
 
-def recover(
-    image: NDArray[np.float32],
-    patches: Patches,
-    operator: FieldOperator,
-    reach: int,
-    rng: np.random.Generator,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """((N, 2) coarse displacements, to 1 or 2 px; (N,) bool, True where a window was found, else predicted)."""
-    count = len(patches.centre)
-    which = np.arange(count)
-    maps = correlation_map(
-        image, patches.centre, patches.half, patches.texture, patches.weight, patches.energy, which, reach, STRIDE
-    )
-    place, score = _candidates(maps)
-    start = _agreed_motion(patches.centre.astype(float), place, score, rng)
-    chosen, error = _nearest(place, score, start)
-    return _grown(operator, place, score, chosen, error < AGREE_PX)
+class WideSearch:
+    """Looks for windows far from where they were, in a picture reduced to about half of 640 x 480.
 
+    Args:
+        image: framed reference of :func:`sensing.tracking.patch_kernels.smoothed`, working size.
+        position: (N, 2) dots at rest, working pixels.
+        half: half width of the tracker's windows, working pixels.
+        operator: of the same dots.
+    """
 
-def regrow(
-    image: NDArray[np.float32],
-    patches: Patches,
-    operator: FieldOperator,
-    moved: NDArray[np.float64],
-    live: NDArray[np.bool_],
-    reach: int,
-) -> NDArray[np.float64]:
-    """(N, 2) coarse displacements with the lost dots searched for near their neighbours' prediction; live ones stay."""
-    lost = np.flatnonzero(~live)
-    maps = correlation_map(
-        image, patches.centre, patches.half, patches.texture, patches.weight, patches.energy, lost, reach, STRIDE
-    )
-    place, score = np.zeros((len(live), CANDIDATES, 2)), np.zeros((len(live), CANDIDATES))
-    place[lost], score[lost] = _candidates(maps)
-    place[live, 0], score[live, 0] = moved[live], 1.0
-    return _grown(operator, place, score, moved, live)[0]
+    def __init__(
+        self, image: NDArray[np.float32], position: NDArray[np.float64], half: int, operator: FieldOperator
+    ) -> None:
+        height, width = (side - 2 * MARGIN for side in image.shape)
+        self._factor = working_reduction((width, height))
+        self._operator = operator
+        reduced = self._reduced(image)
+        place = (position - (self._factor - 1) / 2) / self._factor
+        self._patches = cut_patches(reduced, place, max(4, round(half / self._factor)))
+        self._reach = int(np.ceil(0.06 * min(height, width) / self._factor / 2)) * 2  # a jump of 25 px at 480, and more
+
+    def all(self, image: NDArray[np.float32]) -> NDArray[np.float64]:
+        """(N, 2) coarse displacements of all dots in a framed working picture, to 1 or 2 px of the reduced one."""
+        everything = np.arange(len(self._patches.centre))
+        place, score = _candidates(self._maps(image, everything))
+        centre = self._patches.centre.astype(float)
+        start = _agreed_motion(centre, place, score, np.random.default_rng(0))
+        chosen, error = _nearest(place, score, start)
+        return _grown(self._operator, place, score, chosen, error < AGREE_PX)[0] * self._factor
+
+    def lost(
+        self, image: NDArray[np.float32], moved: NDArray[np.float64], live: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """(N, 2) the same with the lost dots searched for near their neighbours' prediction; live ones stay."""
+        gone = np.flatnonzero(~live)
+        place, score = np.zeros((len(live), CANDIDATES, 2)), np.zeros((len(live), CANDIDATES))
+        place[gone], score[gone] = _candidates(self._maps(image, gone))
+        place[live, 0], score[live, 0] = moved[live] / self._factor, 1.0
+        return _grown(self._operator, place, score, moved / self._factor, live)[0] * self._factor
+
+    def _maps(self, image: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
+        p = self._patches
+        return correlation_map(
+            self._reduced(image), p.centre, p.half, p.texture, p.weight, p.energy, which, self._reach, STRIDE
+        )
+
+    def _reduced(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The framed picture by the means of factor x factor pixels, framed again; an odd last line is left out."""
+        if self._factor == 1:
+            return image
+        inside, f = image[MARGIN:-MARGIN, MARGIN:-MARGIN], self._factor
+        height, width = (side // f for side in inside.shape)
+        result = framed(height, width)
+        blocks = inside[: height * f, : width * f].reshape(height, f, width, f)
+        result[MARGIN:-MARGIN, MARGIN:-MARGIN] = blocks.mean(axis=(1, 3))
+        return result
 
 
 def _grown(

@@ -1,9 +1,10 @@
-"""Follows the painted dots from frame to frame, tells how far each is to be trusted, and gives the field.
+"""Follows the painted dots from frame to frame, with a quality for each.
 
-Per frame: decode to the working size (half at 640 x 480), align every dot's window starting from the previous frame
-(:mod:`sensing.tracking.patches`), judge it by correlation with the reference and by what its neighbours predict, try
-bad ones again from that prediction and from rest, and search from scratch (:mod:`sensing.tracking.recovery`) when many
-are bad. Lost dots come back by themselves, because they are tried in every frame.
+Per frame: decode to the working size (full size at 640 x 480), align every dot's window starting from the previous
+frame (:mod:`sensing.tracking.patches`), judge it by correlation with the reference and by what its neighbours predict,
+try bad ones again from that prediction and from rest, and search from scratch (:mod:`sensing.tracking.recovery`) when
+many are bad. Searches run at half the working size, where they cost a sixteenth, and windows are then aligned at full
+size. Lost dots come back by themselves, because they are tried in every frame.
 
 Units: records are in full-size pixels; inside, pixels of the working picture.
 """
@@ -17,16 +18,16 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cad.errors import ParameterError
-from sensing.decode import SHORT_SIDE_PX, FrameError, decode_gray, to_full_px, working_reduction
-from sensing.records import DotTracks, Frame, Image, ShearField
+from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
+from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
 from sensing.tracking.field_kernels import judge_dots, stretch_at_dots
 from sensing.tracking.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
-from sensing.tracking.gelslim import CROP_PX
 from sensing.tracking.patch_kernels import smooth_into, smoothed
 from sensing.tracking.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
-from sensing.tracking.recovery import recover, regrow
+from sensing.tracking.recovery import WideSearch
 
+FULL_SIZE_PX = 480  # half size costs 30 to 60 % more error in a wrench and saves a tenth of the time
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
 FEWEST_JUDGES = 5  # dots that are believed are not put in doubt by fewer than this
 TRUST = (0.1, 0.4)  # believed leave-one-out residual over the spacing, at least and at sure quality
@@ -41,7 +42,7 @@ class TrackerConfig:
     """Knobs of the tracker; each has its curve in bench/bench_fields.py.
 
     Attributes:
-        shape: (H, W) of the field.
+        shape: (H, W) of the field that :class:`sensing.tracking.methods.DotField` makes of the tracks.
         least_quality: correlation under which a dot is bad.
         sure_quality: correlation from which the neighbours' opinion counts less.
         restart_share: share of bad dots from which all are searched from scratch.
@@ -50,7 +51,7 @@ class TrackerConfig:
         noise: noise of the field's kernel.
         iterations: alignment steps a window at most.
         stop_px: a step this small ends the alignment, pixels of the working picture.
-        short_side_px: the working picture keeps at least this (half size at 640 x 480).
+        short_side_px: the working picture keeps at least this (full size at 640 x 480).
     """
 
     shape: tuple[int, int] = (30, 30)
@@ -62,7 +63,7 @@ class TrackerConfig:
     noise: float = NOISE
     iterations: int = ITERATIONS
     stop_px: float = STOP_PX
-    short_side_px: int = SHORT_SIDE_PX
+    short_side_px: int = FULL_SIZE_PX
 
     def __post_init__(self) -> None:
         if not -1 < self.least_quality <= self.sure_quality < 1:
@@ -75,7 +76,7 @@ class TrackerConfig:
 
 
 class DotTracker:
-    """Frames in, dot tracks and fields out, against one undeformed reference.
+    """Frames in, dot tracks out, against one undeformed reference.
 
     Args:
         reference: the undeformed picture.
@@ -94,7 +95,8 @@ class DotTracker:
         self._working_shape = gray.shape
         self._image = smoothed(gray)  # used again for every frame
         found = find_dots(gray, source=reference.source) if dots is None else dots
-        half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, 12))
+        largest = max(12, round(12 * min(gray.shape) / FULL_SIZE_PX))
+        half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, largest))
         self.dots = (
             found if dots is not None else _without_vague(found, cut_patches(self._image, found.position_px, half))
         )
@@ -105,7 +107,7 @@ class DotTracker:
         )
         self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
         self._all = np.arange(len(self.dots))
-        self._reach = int(np.ceil(0.06 * min(gray.shape) / 2)) * 2  # 28 px at 640 x 480: a jump of 25 and a margin
+        self._wide = WideSearch(self._image, self.dots.position_px, half, self.operator)
         self.restart()
 
     def update(self, frame: Frame) -> DotTracks:
@@ -149,12 +151,6 @@ class DotTracker:
             size=self.size,
             stretch=fit.stretch,
         )
-
-    def field(self, tracks: DotTracks) -> ShearField:
-        """Field of the tracks, in pixels of the 200 x 200 crop; all invalid while every dot is lost."""
-        channels = self.operator.field(tracks.displacement_px, tracks.stretch)
-        channels *= np.float32(CROP_PX / min(self.size))
-        return ShearField(tracks.time_s, channels, valid=self.operator.valid(~tracks.lost))
 
     def restart(self) -> None:
         """Forget the frames before: the next answers are those of a new tracker, to the bit."""
@@ -212,11 +208,10 @@ class DotTracker:
         return np.where(fit.live[:, None], fit.moved, 0.0)
 
     def _from_search(self, image: NDArray[np.float32], fit: _Fit) -> NDArray[np.float64]:
-        return regrow(image, self._patches, self.operator, fit.moved, fit.live, self._reach)
+        return self._wide.lost(image, fit.moved, fit.live)
 
     def _search(self, image: NDArray[np.float32]) -> _Fit:
-        moved, _ = recover(image, self._patches, self.operator, self._reach, np.random.default_rng(0))
-        return self._judged(self._refined(image, self._all, moved))
+        return self._judged(self._refined(image, self._all, self._wide.all(image)))
 
 
 @dataclass(frozen=True)

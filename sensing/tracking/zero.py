@@ -13,7 +13,6 @@ import datetime
 import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError
-from sensing.decode import decode_bgr, decode_gray, working_reduction
+from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, working_reduction
+from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import find_dots
 from sensing.tracking.tracker import DotTracker
@@ -35,6 +35,7 @@ CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which
 MOUNT_PX = 0.3  # at 480: similarity motion from which the mounting has drifted
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
 LEAST_FRAMES = 3
+MOST_FILE_BYTES = 1 << 26  # of a reference file when unpacked
 LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
 
 
@@ -166,18 +167,23 @@ def load_zero(path: Path | str) -> Zero:
         FileError: missing, no such file format, or the picture does not match its digest.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            about = json.loads(str(data["about"]))
-            image = cv2.imdecode(data["png"], cv2.IMREAD_COLOR)
-            noise = np.array(data["noise_px"])
+        data = read_npz(path, ("about", "png", "noise_px"), MOST_FILE_BYTES)
+        about, noise = json.loads(str(data["about"])), np.array(data["noise_px"], float)
+        size = png_size(data["png"].tobytes()[:24])
+        if size is None or size[0] * size[1] > MOST_PIXELS:
+            raise ValueError(f"a picture of {size} px")
+        image = cv2.imdecode(data["png"], cv2.IMREAD_COLOR)
         if image is None:
             raise ValueError("no picture")
         digest = about.pop("digest")
+        for name, kind in (("sensor", str), ("date", str), ("frames", int), ("brightness", float), ("exposure", float)):
+            about[name] = kind(about[name])
         zero = Zero(image=image, noise_px=noise, **about)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: no reference file ({type(error).__name__}): zero the sensor again") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, cv2.error) as error:
+        said = " ".join(str(error).split())[:100]
+        raise FileError(f"{path}: no reference file ({said}): zero the sensor again") from None
     if zero.digest != digest:
         raise FileError(f"{path}: the picture does not match its digest: the file is damaged, zero the sensor again")
     return zero

@@ -1,8 +1,8 @@
 """Weights on disk and the estimator that live code uses: shear field in, wrench with covariance and flags out.
 
     model = load_wrench_model(EndcapParams(130, 8))       # the default that ships with the package, or path="..."
-    tracker = DotTracker(reference, TrackerConfig(shape=model.shape))
-    wrench = model.estimate(tracker.field(tracker.update(frame)))
+    seen = model_input(reference, model.shape, model.design)          # of sensing.tracking.model_input; or a camera
+    wrench = model.estimate(seen.update(frame))
 
 Wrenches on the endcap about the sphere's centre, N and N m. A file holds tensors and, as JSON, the design's digest, how
 it was trained and how well it did. Weights of another design are refused. Nothing is unpickled, and torch is not

@@ -1,4 +1,4 @@
-"""The released network, unchanged: shear field to wrench (facts.md, "The released sensing pipeline").
+"""The released network, unchanged: shear field to wrench (P, NET08).
 
     model = load_paper_model("wrench_regression_model.pth")
     wrench = PaperEstimator(model).estimate(field)         # field of sensing.tracking.gelslim, 30 x 30, u and v
@@ -25,9 +25,9 @@ from cad.errors import FileError, ParameterError
 from sensing.frames import AUTHORS_LABEL_SIGN
 from sensing.records import ShearField, Wrench
 
-FIELD_SIZE = 1800  # facts.md: 2 x 30 x 30
-HIDDEN = 64
-SIX_CAMERA_THRESHOLD_N = 0.2  # facts.md: below it that node publishes zero
+FIELD_SIZE = 1800  # P, NET08: 2 x 30 x 30
+HIDDEN = 64  # P, NET08
+SIX_CAMERA_THRESHOLD_N = 0.2  # P, NET10: below it that node publishes zero
 
 
 class ResidualBlock(nn.Module):

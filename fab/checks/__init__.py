@@ -1,0 +1,1 @@
+"""Checks that gate an export, measured on the files as written."""

@@ -1,0 +1,76 @@
+"""The bumps of the mold core, found on its meshes and compared with the pattern of dots.
+
+Found without the pattern: facets that rise above the inner sphere are joined into patches, over all pieces, because a
+seam may run through a bump. Millimetres, endcap frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
+from cad.mold_layout import MoldLayout
+from fab.checks.check import Check
+
+RISE_MM = 0.03  # above the sphere: more than a facet's chord error, less than any bump
+POSITION_MM = 0.05
+HEIGHT_MM = 0.03
+RADIUS_MM = 0.1
+
+
+def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[Check]:
+    """Number of the bumps, and the worst errors of their position, height and radius.
+
+    A sphere is fitted to each patch; its summit and its circle on the inner sphere are the bump's.
+    """
+    params = layout.params
+    centre = np.array([0.0, 0.0, params.centre_height_mm])
+    points = np.concatenate([mesh.vertices for mesh in pieces]) - centre
+    above_flange = points[:, 2] > params.flange_thickness_mm - params.centre_height_mm
+    risen = points[above_flange & (np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM)]
+    patches = _patches(risen, 1.2 * DOT_RADIUS_MM)
+    directions = np.array([dot.direction for dot in dot_pattern(params)])
+    count = Check("bumps.count", float(len(patches)), len(directions), len(directions))
+    if not patches:
+        return [count]
+    bumps = np.array([_summit_and_radius(risen[patch], params.inner_radius_mm) for patch in patches])
+    summits, radii = bumps[:, :3], bumps[:, 3]
+    offsets, _ = cKDTree(directions * (params.inner_radius_mm + DENT_DEPTH_MM)).query(summits)
+    heights = np.linalg.norm(summits, axis=1) - params.inner_radius_mm
+    return [
+        count,
+        Check("bumps.position_error_mm", float(offsets.max()), high=POSITION_MM),
+        Check("bumps.height_error_mm", float(np.abs(heights - DENT_DEPTH_MM).max()), high=HEIGHT_MM),
+        Check("bumps.radius_error_mm", float(np.abs(radii - DOT_RADIUS_MM).max()), high=RADIUS_MM),
+    ]
+
+
+def _summit_and_radius(points: np.ndarray, inner_radius_mm: float) -> np.ndarray:
+    """Summit (3) and footprint radius of the sphere through a patch's points (n, 3), as four numbers.
+
+    Notes:
+        Linear least squares for the sphere: |p|^2 = 2 c.p + (r^2 - |c|^2). The footprint follows from the law of
+        cosines in the triangle of both spheres' centres and a point of their common circle.
+    """
+    system = np.column_stack([2 * points, np.ones(len(points))])
+    solution = np.linalg.lstsq(system, (points**2).sum(axis=1), rcond=None)[0]
+    c, radius = solution[:3], np.sqrt(solution[3] + solution[:3] @ solution[:3])
+    distance = np.linalg.norm(c)
+    cosine = (distance**2 + inner_radius_mm**2 - radius**2) / (2 * distance * inner_radius_mm)
+    footprint = inner_radius_mm * np.sqrt(max(0.0, 1 - cosine**2))
+    return np.append(c * (1 + radius / distance), footprint)
+
+
+def _patches(points: np.ndarray, reach_mm: float) -> list[np.ndarray]:
+    """Groups of points no farther apart than a reach, as index arrays."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = cKDTree(points).query_pairs(reach_mm, output_type="ndarray") if len(points) else np.empty((0, 2), int)
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
+    number, labels = connected_components(graph, directed=False)
+    return [np.flatnonzero(labels == k) for k in range(number)]

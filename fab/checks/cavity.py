@@ -1,0 +1,180 @@
+"""What the closed mold encloses: balance of volumes, thickness of the wall, leaks at the joints, trapped air.
+
+Everything is measured on the pieces' meshes as read back from their files, against the shell's solid or closed forms.
+Millimetres, endcap frame; the mold is poured with +z down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import manifold3d
+import numpy as np
+import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.mold_core import ramp_end
+from cad.mold_layout import MoldLayout
+from fab.checks.check import Check
+from fab.meshing.mesh import to_manifold
+
+BALANCE_RATIO = 5e-4
+WALL_ERROR_MM = 0.02
+OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfaces,
+INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
+FACETS = 256  # on a circle: 0.01 mm of chord, well under the two lengths above
+WALL_SAMPLES = 3000
+BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
+SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
+FACING = 0.95  # cosine of a facet's normal to the radius
+LEVEL_MM = 1e-3  # vertices this near in height are on one level: facets of a flat roof or a ring
+LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
+VISCOSITY_PA_S = 35.0  # S, MAT07: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
+POT_LIFE_S = 45 * 60.0  # S
+SILICONE_KG_M3 = 1240.0  # S
+GRAVITY_M_S2 = 9.81
+
+
+def balance_check(
+    layout: MoldLayout,
+    pieces: Mapping[str, trimesh.Trimesh],
+    interface: trimesh.Trimesh,
+    shell_volume_mm3: float,
+) -> Check:
+    """Cavity less core less TPU against the shell, as a ratio.
+
+    Args:
+        layout: mold sizes.
+        pieces: meshes of cup and core.
+        interface: mesh of the TPU interface with its gyroid.
+        shell_volume_mm3: volume of the shell's solid less the TPU above the flange.
+    """
+    cavity = cavity_body(layout, pieces) - to_manifold(interface)
+    return Check("cavity.balance_error_ratio", abs(cavity.volume() / shell_volume_mm3 - 1), high=BALANCE_RATIO)
+
+
+def cavity_body(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> manifold3d.Manifold:
+    """The space between the pieces of cup and core above the flange, with what of the joints lies next to it."""
+    params = layout.params
+    centre = [0.0, 0.0, params.centre_height_mm]
+    ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, FACETS).translate(centre)
+    space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
+    bodies = [to_manifold(mesh) for mesh in pieces.values()]
+    return manifold3d.Manifold.batch_boolean([space, *bodies, _core_filler(layout)], manifold3d.OpType.Subtract)
+
+
+def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:
+    """Largest deviation of the wall from T, sampled on bundles of rays from the sphere's centre.
+
+    Left out, as the wall is not T there by design: the bumps and the ramp at the rim. A joint is a slit: of seven rays
+    on a circle it lets two through at most, so the bundle's median does not see it.
+    """
+    params = layout.params
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(WALL_SAMPLES, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    ramp = (ramp_end(layout)[1] - params.centre_height_mm) / params.inner_radius_mm
+    rim = (params.flange_thickness_mm - params.centre_height_mm) / params.outer_radius_mm
+    dots = np.array([dot.direction for dot in dot_pattern(params)])
+    clear = np.cos((DOT_RADIUS_MM + 2 * BUNDLE_MM) / params.inner_radius_mm)
+    directions = directions[(directions[:, 2] > max(ramp, rim) + 0.02) & ((directions @ dots.T).max(axis=1) < clear)]
+
+    origin = np.array([0.0, 0.0, params.centre_height_mm])
+    bundles = _bundles(directions, BUNDLE_MM / params.inner_radius_mm)
+    rays = bundles.reshape(-1, 3)
+    core = _radii(_joined(pieces, "core_"), origin, rays, np.fmax, 0.0)
+    cup = _radii(_joined(pieces, "cup_"), origin, rays, np.fmin, np.inf)
+    walls = np.median((cup - core).reshape(bundles.shape[:2]), axis=1)
+    return Check("cavity.wall_error_mm", float(np.abs(walls - params.wall_mm).max()), high=WALL_ERROR_MM)
+
+
+def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
+    """Share of the pour that could creep through the bowl's joints before it sets.
+
+    Notes:
+        Flow between parallel plates, q = g^3 dp / (12 mu l) for each length of joint (Batchelor, An Introduction to
+        Fluid Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone.
+    """
+    params = layout.params
+    gap, path = layout.joint_clearance_mm * 1e-3, layout.bowl_wall_mm * 1e-3
+    head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
+    joints = len(layout.bowl_seams_deg) * np.pi / 2 * params.outer_radius_mm * 1e-3
+    flow_m3_s = gap**3 * head / (12 * VISCOSITY_PA_S * path) * joints
+    return Check("cavity.leak_ratio", float(flow_m3_s * POT_LIFE_S * 1e9 / shell_volume_mm3), high=LEAK_RATIO)
+
+
+def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
+    """Places of the cast, vents left out, where a bubble that rises along the surface would stay.
+
+    Poured with +z down, air moves to lower z. A vertex of the cast, or a patch of vertices on one level (a flat roof, a
+    ring), whose neighbours all lie deeper, and above which (outside the cast) is mold, holds air, unless it is on the
+    flange's level, where the vents are.
+    """
+    z = np.asarray(shell.vertices[:, 2])
+    first, second = np.asarray(shell.edges_unique).T
+    level = np.abs(z[first] - z[second]) < LEVEL_MM
+    graph = coo_matrix((np.ones(level.sum()), (first[level], second[level])), shape=(len(z), len(z)))
+    number, patch = connected_components(graph, directed=False)
+    top, around = np.full(number, np.inf), np.full(number, np.inf)
+    np.minimum.at(top, patch, z)
+    for inside, outside in ((first[~level], second[~level]), (second[~level], first[~level])):
+        np.minimum.at(around, patch[inside], z[outside])
+    # the mold lies on the upper side, as the machine is poured
+    roofed = np.bincount(patch, weights=shell.vertex_normals[:, 2] < 0, minlength=number) > 0
+    summit = roofed & (around > top) & (top > layout.params.flange_thickness_mm + 0.01)
+    return Check("cavity.air_traps", float(summit.sum()), high=0)
+
+
+def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
+    """A body just inside the core, that fills the joints between its pieces."""
+    params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
+    radius, centre = params.inner_radius_mm - INSIDE_MM, params.centre_height_mm
+    start = max(layout.neck_radius_mm - INSIDE_MM, 0.0)
+    floor = params.flange_thickness_mm - 1.0
+    heights = centre + radius * np.sin(np.linspace(np.arcsin((floor - centre) / radius), np.pi / 2, FACETS))
+    cone = start + np.maximum(0.0, heights - params.flange_thickness_mm) / slope
+    sphere = np.sqrt(np.maximum(0.0, radius**2 - (heights - centre) ** 2))
+    outline = np.column_stack([np.minimum(cone, sphere), heights])
+    closed = [(0.0, heights[0]), *map(tuple, outline), (0.0, heights[-1])]
+    section = manifold3d.CrossSection([np.array(closed)], manifold3d.FillRule.Positive)
+    return manifold3d.Manifold.revolve(section, FACETS)
+
+
+def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Faces (mask) of a cup segment that shape the silicone: on the outer sphere, and looking at its centre."""
+    outward = mesh.triangles_center - np.array([0.0, 0.0, layout.params.centre_height_mm])
+    distance = np.linalg.norm(outward, axis=1)
+    facing_in = np.einsum("ij,ij->i", mesh.face_normals, outward) < -FACING * distance
+    return facing_in & (np.abs(distance - layout.params.outer_radius_mm) < SURFACE_MM)
+
+
+def _joined(pieces: Mapping[str, trimesh.Trimesh], prefix: str) -> trimesh.Trimesh:
+    """All pieces of a kind as one mesh, for rays."""
+    meshes = [mesh for name, mesh in pieces.items() if name.startswith(prefix)]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    return trimesh.Trimesh(np.concatenate([mesh.vertices for mesh in meshes]), faces, process=False)
+
+
+def _bundles(directions: np.ndarray, spread: float) -> np.ndarray:
+    """Seven unit vectors (n, 7, 3) on a narrow cone round each direction (n, 3)."""
+    helper = np.eye(3)[np.abs(directions).argmin(axis=1)]
+    first = np.cross(directions, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(directions, first)
+    angles = 2 * np.pi * np.arange(7) / 7
+    around = first[:, None] * np.cos(angles)[None, :, None] + second[:, None] * np.sin(angles)[None, :, None]
+    rays = directions[:, None] + spread * around
+    return rays / np.linalg.norm(rays, axis=2, keepdims=True)
+
+
+def _radii(
+    mesh: trimesh.Trimesh, origin: np.ndarray, directions: np.ndarray, pick: np.ufunc, start: float
+) -> np.ndarray:
+    """Distance from the origin at which each ray (n, 3) meets a mesh: the largest or the smallest of the hits."""
+    places, rays, _ = mesh.ray.intersects_location(np.tile(origin, (len(directions), 1)), directions)
+    radii = np.full(len(directions), start)
+    pick.at(radii, rays, np.linalg.norm(places - origin, axis=1))
+    return radii

@@ -1,0 +1,249 @@
+"""Do the mold's pieces come out? Every piece is moved along its path in small steps past everything still in place.
+
+A path is a sequence of straight legs (unit direction, length). Core pieces leave through the bore of the TPU interface
+in the order of :data:`cad.mold_core.REMOVAL_ORDER`; cup segments leave away from the equator. Silicone and TPU flange
+are closed forms here (sphere, ramp, bumps, bore), so depths are exact for the sampled points; other pieces are meshes.
+
+Millimetres, endcap frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from cad.dots import DENT_DEPTH_MM, dot_pattern
+from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm
+from cad.mold_layout import MoldLayout
+from fab.checks.cavity import cavity_faces
+from fab.meshing.mesh import TOLERANCE_MM, to_manifold
+
+STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
+SEARCH_MM = 0.25  # gaps beyond this are not told apart
+SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # pulls tried: from straight inward to nearly along the ramp
+TOUCH_MM = 1e-3  # float32 coordinates of a surface in contact
+FACING = 0.95  # cosine of a facet's normal to the surface's own
+SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
+RELEASE_MM = 2.0  # travel after which nothing is in contact any more
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One straight move.
+
+    Attributes:
+        direction: unit vector.
+        length_mm: how far.
+    """
+
+    direction: tuple[float, float, float]
+    length_mm: float
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """How one piece leaves.
+
+    Attributes:
+        piece: its name.
+        legs: the path.
+        penetration_mm: deepest that any of its points enters silicone or TPU (0 wanted).
+        piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
+        draft_deg: least angle between the piece's molding surface and the first leg.
+        rim_strain: how far the opening must stretch to let it pass (0 wanted).
+    """
+
+    piece: str
+    legs: tuple[Leg, ...]
+    penetration_mm: float
+    piece_gap_mm: float
+    draft_deg: float
+    rim_strain: float
+
+
+def extract_core(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Extraction]:
+    """Take the core apart in its stated order."""
+    inside = [name for name in REMOVAL_ORDER if name in meshes]
+    results = []
+    for name in tuple(inside):
+        inside.remove(name)
+        mesh = meshes[name]
+        legs = core_path(layout, name, mesh)
+        rest = [meshes[other] for other in inside]
+        results.append(
+            Extraction(
+                name,
+                legs,
+                max(float(depth_in_cast(layout, points).max()) for points in _swept(mesh, legs)),
+                least_gap_mm(mesh, rest, legs),
+                _draft_deg(mesh, _molding_faces(layout, mesh), legs[0]),
+                _rim_strain(layout, mesh, legs),
+            )
+        )
+    return results
+
+
+def extract_cup(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Extraction]:
+    """Take the cup off: bowl segments toward the dome, then collar segments toward the rim."""
+    outside = sorted(name for name in meshes if name.startswith("cup_"))
+    results = []
+    for name in tuple(outside):
+        outside.remove(name)
+        mesh, down = meshes[name], 1.0 if name.startswith("cup_bowl") else -1.0
+        legs = (Leg((0.0, 0.0, down), layout.params.outer_radius_mm),)
+        shifted = (mesh.vertices + shift for shift in _shifts(legs))  # facets of a hollow sphere lie inside it
+        depth = max(float(_depth_in_shell_from_outside(layout, points).max()) for points in shifted)
+        faces = cavity_faces(layout, mesh)
+        peers = [meshes[other] for other in outside if other[:-1] == name[:-1]]  # bowl and collar touch at the seam
+        gap = least_gap_mm(mesh, peers, legs)
+        results.append(Extraction(name, legs, depth, gap, _draft_deg(mesh, faces, legs[0]), 0.0))
+    return results
+
+
+def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg, ...]:
+    """The way out of one core piece: centre straight along the axis, the others inward until they fit, then out.
+
+    The slope of the inward pull is the one with the largest least draft.
+    """
+    out = Leg((0.0, 0.0, -1.0), layout.params.tip_height_mm)
+    if name == "core_centre":
+        return (out,)
+    azimuth = math.radians(layout.key_azimuths_deg[int(name[-1]) - 1] + (60.0 if "wide" in name else 0.0))
+    faces = _molding_faces(layout, mesh)
+    pulls = [_pull(azimuth, math.radians(slope)) for slope in SLOPES_DEG]
+    direction = max(pulls, key=lambda pull: _draft_deg(mesh, faces, Leg(pull, 0.0)))
+    inward = -np.array([math.cos(azimuth), math.sin(azimuth)])
+    points = mesh.vertices[:, :2]
+    along, across = points @ -inward, points @ np.array([-inward[1], inward[0]])
+    reach = np.sqrt(np.maximum(0.0, layout.exit_radius_mm**2 - across**2))
+    stroke = float((along - reach).max()) / math.hypot(*direction[:2])
+    return (Leg(direction, stroke), out)
+
+
+def depth_in_cast(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
+    """How deep points lie in what is cast or stays: silicone round the core, TPU flange round its bore.
+
+    Args:
+        layout: mold sizes.
+        points: (n, 3) in mm.
+
+    Returns:
+        (n,) depths in mm; 0 or less outside.
+    """
+    params = layout.params
+    radius = np.hypot(points[:, 0], points[:, 1])
+    height = points[:, 2] - params.flange_thickness_mm
+    slope = math.radians(layout.ramp_deg)
+    ramp = (radius - layout.neck_radius_mm) * math.sin(slope) - height * math.cos(slope)
+    core = np.maximum(np.linalg.norm(points - _centre(layout), axis=1) - params.inner_radius_mm, ramp)
+    near = core > TOUCH_MM  # only these can be in silicone, and of them not those on a bump
+    if near.any():
+        core[near] = np.minimum(core[near], _nearest_bump(layout, points[near])[0])
+    flange = np.minimum(radius - params.bore_radius_mm, np.minimum(-height, points[:, 2]))
+    return np.where(height > 0, np.minimum(core, height), flange)
+
+
+def least_gap_mm(mesh: trimesh.Trimesh, others: list[trimesh.Trimesh], legs: tuple[Leg, ...]) -> float:
+    """Least gap between a piece on its path and the pieces still in place; 0 where they touch or overlap."""
+    if not others:
+        return SEARCH_MM
+    piece, rest = to_manifold(mesh), [to_manifold(other) for other in others]
+    placed = [piece.translate([float(v) for v in shift]) for shift in _shifts(legs)]
+    gaps = [
+        body.min_gap(moved, SEARCH_MM)
+        for moved in placed
+        for body in rest
+        if _boxes_within(body.bounding_box(), moved.bounding_box(), SEARCH_MM)
+    ]
+    return min(gaps, default=SEARCH_MM)
+
+
+def _pull(azimuth: float, slope: float) -> tuple[float, float, float]:
+    """Inward along an azimuth and toward the opening by a slope."""
+    c = math.cos(slope)
+    return (-c * math.cos(azimuth), -c * math.sin(azimuth), -math.sin(slope))
+
+
+def _centre(layout: MoldLayout) -> np.ndarray:
+    return np.array([0.0, 0.0, layout.params.centre_height_mm])
+
+
+def _nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance (n,) to the union of the bumps' spheres, and the vectors (n, 3) from the nearest centre."""
+    radius = bump_sphere_radius_mm()
+    directions = np.array([dot.direction for dot in dot_pattern(layout.params)])
+    centres = _centre(layout) + directions * (layout.params.inner_radius_mm + DENT_DEPTH_MM - radius)
+    distance, nearest = cKDTree(centres).query(points)
+    return distance - radius, points - centres[nearest]
+
+
+def _depth_in_shell_from_outside(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
+    """Depth of points inside the outer sphere above the mating plane: silicone or TPU."""
+    depth = layout.params.outer_radius_mm - np.linalg.norm(points - _centre(layout), axis=1)
+    return np.minimum(depth, points[:, 2])
+
+
+def _molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Faces (mask) of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
+
+    Place alone does not tell: the walls of seams and tabs end at the same surface.
+    """
+    points, normals = mesh.triangles_center, mesh.face_normals
+    outward = points - _centre(layout)
+    distance = np.linalg.norm(outward, axis=1)
+    nearest, from_bump = _nearest_bump(layout, points)
+    on_sphere = np.abs(distance - layout.params.inner_radius_mm) < SURFACE_MM
+    outside = distance > layout.params.inner_radius_mm - SURFACE_MM  # the rest of a bump's sphere is inside the core
+    on_bump = (np.abs(nearest) < SURFACE_MM) & outside
+    facing_out = np.einsum("ij,ij->i", normals, outward) > FACING * distance
+    facing_bump = np.einsum("ij,ij->i", normals, from_bump) > FACING * np.linalg.norm(from_bump, axis=1)
+    on_ramp = np.abs(normals[:, 2] + math.cos(math.radians(layout.ramp_deg))) < 1e-3
+    return (on_sphere & facing_out) | (on_bump & facing_bump) | on_ramp
+
+
+def _draft_deg(mesh: trimesh.Trimesh, faces: np.ndarray, leg: Leg) -> float:
+    """Least angle by which the faces open along a leg: below 0 is an undercut.
+
+    A facet whose undercut is less deep than the mesh is true to its surface counts as parallel (0): at the sphere's
+    equator, where the true draft is 0, slivers beside a seam lean by up to that much either way.
+    """
+    direction = np.array(leg.direction)
+    opening = -(mesh.face_normals[faces] @ direction)
+    reach = np.ptp(mesh.triangles[faces] @ direction, axis=1)  # of each facet along the way
+    shallow = (opening < 0) & (-opening * reach < 2 * TOLERANCE_MM)
+    opening[shallow] = 0.0
+    return float(np.degrees(np.arcsin(np.clip(opening.min(), -1.0, 1.0))))
+
+
+def _rim_strain(layout: MoldLayout, mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> float:
+    """Stretch of the opening by the widest section that passes it on the last leg."""
+    start = mesh.vertices + sum(leg.length_mm * np.array(leg.direction) for leg in legs[:-1])
+    widest = float(np.hypot(start[:, 0], start[:, 1]).max())
+    return max(0.0, widest / layout.params.opening_radius_mm - 1.0)
+
+
+def _shifts(legs: tuple[Leg, ...]) -> list[np.ndarray]:
+    """Sampled positions along a path; the start is sampled more densely, where surfaces still touch."""
+    shifts, corner = [], np.zeros(3)
+    for leg in legs:
+        direction = np.array(leg.direction)
+        close = np.linspace(0.0, min(RELEASE_MM, leg.length_mm), STEPS, endpoint=False)
+        for travel in [*close, *np.linspace(min(RELEASE_MM, leg.length_mm), leg.length_mm, STEPS)]:
+            shifts.append(corner + travel * direction)
+        corner = corner + leg.length_mm * direction
+    return shifts
+
+
+def _swept(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> list[np.ndarray]:
+    """Points of the piece (vertices and face centres) at every sampled position."""
+    points = np.concatenate([mesh.vertices, mesh.triangles_center])
+    return [points + shift for shift in _shifts(legs)]
+
+
+def _boxes_within(a: tuple[float, ...], b: tuple[float, ...], distance: float) -> bool:
+    return all(a[i] <= b[i + 3] + distance and b[i] <= a[i + 3] + distance for i in range(3))

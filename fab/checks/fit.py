@@ -1,0 +1,114 @@
+"""Do the parts fit? Screw axes, joint clearances, and what a printer needs: walls, overhangs, a bed.
+
+Screw axes are read from the cylinders of the solids, so a hole that moved is seen where it is. Millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from cad.mold_layout import MoldLayout
+from cad.part import Part
+from cad.solids import drill, one_solid
+from fab.checks.cavity import cavity_faces
+from fab.checks.check import Check
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+AXIS_MM = 0.05  # the released patterns are known to this
+CLEARANCE_MM = 0.001
+BED_MM = 256.0
+MIN_WALL_MM = 0.8  # two lines of a 0.4 mm nozzle
+WALL_SAMPLES = 3000
+PARALLEL = 0.995  # cosine between the two faces of a wall
+MAX_OVERHANG_DEG = 45.0
+
+
+def screw_axis_checks(parts: Sequence[Part], layout: MoldLayout) -> list[Check]:
+    """Ten screw axes of each part against the screw circle, as the worst distance; a missing hole counts as far off."""
+    params = layout.params
+    angles = np.radians(params.screw_azimuths_deg)
+    wanted = params.screw_circle_radius_mm * np.column_stack([np.cos(angles), np.sin(angles)])
+    checks = []
+    for part in parts:
+        axes = upright_axes(part.solid, 1.7)
+        worst = float(cKDTree(axes).query(wanted)[0].max()) if len(axes) else float("inf")
+        checks.append(Check(f"{part.name}.screw_axis_error_mm", worst, high=AXIS_MM))
+    return checks
+
+
+def upright_axes(solid: Solid, radius_mm: float) -> np.ndarray:
+    """Axes (n, 2) of the upright cylindrical faces of a radius."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.GeomAbs import GeomAbs_Cylinder
+
+    axes = []
+    for face in solid.faces():
+        surface = BRepAdaptor_Surface(face.wrapped)
+        if surface.GetType() != GeomAbs_Cylinder or abs(surface.Cylinder().Radius() - radius_mm) > 1e-6:
+            continue
+        axis = surface.Cylinder().Axis()
+        if abs(axis.Direction().Z()) > 1 - 1e-9:
+            axes.append((axis.Location().X(), axis.Location().Y()))
+    return np.array(axes).reshape(-1, 2)
+
+
+def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Check]:
+    """Least gap between mated printed pieces, between their solids, against the joint clearance."""
+    nominal, flange = layout.joint_clearance_mm, layout.params.flange_thickness_mm
+    below = drill((0.0, 0.0), 2 * layout.params.outer_radius_mm, 0.0, flange - 0.5)  # above it, the ramp closes in
+    neck, bore = (one_solid(solids[name].intersect(below), name) for name in ("core_key_1", "interface"))
+    pairs = {
+        "bowl": (solids["cup_bowl_1"], solids["cup_bowl_2"]),
+        "collar": (solids["cup_collar_1"], solids["cup_collar_2"]),
+        "core_key": (solids["core_centre"], solids["core_key_1"]),
+        "core_wide": (solids["core_centre"], solids["core_wide_1"]),
+        "core_side": (solids["core_key_1"], solids["core_wide_1"]),
+        "core_bore": (neck, bore),
+    }
+    return [
+        Check(f"joint_{name}.gap_mm", first.distance_to(second), nominal - CLEARANCE_MM, nominal + CLEARANCE_MM)
+        for name, (first, second) in pairs.items()
+    ]
+
+
+def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
+    """Side of the smallest square bed that takes the part in its printing pose, turned about the vertical."""
+    corners = mesh.convex_hull.vertices[:, :2]
+    angles = np.radians(np.arange(0.0, 90.0, 1.0))
+    turned = np.stack([np.cos(angles), np.sin(angles)])
+    across = corners @ turned
+    along = corners @ np.stack([-turned[1], turned[0]])
+    side = np.maximum(np.ptp(across, axis=0), np.ptp(along, axis=0)).min()
+    return Check(f"{name}.bed_mm", float(max(side, np.ptp(mesh.vertices[:, 2]))), high=BED_MM)
+
+
+def min_wall_check(name: str, mesh: trimesh.Trimesh) -> Check:
+    """Thinnest wall of a part: two faces back to back, by rays from sampled points inward.
+
+    Faces that meet at an angle end in an edge, which a printer rounds; only faces that run parallel are a wall.
+    """
+    points, faces = trimesh.sample.sample_surface(mesh, WALL_SAMPLES, seed=0)
+    inward = -mesh.face_normals[faces]
+    places, rays, hit = mesh.ray.intersects_location(points + 1e-3 * inward, inward, multiple_hits=False)
+    parallel = np.einsum("ij,ij->i", mesh.face_normals[hit], inward[rays]) > PARALLEL
+    thickness = np.linalg.norm(places - points[rays], axis=1)[parallel]
+    return Check(f"{name}.min_wall_mm", float(thickness.min(initial=np.inf)), low=MIN_WALL_MM)
+
+
+def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Check:
+    """Steepest overhang inside the cavity of a cup segment as it is printed: on its foot, or on its rim.
+
+    Bowl segments stand dome-down, collar segments on the mating plane; both as they are when poured or upside down.
+    """
+    up = -1.0 if name.startswith("cup_bowl") else 1.0
+    down = -up * mesh.face_normals[cavity_faces(layout, mesh), 2]
+    return Check(
+        f"{name}.overhang_deg", float(np.degrees(np.arcsin(np.clip(down.max(), -1, 1)))), high=MAX_OVERHANG_DEG
+    )

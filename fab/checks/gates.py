@@ -1,0 +1,128 @@
+"""All checks that gate an export, on the files as written.
+
+Each mesh is read back from its STL: what is checked is what a slicer will read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future
+from pathlib import Path
+
+import trimesh
+
+from cad.interface import build_zone
+from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
+from cad.params import EndcapParams
+from cad.part import Part
+from fab.checks.bumps import bump_checks
+from fab.checks.cavity import balance_check, leak_check, trapped_air_check, wall_check
+from fab.checks.check import Check
+from fab.checks.extraction import Extraction, extract_core, extract_cup
+from fab.checks.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
+from fab.checks.gyroid import gyroid_checks
+from fab.checks.meshes import mesh_checks, overlap_check, step_check
+from fab.checks.nuts import nut_checks
+from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
+from fab.meshing.mesh import read_stl, to_manifold
+
+SHELL = "shell"
+CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
+LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
+
+
+def run_gates(design: Design, folder: Path, workers: Executor, progress: Progress) -> list[Check]:
+    """Run every check of a written folder.
+
+    Args:
+        design: what was written.
+        folder: where its files lie.
+        workers: processes for the checks of single meshes.
+        progress: called with the name of each step as it begins.
+
+    Returns:
+        All checks, in a fixed order, passed or not.
+    """
+    made = [part for part in design.parts.values() if part.role != "bought"]
+    single = [_submit(workers, design, part, folder) for part in made]
+    files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
+    gyroid = workers.submit(_interface_checks, design.params, files["interface"])
+    meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
+    cavity = workers.submit(cavity_gates, design.layout, meshes, mesh_volume_mm3(design, SHELL))
+    overlaps = [
+        workers.submit(_overlap_check, label, [meshes[name] for name in names])
+        for label, names in (("endcap", PRODUCT), ("mold", (*design.mold, "interface")))
+    ]
+    progress("checks: extraction")
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
+    checks = extraction_checks(
+        [*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)], design.layout.joint_clearance_mm
+    )
+    progress("checks: fit")
+    fit = fit_gates(design, meshes)
+    progress("checks: cavity, gyroid and files")
+    checks += cavity.result() + [overlap.result() for overlap in overlaps] + fit
+    for pending in (*single, gyroid):
+        checks += pending.result()
+    return checks
+
+
+def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
+    """Balance, wall, bumps, leak and air of the closed mold."""
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
+    return [
+        balance_check(layout, pieces, meshes["interface"], cast_mm3),
+        wall_check(layout, pieces),
+        *bump_checks(layout, [mesh for name, mesh in pieces.items() if name.startswith("core_")]),
+        leak_check(layout, cast_mm3),
+        trapped_air_check(layout, meshes[SHELL]),
+    ]
+
+
+def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+    """Clearances, screw axes, walls, overhangs, beds."""
+    checks = [
+        *clearance_checks(design.layout, {name: part.solid for name, part in design.parts.items()}),
+        *screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout),
+    ]
+    for name, part in design.parts.items():
+        if part.role == "printed":
+            checks.append(bed_check(name, meshes[name]))
+        if part.material == "PLA":  # walls of the TPU part are those of its gyroid and its nut pockets
+            checks.append(min_wall_check(name, meshes[name]))
+        if name.startswith("cup_"):
+            checks.append(overhang_check(design.layout, name, meshes[name]))
+    return checks
+
+
+def extraction_checks(extractions: Sequence[Extraction], joint_clearance_mm: float = JOINT_CLEARANCE_MM) -> list[Check]:
+    """What must hold for each piece on its way out."""
+    checks = []
+    for way in extractions:
+        checks += [
+            Check(f"{way.piece}.way_out_penetration_mm", way.penetration_mm, high=0.01),
+            Check(f"{way.piece}.way_out_gap_mm", way.piece_gap_mm, low=LEAST_GAP_RATIO * joint_clearance_mm),
+            Check(f"{way.piece}.draft_deg", way.draft_deg, low=0.0),
+            Check(f"{way.piece}.rim_strain", way.rim_strain, high=0.0),
+        ]
+    return checks
+
+
+def _submit(workers: Executor, design: Design, part: Part, folder: Path) -> Future[list[Check]]:
+    solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
+    volumes = [float(solid.volume) for solid in solids]
+    wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
+    return workers.submit(_file_checks, part.name, wanted, volumes, folder)
+
+
+def _file_checks(name: str, mesh_volume: float | None, solid_volumes: list[float], folder: Path) -> list[Check]:
+    mesh = read_stl(folder / f"{name}.stl")
+    return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, folder / f"{name}.step")]
+
+
+def _overlap_check(label: str, meshes: Sequence[trimesh.Trimesh]) -> Check:
+    return overlap_check(label, [to_manifold(mesh) for mesh in meshes])
+
+
+def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
+    return [*gyroid_checks(params, mesh), *nut_checks(params, mesh)]

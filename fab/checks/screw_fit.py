@@ -1,0 +1,182 @@
+"""Does a screw clamp? Seat, grip, engagement and room for the tip, measured on the meshes along the screw's own axis.
+
+Lines parallel to the axis are cut with the parts: at the middle of the head's ring for the seat, just inside the thread
+for what the thread bites into, on the axis for what the tip would hit. Millimetres along the screw's direction.
+Screw lengths: ISO 4762, tolerance js15 of ISO 286.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from cad.bought import bought_mm
+from cad.errors import GeometryError
+from cad.fasteners import ScrewJoint
+from fab.checks.check import Check
+
+LENGTHS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 35.0, 40.0)  # S
+PLASTIC_DIAMETERS = 2.5  # E: engagement in printed plastic, in thread diameters
+SEAT_MM = 0.05  # a head bears all round when its seat is this flat
+TIP_MM = 0.1  # room that stays under the tip of the longest screw
+ANGLES = 8
+INSIDE_MM = 0.01
+FAR_MM = 500.0
+
+
+@dataclass(frozen=True)
+class ScrewFit:
+    """How screws of one length sit in a joint; the worst of its places.
+
+    Attributes:
+        joint: which.
+        length_mm: nominal length.
+        grip_mm: from the head's seat to where the thread begins to hold, washers included.
+        engagement_mm: thread held by the shortest screw that the standard allows.
+        needed_mm: engagement wanted.
+        tip_room_mm: what stays free before the tip of the longest one.
+        seat_error_mm: unevenness of the seat under the head.
+    """
+
+    joint: ScrewJoint
+    length_mm: float
+    grip_mm: float
+    engagement_mm: float
+    needed_mm: float
+    tip_room_mm: float
+    seat_error_mm: float
+
+    @property
+    def checks(self) -> list[Check]:
+        """The gates."""
+        name = self.joint.name
+        return [
+            Check(f"{name}.engagement_mm", self.engagement_mm, low=self.needed_mm),
+            Check(f"{name}.tip_room_mm", self.tip_room_mm, low=TIP_MM),
+            Check(f"{name}.seat_error_mm", self.seat_error_mm, high=SEAT_MM),
+        ]
+
+
+def fitted(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> ScrewFit:
+    """The shortest screw of the standard that holds; if none does, the longest with room (its gates then fail)."""
+    fits = [screw_fit(joint, meshes, length) for length in LENGTHS_MM]
+    sound = [fit for fit in fits if all(check.ok for check in fit.checks)]
+    roomy = [fit for fit in fits if fit.tip_room_mm >= TIP_MM]
+    return sound[0] if sound else (roomy[-1] if roomy else fits[0])
+
+
+def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_mm: float) -> ScrewFit:
+    """Measure one joint with screws of a length.
+
+    Args:
+        joint: which.
+        meshes: closed meshes of its parts, endcap frame.
+        length_mm: nominal length of the screws.
+
+    Raises:
+        GeometryError: the head finds no seat, or the anchor is not where the screw goes.
+    """
+    thread = bought_mm(joint.thread, "thread")
+    hole = bought_mm(joint.thread, "clearance_hole")
+    ring = (bought_mm(*_head(joint)) + hole) / 4
+    washers = joint.washers * bought_mm(_head(joint)[0], "thickness") if joint.washers else 0.0
+    slack = length_tolerance_mm(length_mm)
+    worst = {"grip": -math.inf, "held": math.inf, "room": math.inf, "uneven": 0.0}
+    for place in joint.places:
+        seats = [spans[0][0] for spans in _rings(joint, meshes, joint.seat, place, ring)]
+        seat = min(seats) - washers
+        if joint.holder == "plastic":
+            spans = _rings(joint, meshes, joint.anchor, place, thread / 2 - INSIDE_MM)
+            ahead = [[span for span in line if span[1] > seat] for line in spans]
+            held = min(_overlap(line, seat, seat + length_mm - slack) for line in ahead)
+            start, end = max(line[0][0] for line in ahead), _first_hit(joint, meshes, place, seat)
+        elif joint.holder == "captured nut":
+            floors = [spans[0][1] for spans in _rings(joint, meshes, joint.anchor, place, ring)]
+            start, end = max(floors), _first_hit(joint, meshes, place, seat)
+            held = _overlap([(start, start + bought_mm("nut_m3", "thickness"))], seat, seat + length_mm - slack)
+        else:
+            faces = [spans[-1][1] for spans in _rings(joint, meshes, joint.anchor, place, ring)]
+            start, end = max(faces) + washers, math.inf
+            nut = bought_mm("nut_m4", "thickness") + bought_mm(joint.thread, "pitch")
+            held = min(nut, max(0.0, seat + length_mm - slack - start))
+        worst["grip"] = max(worst["grip"], start - seat)
+        worst["held"] = min(worst["held"], held)
+        worst["room"] = min(worst["room"], end - (seat + length_mm + slack), FAR_MM)
+        worst["uneven"] = max(worst["uneven"], max(seats) - min(seats))
+    return ScrewFit(
+        joint, length_mm, worst["grip"], worst["held"], _needed(joint, thread), worst["room"], worst["uneven"]
+    )
+
+
+def screw_seat_mm(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> float:
+    """Height z (endcap frame) on which the heads of a joint bear, washers not counted."""
+    hole = bought_mm(joint.thread, "clearance_hole")
+    ring = (bought_mm(*_head(joint)) + hole) / 4
+    seat = min(spans[0][0] for spans in _rings(joint, meshes, joint.seat, joint.places[0], ring))
+    return seat if joint.up else -seat
+
+
+def length_tolerance_mm(length_mm: float) -> float:
+    """Half the tolerance js15 of a length (ISO 286): a screw may be this much longer or shorter."""
+    steps = ((3.0, 0.20), (6.0, 0.24), (10.0, 0.29), (18.0, 0.35), (30.0, 0.42), (50.0, 0.50))
+    return next(slack for limit, slack in steps if length_mm <= limit)
+
+
+def _needed(joint: ScrewJoint, thread: float) -> float:
+    """All of a captured nut, a loose nut and one pitch beyond it, or 2.5 diameters of plastic."""
+    if joint.holder == "captured nut":
+        return bought_mm("nut_m3", "thickness") - INSIDE_MM
+    if joint.holder == "loose nut":
+        return bought_mm("nut_m4", "thickness") + bought_mm(joint.thread, "pitch") - INSIDE_MM
+    return PLASTIC_DIAMETERS * thread
+
+
+def _head(joint: ScrewJoint) -> tuple[str, str]:
+    return (joint.thread.replace("screw", "washer"), "outer") if joint.washers else (joint.thread, "head")
+
+
+def _rings(
+    joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], part: str, place: tuple[float, float], radius: float
+) -> list[list[tuple[float, float]]]:
+    """Solid spans of a part on lines round the axis, along the screw's direction.
+
+    Raises:
+        GeometryError: a line misses the part.
+    """
+    angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False) + 0.1
+    lines = np.array(place) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    spans = _spans(meshes[part], lines, joint.up)
+    if not all(spans):
+        raise GeometryError(f"{joint.name}: {part} is not where the screw at {place[0]:.2f}, {place[1]:.2f} needs it")
+    return spans
+
+
+def _first_hit(
+    joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], place: tuple[float, float], seat: float
+) -> float:
+    """Where the tip would hit the anchor's material on the axis; infinite where the hole goes through."""
+    line = np.array(place)[None, :] + 0.03
+    starts = [span[0] for span in _spans(meshes[joint.anchor], line, joint.up)[0] if span[0] > seat]
+    return min(starts, default=math.inf)
+
+
+def _spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[list[tuple[float, float]]]:
+    """Solid spans along upright lines (n, 2), as coordinates along the screw (z, or -z if it points down)."""
+    sign = 1.0 if up else -1.0
+    origins = np.column_stack([lines, np.full(len(lines), -sign * FAR_MM)])
+    directions = np.tile([0.0, 0.0, sign], (len(lines), 1))
+    places, rays, _ = mesh.ray.intersects_location(origins, directions, multiple_hits=True)
+    found = []
+    for ray in range(len(lines)):
+        hits = np.sort(sign * places[rays == ray][:, 2])
+        hits = hits[np.concatenate([[True], np.diff(hits) > 1e-4])] if len(hits) else hits
+        found.append([(float(a), float(b)) for a, b in zip(hits[::2], hits[1::2], strict=False)])
+    return found
+
+
+def _overlap(spans: list[tuple[float, float]], low: float, high: float) -> float:
+    return sum(max(0.0, min(high, end) - max(low, start)) for start, end in spans)

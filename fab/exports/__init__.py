@@ -1,0 +1,1 @@
+"""The export folder: meshes, solids, assemblies, pictures, manifest."""

@@ -1,0 +1,175 @@
+"""Write the export folder: meshes, solids, assemblies, pictures, manifest. It appears whole or not at all.
+
+Everything is written to a hidden folder beside the final one, which takes its name at the end. A second run with the
+same parameters gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+import trimesh
+
+from cad.assembly import build_assembly, exploded_offsets, write_assembly
+from cad.errors import FileError
+from cad.interface import build_zone
+from cad.step_file import canonical_step
+from fab.checks.check import Check
+from fab.design import PRODUCT, Design
+from fab.meshing.mesh import write_stl
+from fab.pictures.parts import PictureItem, render_exploded, render_parts, render_section
+
+DIGITS = 9  # significant figures in the manifest
+EXPLODED_GAP_MM = 28.0  # room for the labels
+
+
+@contextmanager
+def whole_folder(final: Path) -> Iterator[Path]:
+    """Yield a folder to fill, that becomes ``final`` if nothing is raised and vanishes otherwise.
+
+    Raises:
+        FileError: the place cannot be written, or the disk is full; what stood at ``final`` before is untouched.
+    """
+    partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
+    retired = final.with_name(f".{final.name}.old-{os.getpid()}")
+    try:
+        partial.mkdir(parents=True)
+        yield partial
+        if final.exists():
+            final.rename(retired)
+        partial.rename(final)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileError(f"{final}: {reason}: free some space or name another folder with exports=DIR") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        shutil.rmtree(retired, ignore_errors=True)
+
+
+def write_meshes(design: Design, folder: Path) -> None:
+    """Write ``<part>.stl`` for every printed or cast part."""
+    for name, part in design.parts.items():
+        if part.role != "bought":
+            write_stl(folder / f"{name}.stl", design.meshes[name])
+
+
+def write_solids(design: Design, folder: Path) -> None:
+    """Write ``<part>.step`` for every printed or cast part; that of the interface has flange and gyroid envelope."""
+    from build123d import Compound, export_step
+
+    for name, part in design.parts.items():
+        if part.role == "bought":
+            continue
+        shape = Compound([part.solid, build_zone(design.params)]) if name == "interface" else part.solid
+        path = folder / f"{name}.step"
+        export_step(shape, path)
+        path.write_text(canonical_step(path.read_text()))
+
+
+def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
+    """Write one part as 3MF; identifiers, which the writer draws at random, are made from the part's name."""
+    named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
+    scene = trimesh.Scene()
+    scene.add_geometry(named, node_name=name, geom_name=name)
+    source = ZipFile(BytesIO(scene.export(file_type="3mf")))
+    counter = iter(range(1 << 16))
+
+    def fixed(_: re.Match[bytes]) -> bytes:
+        return f'UUID="{uuid.uuid5(uuid.NAMESPACE_OID, f"{name}/{next(counter)}")}"'.encode()
+
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        for member in source.namelist():
+            data = re.sub(rb'UUID="[0-9a-f-]{36}"', fixed, source.read(member))
+            info = ZipInfo(member)
+            info.compress_type = ZIP_DEFLATED
+            archive.writestr(info, data, compresslevel=1)  # a third of the time of 6
+
+
+def write_assemblies(design: Design, folder: Path) -> None:
+    """Write the endcap assembled and exploded, as STEP and GLB."""
+    product = [design.parts[name] for name in PRODUCT]
+    write_assembly(build_assembly(product), folder / "assembly.step", folder / "assembly.glb")
+    exploded = build_assembly(product, _offsets(design))
+    write_assembly(exploded, folder / "exploded.step", folder / "exploded.glb")
+
+
+def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
+    """Displacements that pull the endcap apart along its axis."""
+    order = ("base", "camera", "ring_spacer", "led_ring", "interface", "shell")
+    spans = {name: (design.meshes[name].bounds[0][2], design.meshes[name].bounds[1][2]) for name in order}
+    return exploded_offsets(spans, EXPLODED_GAP_MM)
+
+
+def picture_items(design: Design) -> tuple[list[PictureItem], list[PictureItem]]:
+    """What the pictures show: the endcap's parts from the tip down, with their displacements; and all parts."""
+    offsets = _offsets(design)
+    product = [_item(design, name, offsets[name]) for name in sorted(PRODUCT, key=lambda n: -offsets[n][2])]
+    return product, [_item(design, name) for name in design.parts]
+
+
+def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem], folder: Path) -> None:
+    """Write ``exploded.png``, ``section.png`` and ``parts.png``."""
+    render_exploded(product, folder / "exploded.png")
+    render_section(product, folder / "section.png")
+    render_parts(parts, folder / "parts.png")
+
+
+def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str, object]:
+    """Everything a reader or a program needs to know of the folder, in a fixed order."""
+    values = {check.name: check.value for check in checks}
+    parts = []
+    for name, part in design.parts.items():
+        mesh = design.meshes[name]
+        files = sorted(path for path in folder.iterdir() if path.stem == name)
+        parts.append(
+            {
+                "name": name,
+                "role": part.role,
+                "material": part.material,
+                "quantity": part.quantity,
+                "volume_mm3": {"solid": _figures(part.solid.volume), "mesh": _figures(mesh.volume)},
+                "bounding_box_mm": [[_figures(v) for v in corner] for corner in mesh.bounds],
+                "triangles": len(mesh.faces),
+                "watertight": bool(mesh.is_watertight),
+                "self_intersections": int(values.get(f"{name}.self_intersections", 0)),
+                "files": {path.name: _sha256(path) for path in files},
+            }
+        )
+    shared = sorted(path for path in folder.iterdir() if path.stem not in design.parts)
+    return {
+        "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
+        "joint_clearance_mm": design.layout.joint_clearance_mm,
+        "digest": design.params.digest,
+        "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
+        "parts": parts,
+        "checks": [check.record(DIGITS) for check in checks],
+        "files": {path.name: _sha256(path) for path in shared},
+    }
+
+
+def write_manifest(content: dict[str, object], folder: Path) -> None:
+    """Write ``manifest.json``."""
+    (folder / "manifest.json").write_text(json.dumps(content, indent=1) + "\n")
+
+
+def _item(design: Design, name: str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PictureItem:
+    part = design.parts[name]
+    return PictureItem(name, design.meshes[name], part.color, part.role, offset)
+
+
+def _figures(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,1 @@
+"""Solids to triangle meshes, and the gyroid that exists as a mesh only."""

@@ -1,0 +1,230 @@
+"""The gyroid in the silicone: a sheet of uniform wall at 10 % of the zone's volume, on the flange (endcap frame, mm).
+
+How it is made: the signed distance to the gyroid surface is sampled on a grid that fits the zone (:mod:`.zone_grid`),
+so no node is wasted and no boolean is needed to cut the sheet to it; marching cubes of +t/2 and of -t/2 and caps on
+the zone's sides close the sheet (:mod:`fab.meshing.gyroid_sheet`); manifold3d joins it to the flange, once, when the
+period is right.
+
+Notes:
+    Surface: g = sin x cos y + sin y cos z + sin z cos x = 0 with x = 2 pi X / L (A. H. Schoen, NASA TN D-5541, 1970).
+    One Newton step along the gradient gives the distance to first order, g / |grad g|; a second step from the foot of
+    the first takes one per cent of bias off the wall; what spread is left is the grid's (bench/gyroid.csv).
+    A sheet of wall t fills 3.09 t / L: 3.0915 is the gyroid's area per period squared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cad.errors import GeometryError
+from cad.interface import build_flange, zone_volume_mm3
+from cad.params import EndcapParams
+from fab.meshing.gyroid_sheet import sheet_mesh
+from fab.meshing.mesh import from_manifold, tessellate, to_manifold
+from fab.meshing.zone_grid import ZoneGrid, zone_grid
+
+WALL_MM = 0.45  # E: one line of a 0.4 mm nozzle
+DENSITY = 0.10  # the paper's interlock
+DENSITY_TOLERANCE = 5e-4  # relative: 10.00 % in print; the export gates at 3e-3
+STEP_MM = 0.6  # knee of bench/gyroid.csv
+AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
+PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero
+MAX_TRIALS = 5
+_CLEAR_MM = 0.01  # corners of the sheet keep this far from the plane of the flange: no slivers where the two join
+
+
+@dataclass(frozen=True)
+class InterfaceMesh:
+    """The printed interface.
+
+    Attributes:
+        mesh: closed mesh of flange and gyroid, coordinates as an STL holds them.
+        period_mm: period of the gyroid.
+        wall_mm: thickness of its sheet.
+        density: TPU in the zone over the zone's volume, after islands were dropped.
+        dropped_fraction: TPU in islands that hung free at the zone's edge, over the TPU of the sheet.
+        zone_volume_mm3: volume of the zone.
+    """
+
+    mesh: trimesh.Trimesh
+    period_mm: float
+    wall_mm: float
+    density: float
+    dropped_fraction: float
+    zone_volume_mm3: float
+
+
+def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
+    """Mesh of the whole TPU interface, its period tuned so that the zone is 10 % TPU.
+
+    Args:
+        params: the design.
+        step_mm: grid step; the knee of its curve is the default.
+
+    Raises:
+        GeometryError: no period within reach gives the density, or the mesh is not closed.
+    """
+    return with_flange(gyroid_sheet(params, step_mm), tessellate(build_flange(params)))
+
+
+def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
+    """The sheet alone, period tuned; needs no CAD kernel. It reaches a little into the flange, to fuse with it."""
+    grid = zone_grid(params, step_mm)
+    nodes = grid.points()
+    zone_mm3 = zone_volume_mm3(params)
+
+    def trial(period_mm: float, wall_mm: float) -> InterfaceMesh:
+        sheet, dropped_mm3 = standing_sheet(grid, nodes, period_mm, params.flange_thickness_mm, wall_mm)
+        tpu = volume_above(sheet, params.flange_thickness_mm)
+        return InterfaceMesh(sheet, period_mm, wall_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
+
+    return tune(trial)
+
+
+def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
+    """The sheet fused with the flange's mesh."""
+    return replace(sheet, mesh=from_manifold(to_manifold(sheet.mesh) + to_manifold(flange)))
+
+
+def standing_sheet(
+    grid: ZoneGrid,
+    nodes: np.ndarray,
+    period_mm: float,
+    floor_mm: float,
+    wall_mm: float = WALL_MM,
+    newton_steps: int = 2,
+) -> tuple[trimesh.Trimesh, float]:
+    """The sheet, less what does not stand on the flange.
+
+    Args:
+        grid: the zone's grid.
+        nodes: its points.
+        period_mm: period of the gyroid.
+        floor_mm: top of the flange; bodies of the sheet that reach below it stand on it.
+        wall_mm: thickness of the sheet.
+        newton_steps: see :func:`gyroid_distance_mm`.
+
+    Returns:
+        ``(mesh, dropped volume in mm^3)``.
+    """
+    distance = gyroid_distance_mm(nodes, period_mm, 3 * grid.step_mm, newton_steps)
+    sheet = sheet_mesh(grid, distance, wall_mm / 2)
+    heights = sheet.vertices[:, 2]
+    close = np.abs(heights - floor_mm) < _CLEAR_MM
+    heights[close] = floor_mm + np.where(heights[close] < floor_mm, -_CLEAR_MM, _CLEAR_MM)
+    sheet = trimesh.Trimesh(
+        np.column_stack([sheet.vertices[:, :2], heights]), sheet.faces, process=False, validate=False
+    )
+    return drop_islands(sheet, floor_mm)
+
+
+def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimesh, float]:
+    """The connected bodies that reach below a height, and the volume (mm^3) of the others."""
+    edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    links = coo_matrix((np.ones(len(edges), dtype=np.int8), edges.T), shape=(len(mesh.vertices),) * 2)
+    count, body = connected_components(links, directed=False)
+    stands = np.zeros(count, dtype=bool)
+    stands[body[mesh.vertices[:, 2] < floor_mm]] = True
+    if stands.all():
+        return mesh, 0.0
+    used, corners = np.unique(mesh.faces[stands[body[mesh.faces[:, 0]]]], return_inverse=True)
+    kept = trimesh.Trimesh(mesh.vertices[used], corners.reshape(-1, 3), process=False, validate=False)
+    return kept, float(mesh.volume - kept.volume)
+
+
+def tune(trial: Callable[[float, float], InterfaceMesh]) -> InterfaceMesh:
+    """Bring the density to its target: once by the period, the last tenths of a per cent by the wall.
+
+    Density goes as wall over period. It jumps where a change of period sets an island free or ties it down, so no
+    period may give the target; the wall (a few micrometres) moves no island.
+
+    Args:
+        trial: period and wall in mm -> the sheet they give.
+
+    Raises:
+        GeometryError: not within the tolerance after ``MAX_TRIALS`` meshes.
+    """
+    period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / DENSITY, WALL_MM
+    result = trial(period_mm, wall_mm)
+    for repeat in range(MAX_TRIALS):
+        if abs(result.density / DENSITY - 1) <= DENSITY_TOLERANCE:
+            return result
+        if repeat == 0:
+            period_mm *= result.density / DENSITY
+        else:
+            wall_mm *= DENSITY / result.density
+        result = trial(period_mm, wall_mm)
+    raise GeometryError(
+        f"gyroid density {result.density:.5f} outside {DENSITY} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials: "
+        "use a finer step_mm"
+    )
+
+
+def gyroid_distance_mm(points: np.ndarray, period_mm: float, band_mm: float, newton_steps: int = 2) -> np.ndarray:
+    """Signed distance to the gyroid surface, held to ``-band_mm..band_mm``.
+
+    Args:
+        points: (..., 3) mm.
+        period_mm: period of the gyroid.
+        band_mm: where the distance matters; outside it only its sign does.
+        newton_steps: 1 for g / |grad g|; each further step goes on from the foot of the last, inside the band.
+
+    Returns:
+        (...) distances in mm.
+    """
+    wave = np.float32(2 * math.pi / period_mm)
+    start = (points.reshape(-1, 3) - np.asarray(PHASE_MM, dtype=points.dtype)) * wave
+    value, gradient = _gyroid(start)
+    shift = gradient * (value / np.maximum((gradient**2).sum(-1), 0.05))[:, None]
+    distance = np.sign(value) * np.sqrt((shift**2).sum(-1)) / wave
+    near = np.flatnonzero(np.abs(distance) < 1.2 * band_mm) if newton_steps > 1 else np.arange(0)
+    foot = start[near] - shift[near]
+    for _ in range(newton_steps - 1):
+        value_foot, gradient = _gyroid(foot)
+        foot -= gradient * (value_foot / np.maximum((gradient**2).sum(-1), 0.05))[:, None]
+    distance[near] = np.sign(value[near]) * np.sqrt(((foot - start[near]) ** 2).sum(-1)) / wave
+    return np.clip(distance, -band_mm, band_mm).reshape(points.shape[:-1])
+
+
+def _gyroid(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Field (n,) and gradient (n, 3) at phases (n, 3) in radians."""
+    sines, cosines = np.sin(phase), np.cos(phase)
+    value = (sines * np.roll(cosines, -1, axis=-1)).sum(-1)  # sin x cos y + sin y cos z + sin z cos x
+    gradient = cosines * np.roll(cosines, -1, axis=-1) - sines * np.roll(sines, 1, axis=-1)
+    return value, gradient
+
+
+def volume_above(mesh: trimesh.Trimesh, height_mm: float) -> float:
+    """Volume (mm^3) of a closed mesh above a plane: the flux of (z - height) through its faces, clipped there."""
+    triangles = mesh.triangles - (0, 0, height_mm)
+    top = triangles[..., 2].max(axis=1)
+    bottom = triangles[..., 2].min(axis=1)
+    volume = _flux(triangles[bottom >= 0])
+    return volume + sum(_flux(part) for part in _clipped(triangles[(bottom < 0) & (top > 0)]))
+
+
+def _flux(triangles: np.ndarray) -> float:
+    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    area_xy = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+    return float((area_xy * triangles[..., 2].mean(axis=1)).sum())
+
+
+def _clipped(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The parts above z = 0 of triangles that cross it: a tip, or a quadrangle as two triangles."""
+    above = triangles[..., 2] > 0
+    single = above.sum(axis=1) == 1
+    apex = np.where(single, above.argmax(axis=1), (~above).argmax(axis=1))  # the corner alone on its side
+    order = (apex[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(triangles, order[..., None], axis=1), 1, 0)
+    ab = a + (b - a) * (a[:, 2] / (a[:, 2] - b[:, 2]))[:, None]
+    ac = a + (c - a) * (a[:, 2] / (a[:, 2] - c[:, 2]))[:, None]
+    tips = np.stack([a, ab, ac], axis=1)[single]
+    pair = ~single
+    return tips, np.stack([ab, b, c], axis=1)[pair], np.stack([ab, c, ac], axis=1)[pair]

@@ -1,0 +1,168 @@
+"""The closed mesh of a sheet ``-c < distance < c`` sampled on a zone's grid.
+
+Marching cubes of +c and of -c SEPARATELY give the sheet's two sides (of |distance| - c it would lose the wall where it
+is thinner than a cell). Where they meet the grid's end faces, the strip between them is capped cell by cell on the very
+same corners, so the mesh is closed to the bit; where the azimuth closes, corners are known by their grid edge.
+
+Notes:
+    Every corner of the mesh has a key: node number times 7, plus axis (0..2) of the edge it lies on at level -c, plus
+    3 + axis at level +c, or plus 6 for the node itself (corners of caps). Corners inside a cell have negative keys.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import trimesh
+from skimage.measure import marching_cubes
+
+from cad.errors import GeometryError
+from fab.meshing.zone_grid import ZoneGrid
+
+SNAP = 0.03  # of a step: nodes nearer to a level move off it, so that no sliver is born
+_NODE = 6
+_WHOLE = 2e-3  # marching cubes' float32 node numbers are good to 1e-4; the snap keeps crossings 1e-2 off the nodes
+# End faces as (axis across it, node at its first (0) or last (-1) end, the two axes in it, in outward order).
+_END_FACES = ((1, 0, 0, 2), (1, -1, 2, 0), (2, 0, 1, 0), (2, -1, 0, 1))
+
+
+def sheet_mesh(grid: ZoneGrid, distance: np.ndarray, half_wall_mm: float) -> trimesh.Trimesh:
+    """Closed, outward mesh of the sheet, coordinates as an STL holds them.
+
+    Args:
+        grid: the nodes.
+        distance: (turn, h, shares) signed distance to the sheet's middle, mm.
+        half_wall_mm: half the sheet's wall, c.
+
+    Raises:
+        GeometryError: the mesh does not close.
+    """
+    snap = SNAP * grid.step_mm
+    field = _unambiguous(_snapped(distance.astype(np.float32), half_wall_mm, snap), half_wall_mm, snap)
+    field = np.concatenate([field, field[:1]])  # (turn + 1, h, shares)
+    keys, places, faces = [], [], []
+    for side in (0, 1):
+        numbers, corners = _side(field, half_wall_mm, side)
+        key = _keys(grid, numbers, side)
+        keys.append(key)
+        places.append(numbers)
+        faces.append(key[corners])
+    caps = np.concatenate([_cap(grid, field, half_wall_mm, *end) for end in _END_FACES])
+    nodes = np.unique(caps[caps % 7 == _NODE])
+    keys.append(nodes)
+    places.append(np.column_stack(np.unravel_index(nodes // 7, grid.shape)).astype(np.float64))
+    return _assembled(grid, np.concatenate(keys), np.concatenate(places), np.concatenate([*faces, caps]))
+
+
+def _snapped(field: np.ndarray, half_wall: float, snap: float) -> np.ndarray:
+    for level in (-half_wall, half_wall):
+        gap = field - np.float32(level)
+        moved = np.float32(level) + np.where(gap < 0, -np.float32(snap), np.float32(snap))
+        field = np.where(np.abs(gap) < snap, moved, field)
+    return field
+
+
+def _unambiguous(field: np.ndarray, half_wall: float, snap: float) -> np.ndarray:
+    """Field without end-face cells whose corners alternate about a level: the corner nearest to it changes sides."""
+    field = field.copy()
+    for _ in range(8):
+        clean = True
+        for axis, end, *_ in _END_FACES:
+            face = np.moveaxis(field, axis, 0)[end]  # a view: (turn, n)
+            for level in (np.float32(-half_wall), np.float32(half_wall)):
+                clean &= _settle(face, level, np.float32(snap))
+        if clean:
+            return field
+    raise GeometryError("the gyroid's ends stay ambiguous on this grid: use a finer step_mm")
+
+
+def _settle(face: np.ndarray, level: np.float32, snap: np.float32) -> bool:
+    """Settle one level on one end face in place; True where there was nothing to do."""
+    turn = face.shape[0]
+    rows, columns = np.meshgrid(np.arange(turn), np.arange(face.shape[1] - 1), indexing="ij")
+    rows = np.stack([rows, (rows + 1) % turn, (rows + 1) % turn, rows], axis=-1)
+    columns = np.stack([columns, columns, columns + 1, columns + 1], axis=-1)
+    gap = face[rows, columns] - level
+    below = gap < 0
+    bad = (below[..., 0] == below[..., 2]) & (below[..., 1] == below[..., 3]) & (below[..., 0] != below[..., 1])
+    if not bad.any():
+        return True
+    pick = np.abs(gap[bad]).argmin(axis=1)[:, None]
+    row, column = (np.take_along_axis(index[bad], pick, axis=1)[:, 0] for index in (rows, columns))
+    face[row, column] = level + np.where(face[row, column] < level, snap, -snap)
+    return False
+
+
+def _side(field: np.ndarray, half_wall: float, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """One side of the sheet: node numbers (n, 3) of its corners, and faces that look out of the sheet."""
+    level = half_wall if side else -half_wall
+    numbers, corners, _, _ = marching_cubes(field, level, gradient_direction="descent" if side else "ascent")
+    return numbers.astype(np.float64), corners
+
+
+def _keys(grid: ZoneGrid, numbers: np.ndarray, side: int) -> np.ndarray:
+    """Keys of corners by the grid edge they lie on; corners inside a cell get negative ones."""
+    whole = np.abs(numbers - np.round(numbers)) < _WHOLE
+    start = np.where(whole, np.round(numbers), np.floor(numbers)).astype(np.int64)
+    start[:, 0] %= grid.turn
+    key = np.ravel_multi_index(tuple(start.T), grid.shape) * 7 + (~whole).argmax(axis=1) + 3 * side
+    inside = np.flatnonzero(whole.sum(axis=1) != 2)
+    key[inside] = -1 - side - 2 * np.arange(len(inside))
+    return key
+
+
+def _cap(grid: ZoneGrid, field: np.ndarray, half_wall: float, axis: int, end: int, one: int, two: int) -> np.ndarray:
+    """Triangles (n, 3) of keys that close the sheet on one end face."""
+    count = np.array(field.shape)
+    first, second = np.meshgrid(np.arange(count[one] - 1), np.arange(count[two] - 1), indexing="ij")
+    ring = []  # the cell's boundary, counter-clockwise seen from outside: corner, then crossings of the edge after it
+    steps = ((0, 0), (1, 0), (1, 1), (0, 1), (0, 0))
+    for (a, b), (c, d) in pairwise(steps):
+        here, there = (_node(axis, end % count[axis], {one: first + i, two: second + j}) for i, j in ((a, b), (c, d)))
+        ring += _edge_keys(grid, field, half_wall, here, there, one if a != c else two)
+    return _fans(np.stack([column.ravel() for column in ring], axis=-1))
+
+
+def _node(axis: int, end: int, others: dict[int, np.ndarray]) -> list[np.ndarray]:
+    shape = next(iter(others.values())).shape
+    return [np.full(shape, end) if k == axis else others[k] for k in range(3)]
+
+
+def _edge_keys(
+    grid: ZoneGrid, field: np.ndarray, half_wall: float, here: list[np.ndarray], there: list[np.ndarray], along: int
+) -> list[np.ndarray]:
+    """Keys of the corner ``here`` and of the crossings on the way ``there``, in order; -1 where there is none."""
+    value, after = field[tuple(here)], field[tuple(there)]
+    low = [np.minimum(a, b) for a, b in zip(here, there, strict=True)]
+    node, edge = (
+        np.ravel_multi_index((index[0] % grid.turn, index[1], index[2]), grid.shape) * 7 for index in (here, low)
+    )
+    corner = np.where(np.abs(value) < half_wall, node + _NODE, -1)
+    crossings = [
+        np.where((value < level) != (after < level), edge + along + 3 * side, -1)
+        for side, level in enumerate((-half_wall, half_wall))
+    ]
+    rising = value < after
+    return [corner, np.where(rising, crossings[0], crossings[1]), np.where(rising, crossings[1], crossings[0])]
+
+
+def _fans(rings: np.ndarray) -> np.ndarray:
+    """Triangulate polygons (n, 12) of keys, -1 where empty. At most two corners lie on an edge, so a fan is proper."""
+    rings = rings[(rings >= 0).sum(axis=1) >= 3]
+    order = np.argsort(rings < 0, axis=1, kind="stable")
+    rings = np.take_along_axis(rings, order, axis=1)
+    fans = [rings[:, [0, k, k + 1]][rings[:, k + 1] >= 0] for k in range(1, rings.shape[1] - 1)]
+    return np.concatenate(fans)
+
+
+def _assembled(grid: ZoneGrid, keys: np.ndarray, places: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
+    unique, first = np.unique(keys, return_index=True)
+    points = grid.at(places[first]).astype(np.float32).astype(np.float64)
+    corners = np.searchsorted(unique, faces)
+    if (unique[np.minimum(corners, len(unique) - 1)] != faces).any():
+        raise GeometryError("the gyroid's caps miss its sides: use a finer step_mm")
+    mesh = trimesh.Trimesh(points, corners, process=False, validate=False)
+    if not mesh.is_watertight:
+        raise GeometryError("the gyroid sheet does not close: use a finer step_mm")
+    return mesh

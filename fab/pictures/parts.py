@@ -1,0 +1,199 @@
+"""Pictures of parts without a screen: exploded view, capped section, sheet of all parts.
+
+Millimetres, endcap frame; orthographic views fitted to the parts, so nothing is cut off and sizes can be compared.
+Equal meshes give equal pictures on one machine. :mod:`fab.pictures.canvas` does the drawing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from cad.errors import FileError, GeometryError
+from fab.meshing.mesh import from_manifold, to_manifold
+from fab.pictures.canvas import Canvas, Frame, Point, Surface, View, write_png
+
+WIDTH_PX = 1600
+LABEL_RATIO = 0.015  # size of the names, of the picture's width
+SMALL_RATIO = 0.7  # size of the second line, of the first
+GREY = (0.42, 0.45, 0.50)
+EXPLODED_VIEW = View.looking_from((0.50, -0.72, 0.46), up=(-0.90, -0.45, 0.0))
+SECTION_VIEW = View.looking_from((0.0, -1.0, 0.30), up=(0.0, 0.0, 1.0))
+PART_VIEW = View.looking_from((0.55, -0.80, 0.62), up=(0.0, 0.0, 1.0))
+INSIDE_TINT = 0.45  # how far the surfaces behind a section fade to white, so that the cut stands out
+
+
+@dataclass(frozen=True)
+class PictureItem:
+    """One part in a picture.
+
+    Attributes:
+        name: label.
+        mesh: closed mesh in the endcap frame (mm).
+        color: RGB in 0..1 as shown on a screen.
+        role: second line of the label on the sheet of parts, for example ``printed``.
+        offset: displacement (mm) in the exploded view.
+    """
+
+    name: str
+    mesh: trimesh.Trimesh
+    color: tuple[float, float, float]
+    role: str = ""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def render_exploded(
+    items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX, view: View = EXPLODED_VIEW
+) -> None:
+    """Draw the parts displaced by their offsets, each with its name, as one wide picture.
+
+    Raises:
+        GeometryError: no parts.
+        FileError: the picture could not be written.
+    """
+    places = [item.mesh.vertices + np.array(item.offset) for item in _some(items)]
+    low, high = _bounds(view, places)
+    label = _label_px(width_px)
+    band = 3 * label  # below the parts, for their names
+    scale = (width_px - 2 * label) / (high[0] - low[0])
+    drawn = math.ceil((high[1] - low[1]) * scale) + 2 * label
+    frame = Frame(view, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
+    canvas = Canvas(width_px, drawn + band)
+    canvas.panel(frame, [Surface(p, i.mesh.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
+    for item, points in zip(items, places, strict=True):
+        x = frame.pixels(points)[:, 0]
+        canvas.text((float(x.min() + x.max()) / 2, band / 2), _title(item.name), label)
+    _save(canvas, path)
+
+
+def render_section(
+    items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX, view: View = SECTION_VIEW
+) -> None:
+    """Draw the half y >= 0 of the assembled parts, the cut capped in each part's colour, with leader lines.
+
+    Where two caps coincide, the later part shows. Offsets are ignored.
+
+    Raises:
+        GeometryError: no parts, none of them reaches y > 0, or a mesh is not closed.
+        FileError: the picture could not be written.
+    """
+    halves = [(item, half) for item in _some(items) if len((half := _half(item.mesh)).faces)]
+    if not halves:
+        raise GeometryError("section y >= 0 is empty: the parts must cross the plane y = 0")
+    low, high = _bounds(view, [half.vertices for _, half in halves])
+    side = width_px // 6  # free left and right, for labels
+    scale = (width_px - 2 * side) / (high[0] - low[0])
+    height = math.ceil((high[1] - low[1]) * scale) + 3 * _label_px(width_px)
+    frame = Frame(view, (0, 0, width_px, height), tuple((low + high) / 2), scale)
+    surfaces, anchors = [], []
+    for rank, (item, half) in enumerate(halves):
+        cap = _is_cap(half)
+        color = np.array(item.color)
+        surfaces.append(Surface(half.vertices, half.faces[~cap], color + (1 - color) * INSIDE_TINT))
+        lift = np.array([0.0, -0.02 * (rank + 1), 0.0])
+        surfaces.append(Surface(half.vertices + lift, half.faces[cap], color, smooth=False))
+        anchors.append((item.name, _anchor(half, cap, rank)))
+    canvas = Canvas(width_px, height)
+    canvas.panel(frame, surfaces)
+    points = frame.pixels(np.array([anchor for _, anchor in anchors]))
+    _label_sides(canvas, [(name, tuple(p)) for (name, _), p in zip(anchors, points, strict=True)], side)
+    _save(canvas, path)
+
+
+def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX, columns: int = 5) -> None:
+    """Draw every part in a cell of its own, with name, role and size.
+
+    Raises:
+        GeometryError: no parts.
+        FileError: the picture could not be written.
+    """
+    columns = min(columns, len(_some(items)))
+    label, cell = _label_px(width_px), width_px // columns
+    caption = 3 * label
+    rows = math.ceil(len(items) / columns)
+    canvas = Canvas(width_px, rows * (cell + caption))
+    for index, item in enumerate(items):
+        row, column = divmod(index, columns)
+        left, bottom = column * cell, (rows - 1 - row) * (cell + caption) + caption
+        low, high = _bounds(PART_VIEW, [item.mesh.vertices])
+        scale = 0.88 * cell / float(max(high - low))
+        frame = Frame(PART_VIEW, (left, bottom, cell, cell), tuple((low + high) / 2), scale)
+        canvas.panel(frame, [Surface(item.mesh.vertices, item.mesh.faces, np.array(item.color))])
+        size = " × ".join(f"{length:.0f}" for length in item.mesh.extents)
+        middle = left + cell / 2
+        canvas.text((middle, bottom - 0.5 * label), _title(item.name), label)
+        canvas.text(
+            (middle, bottom - 1.6 * label), f"{item.role}  {size} mm".strip(), round(SMALL_RATIO * label), color=GREY
+        )
+    _save(canvas, path)
+
+
+def _some(items: Sequence[PictureItem]) -> Sequence[PictureItem]:
+    if not items:
+        raise GeometryError("a picture needs at least one part: got none")
+    return items
+
+
+def _label_px(width_px: int) -> int:
+    return max(6, round(LABEL_RATIO * width_px))
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ").replace("led ", "LED ")
+
+
+def _bounds(view: View, places: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest picture-plane coordinates (mm) of point sets."""
+    flat = [view.project(points) for points in places]
+    return np.min([p.min(axis=0) for p in flat], axis=0), np.max([p.max(axis=0) for p in flat], axis=0)
+
+
+def _half(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The part of a closed mesh with y >= 0, capped."""
+    return from_manifold(to_manifold(mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0))
+
+
+def _is_cap(half: trimesh.Trimesh) -> np.ndarray:
+    """Which faces lie in the plane y = 0: (m,) bool."""
+    return np.abs(half.vertices[half.faces][:, :, 1]).max(axis=1) < 1e-4
+
+
+def _anchor(half: trimesh.Trimesh, cap: np.ndarray, rank: int) -> np.ndarray:
+    """Where a part's leader line ends: far out on its cut face, right and left of the axis in turn."""
+    faces = half.vertices[half.faces[cap]] if cap.any() else half.vertices[half.faces]
+    centres = faces.mean(axis=1)
+    areas = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
+    outward = -centres[:, 0] if rank % 2 else centres[:, 0]
+    return centres[int(np.argmax(np.where(areas >= 0.05 * areas.max(), outward, -np.inf)))]
+
+
+def _label_sides(canvas: Canvas, labels: Sequence[tuple[str, Point]], side_px: int) -> None:
+    """Labels in a column at the left and at the right, joined to their points, never on one another."""
+    width, height = canvas.size
+    label = _label_px(width)
+    line = 1.6 * label
+    for is_left in (True, False):
+        column = sorted((p[1], p[0], name) for name, p in labels if (p[0] < width / 2) == is_left)
+        y = label - line
+        for rank, (wanted, x, name) in enumerate(column):
+            room_above = (len(column) - 1 - rank) * line
+            y = max(y + line, min(wanted, height - label - room_above))
+            edge, inward = (0.8 * side_px, 1) if is_left else (width - 0.8 * side_px, -1)
+            canvas.line([(edge, y), (edge + inward * label, y), (x, wanted)])
+            canvas.text((edge - inward * label / 3, y), _title(name), label, "right" if is_left else "left")
+
+
+def _save(canvas: Canvas, path: Path) -> None:
+    """Write under a temporary name, then rename."""
+    draft = path.with_name(f".{path.name}.part")
+    try:
+        write_png(canvas.image(), draft)
+        draft.replace(path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error

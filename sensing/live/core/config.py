@@ -1,0 +1,249 @@
+"""What runs live: the caps, their cameras and references, as ``endcaps.toml`` says it.
+
+    model = "default"                   # or "paper"
+    weights = ""                        # a file; empty for what ships with the toolkit
+    method = ""                         # another field method than the model's own: dots, gelslim, ...
+    weight_n = 117.7                    # of the robot, for the check of the force sum; 0 without
+
+    [[cap]]
+    name = "endcap_0"                   # letters, digits, underscore; names topics and files
+    source = "0"                        # camera number, http address, folder, video; "scene:0" for the simulated robot
+    zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
+    camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
+    contact_on_n = 0.8                  # 0 for the model's own
+    contact_off_n = 0.5
+    T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
+
+Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such a file.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cad.errors import FileError, ParameterError, printable
+from cad.params import EndcapParams
+from sensing.frames import Array, rigid
+from sensing.tracking.methods import METHODS
+from sensing.whole_file import replace_file
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
+MODELS = ("default", "paper")
+MOST_CAPS = 32
+CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
+
+
+@dataclass(frozen=True)
+class CapConfig:
+    """One endcap.
+
+    Attributes:
+        name: of topics, files and lines.
+        source: word for :func:`sensing.sources.choose.source_opener`, or ``scene:N``.
+        zero: reference file; None to zero at the start.
+        diameter_mm, wall_mm: the design.
+        contact_on_n, contact_off_n: force at which contact begins and ends; 0 for the model's own.
+        exposure: fixed exposure of a camera in the driver's unit; 0 leaves it automatic.
+        rate_hz: frames a second asked of a camera (0: 30), or pictures a second of a folder (0: one, each for itself).
+        camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None
+            for the nominal one.
+        T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
+
+    Raises:
+        ParameterError: a value of the wrong form.
+    """
+
+    name: str
+    source: str
+    zero: Path | None = None
+    diameter_mm: float = 130.0
+    wall_mm: float = 8.0
+    contact_on_n: float = 0.0
+    contact_off_n: float = 0.0
+    exposure: float = 0.0
+    rate_hz: float = 0.0
+    camera: Path | None = None
+    T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
+
+    def __post_init__(self) -> None:
+        if not NAME.fullmatch(self.name):
+            raise ParameterError(
+                f"name={self.name!r}: give up to 32 letters, digits or underscores, a letter first: it names topics",
+                name="name",
+                value=self.name,
+            )
+        if not self.source:
+            raise ParameterError(f"source of {self.name} is empty: give a camera number or address", name="source")
+        if not 0 <= self.contact_off_n <= self.contact_on_n < 1e4:
+            raise ParameterError(
+                f"contact_off_n={self.contact_off_n:g}, contact_on_n={self.contact_on_n:g} of {self.name}: need "
+                "0 <= contact_off_n <= contact_on_n",
+                name="contact_on_n",
+                value=self.contact_on_n,
+            )
+        for name, value, most in (("exposure", self.exposure, 1e6), ("rate_hz", self.rate_hz, 1000)):
+            if not 0 <= value <= most:
+                raise ParameterError(f"{name}={value:g} of {self.name} outside 0..{most:g}", name=name, value=value)
+        if self.source.startswith(("http://", "https://")):
+            for name, what in CAMERA_ONLY.items():
+                if getattr(self, name):
+                    raise ParameterError(
+                        f"{name} of {self.name} has no effect: {self.source} sets its own {what}: set it there",
+                        name=name,
+                        value=getattr(self, name),
+                    )
+        object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
+        _ = self.params
+
+    @property
+    def params(self) -> EndcapParams:
+        """The design."""
+        return EndcapParams(self.diameter_mm, self.wall_mm)
+
+
+@dataclass(frozen=True)
+class LiveConfig:
+    """All caps and what they share.
+
+    Attributes:
+        caps: at least one, names differ.
+        model: ``default`` or ``paper``.
+        weights: file of weights; None for those that ship.
+        method: field method; None for the model's own.
+        weight_n: of the robot; 0 without the check.
+
+    Raises:
+        ParameterError: no cap, a name twice, or an unknown model or method.
+    """
+
+    caps: tuple[CapConfig, ...]
+    model: str = "default"
+    weights: Path | None = None
+    method: str | None = None
+    weight_n: float = 0.0
+
+    def __post_init__(self) -> None:
+        names = [cap.name for cap in self.caps]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if not 1 <= len(names) <= MOST_CAPS or twice:
+            raise ParameterError(
+                f"caps={', '.join(twice) or len(names)}: need 1..{MOST_CAPS} caps of different names", name="caps"
+            )
+        if self.model not in MODELS:
+            raise ParameterError(f"model={self.model!r}: choose {' or '.join(MODELS)}", name="model", value=self.model)
+        if self.method is not None and self.method not in METHODS:
+            raise ParameterError(
+                f"method={self.method!r}: choose {', '.join(METHODS)}, or leave it out",
+                name="method",
+                value=self.method,
+            )
+        if not 0 <= self.weight_n < 1e5:
+            raise ParameterError(f"weight_n={self.weight_n:g} outside 0..1e5 N", name="weight_n", value=self.weight_n)
+
+
+def load_config(path: Path) -> LiveConfig:
+    """Read ``endcaps.toml``.
+
+    Raises:
+        FileError: missing, no TOML, an unknown or missing key. ParameterError: a bad value.
+    """
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
+    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting
+        said = printable(str(error))[:200]
+        raise FileError(f"{path}: no TOML ({said}): fix it or write it anew with python -m sensing.setup") from None
+    caps = told.pop("cap", [])
+    if not isinstance(caps, list) or not all(isinstance(cap, dict) for cap in caps):
+        raise FileError(f"{path}: cap is no list of tables: begin each with [[cap]]")
+    made = tuple(CapConfig(**_checked(path, CapConfig, cap)) for cap in caps)
+    return LiveConfig(made, **_checked(path, LiveConfig, told))
+
+
+def save_config(config: LiveConfig, path: Path) -> None:
+    """Write ``endcaps.toml`` under a temporary name, then rename.
+
+    Raises:
+        FileError: the place cannot be written.
+    """
+    lines = ["# Written by python -m sensing.setup; read by python -m sensing.live --config FILE.", ""]
+    lines += _lines(config, ("caps",), path.parent)
+    for cap in config.caps:
+        lines += ["", "[[cap]]", *_lines(cap, (), path.parent)]
+    replace_file(path, ("\n".join(lines) + "\n").encode())
+
+
+def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:
+    found = []
+    for entry in fields(record):
+        value = getattr(record, entry.name)
+        if entry.name in without or value is None:
+            continue
+        if isinstance(value, Path):
+            value = str(value.relative_to(folder)) if value.is_relative_to(folder) else str(value.resolve())
+        elif isinstance(value, np.ndarray):
+            value = value.tolist()
+        found.append(f"{entry.name} = {json.dumps(value, ensure_ascii=False)}")
+    return found
+
+
+def _checked(path: Path, kind: type, told: dict[str, Any]) -> dict[str, Any]:
+    """The table's values in the types of a record's fields.
+
+    Raises:
+        FileError: a key that is unknown, missing or of another type.
+    """
+    known = {entry.name for entry in fields(kind)} - {"caps"}
+    unknown = sorted(set(told) - known)
+    if unknown:
+        raise FileError(f"{path}: unknown key {', '.join(unknown)}: known are {', '.join(sorted(known))}")
+    if kind is CapConfig and not {"name", "source"} <= set(told):
+        raise FileError(f"{path}: a [[cap]] without name or source: give both")
+    values: dict[str, Any] = {}
+    for key, value in told.items():
+        if key in ("name", "source", "model", "method", "zero", "camera", "weights"):
+            good = isinstance(value, str)
+        elif key == "T_robot_endcap":
+            good = _is_matrix(value)
+        else:
+            good = _is_number(value)
+        if not good:
+            raise FileError(
+                f"{path}: {key} = {_short(value)} is of the wrong type or size: see the example in docs/live.md"
+            )
+        if key in ("zero", "camera", "weights"):
+            value = path.parent / value if value else None
+        elif key == "method":
+            value = value or None
+        values[key] = value
+    return values
+
+
+def _is_matrix(value: Any) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == 4
+        and all(isinstance(row, list) and len(row) == 4 for row in value)
+        and all(_is_number(x) for row in value for x in row)
+    )
+
+
+def _is_number(value: Any) -> bool:
+    """Of a size that a float can have."""
+    return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 64)
+
+
+def _short(value: Any) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # thousands of digits
+        text = type(value).__name__
+    return printable(text if len(text) < 60 else text[:57] + "...")

@@ -1,0 +1,171 @@
+"""The loop: takes the newest frame of every cap, works on it and hands the reading to all outputs.
+
+One thread works on all caps (``workers`` shares them out); sources and outputs have threads of their own. A cap that
+fails says so and goes on with its next frame; it never stops the others.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from cad.errors import EndcapError, ParameterError
+from sensing.live.core.feed import Captured, Feed
+from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.reading import CapReading
+from sensing.live.core.sink import Sink
+from sensing.live.core.stats import CapHealth, CapStats
+
+IDLE_S = 0.1  # longest sleep; a lost wake-up costs no more
+
+
+@dataclass
+class LiveCap:
+    """A cap with its source."""
+
+    feed: Feed
+    pipeline: CapPipeline
+    stats: CapStats = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stats = CapStats(self.name)
+
+    @property
+    def name(self) -> str:
+        """Name of the cap."""
+        return self.pipeline.cap.name
+
+    @property
+    def health(self) -> CapHealth:
+        """State now."""
+        return self.look()
+
+    def look(self, fresh: bool = False) -> CapHealth:
+        """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
+        return self.stats.health(self.feed.health, self.pipeline.message, self.pipeline.faults, fresh)
+
+    def take(self) -> Captured | None:
+        """The next frame; a source that fails is told in the cap's message."""
+        try:
+            return self.feed.take()
+        except Exception as error:  # such as a reference of a recording that cannot be used
+            self.pipeline.faults += 1
+            self.pipeline.message = str(error) if isinstance(error, EndcapError) else f"{type(error).__name__}: {error}"
+            return None
+
+    def process(self, item: Captured) -> CapReading | None:
+        """Work on one frame; what goes wrong is told in the cap's message."""
+        try:
+            reading = self.pipeline.update(*item)
+        except EndcapError as error:
+            self.pipeline.faults += 1
+            self.pipeline.message = str(error)
+            return None
+        except Exception as error:  # a bug in one cap must not stop the robot's other five
+            self.pipeline.faults += 1
+            self.pipeline.message = f"{type(error).__name__}: {error}"
+            return None
+        if reading is not None:
+            self.stats.add(reading)
+        return reading
+
+
+class Engine:
+    """All caps of a run; use as a context manager.
+
+    Args:
+        caps: at least one. sinks: outputs that take every reading. workers: threads that share the caps.
+
+    Attributes:
+        caps: as given. threads: those that work on frames.
+
+    Raises:
+        ParameterError: no cap, or workers outside 1..number of caps.
+    """
+
+    def __init__(self, caps: Sequence[LiveCap], sinks: Sequence[Sink] = (), workers: int = 1) -> None:
+        if not 1 <= workers <= len(caps):
+            raise ParameterError(f"workers={workers} outside 1..{len(caps)} caps", name="workers", value=workers)
+        self.caps = list(caps)
+        self._sinks = tuple(sinks)
+        self._stop = threading.Event()
+        shares = [self.caps[k::workers] for k in range(workers)]
+        self._wakes = [threading.Event() for _ in shares]
+        self.threads = [
+            threading.Thread(target=self._work, args=(share, wake), daemon=True)
+            for share, wake in zip(shares, self._wakes, strict=True)
+        ]
+
+    def __enter__(self) -> Engine:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Open the sources and work on what they give."""
+        for index, cap in enumerate(self.caps):
+            cap.feed.start(self._wakes[index % len(self._wakes)].set)
+        for thread in self.threads:
+            thread.start()
+
+    def halt(self, wait_s: float = 5.0) -> None:
+        """No reading comes any more: all threads are asked to end, and those that work on frames are waited for."""
+        self._stop.set()
+        for wake in self._wakes:
+            wake.set()
+        for cap in self.caps:
+            cap.feed.stop()
+            cap.pipeline.stop()
+        _join(self.threads, wait_s)
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """Halt, then let go of the sources; what hangs in a driver is left behind after ``wait_s``, all together."""
+        end_s = time.monotonic() + wait_s
+        self.halt(wait_s)
+        for cap in self.caps:
+            cap.feed.close(max(0.0, end_s - time.monotonic()))
+            cap.pipeline.close(max(0.0, end_s - time.monotonic()))
+
+    def add_sink(self, sink: Sink) -> None:
+        """One more output, from the next reading on."""
+        self._sinks = (*self._sinks, sink)
+
+    def remove_sink(self, sink: Sink) -> None:
+        """One output less."""
+        self._sinks = tuple(s for s in self._sinks if s is not sink)
+
+    def wait(self, timeout_s: float) -> bool:
+        """True as soon as all sources have ended, False after the timeout."""
+        _join(self.threads, timeout_s)
+        return not any(thread.is_alive() for thread in self.threads)
+
+    def health(self, fresh: bool = False) -> list[CapHealth]:
+        """State of every cap (see :meth:`LiveCap.look`)."""
+        return [cap.look(fresh) for cap in self.caps]
+
+    def _work(self, caps: list[LiveCap], wake: threading.Event) -> None:
+        while not self._stop.is_set():
+            wake.clear()
+            taken = [(item, cap) for cap in caps if (item := cap.take()) is not None]
+            for item, cap in sorted(taken, key=lambda pair: pair[0][1]):  # the oldest picture first
+                reading = cap.process(item)
+                if reading is not None:
+                    for sink in self._sinks:
+                        sink.put(reading)
+            if taken:
+                continue
+            if all(cap.feed.ended for cap in caps):
+                return
+            wake.wait(IDLE_S)
+
+
+def _join(threads: Sequence[threading.Thread], wait_s: float) -> None:
+    """Wait for all together."""
+    end_s = time.monotonic() + wait_s
+    for thread in threads:
+        if thread.is_alive():
+            thread.join(max(0.0, end_s - time.monotonic()))

@@ -1,0 +1,193 @@
+"""Where a cap's frames come from while it runs: a camera whose newest frame wins, or a file of which none is missed.
+
+``take`` never waits. A frame comes with its capture time on this run's clock (``time.monotonic``): a camera's own, or,
+for a file, the moment at which it is due when played at its own pace.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+from cad.errors import EndcapError, ParameterError
+from sensing.records import Frame
+from sensing.sources.newest import FrameSource, Health, LiveSource
+
+Captured = tuple[Frame, float]
+ROOM = 4  # frames that a file may be ahead
+
+
+class Feed(Protocol):
+    """What the engine asks for frames."""
+
+    @property
+    def health(self) -> Health:
+        """How the source is doing."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame will come any more."""
+        ...
+
+    def start(self, notify: Callable[[], None]) -> None:
+        """Begin; ``notify`` is called from another thread whenever there may be something to take."""
+        ...
+
+    def take(self) -> Captured | None:
+        """The next frame if there is one now."""
+        ...
+
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
+        ...
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Stop, and wait at most so long."""
+        ...
+
+
+class CameraFeed:
+    """A source that is kept open; frames that nobody takes in time are dropped.
+
+    Args:
+        open_source: opens it anew. length: frames kept; 1 for the least delay.
+    """
+
+    def __init__(self, open_source: Callable[[], FrameSource], length: int = 1) -> None:
+        self._open, self._length = open_source, length
+        self._live: LiveSource | None = None
+
+    @property
+    def health(self) -> Health:
+        """How the source is doing."""
+        return Health() if self._live is None else self._live.health
+
+    @property
+    def ended(self) -> bool:
+        """A camera may always come back."""
+        return False
+
+    def start(self, notify: Callable[[], None]) -> None:
+        """Open the camera in a thread."""
+        self._live = LiveSource(self._open, length=self._length, notify=notify)
+        self._live.__enter__()
+
+    def take(self) -> Captured | None:
+        """The oldest frame kept."""
+        frame = None if self._live is None else self._live.get(0)
+        return None if frame is None else (frame, frame.time_s)
+
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
+        if self._live is not None:
+            self._live.stop()
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Let the camera go; a driver that hangs is left behind after ``wait_s``."""
+        if self._live is not None:
+            self._live.close(wait_s)
+
+
+class Pace:
+    """When a recorded moment is due on this run's clock.
+
+    Args:
+        speed: 1 is the recording's own pace, 2 twice as fast, 0 at once.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        if not 0 <= speed <= 1000:
+            raise ParameterError(f"speed={speed:g} outside 0..1000: 1 is the file's own pace", name="speed")
+        self._speed = speed
+        self._begin: tuple[float, float] | None = None
+        self._lock = threading.Lock()
+
+    def due_s(self, time_s: float) -> float:
+        """Due time; the first moment asked for is due now."""
+        now_s = time.monotonic()
+        if self._speed == 0:
+            return now_s
+        with self._lock:
+            self._begin = self._begin or (now_s, time_s)
+            return self._begin[0] + (time_s - self._begin[1]) / self._speed
+
+
+class FileFeed:
+    """A source that ends; it waits for a slow reader.
+
+    Args:
+        open_source: opens it. pace: shared by files that keep step; None for a pace of its own.
+    """
+
+    def __init__(self, open_source: Callable[[], FrameSource], pace: Pace | None = None) -> None:
+        self._open, self._pace = open_source, pace or Pace()
+        self._frames: queue.Queue[Captured] = queue.Queue(ROOM)
+        self._stop = threading.Event()
+        self._health = Health()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._notify: Callable[[], None] = lambda: None
+
+    @property
+    def health(self) -> Health:
+        """How the source is doing."""
+        return self._health
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last frame has been taken."""
+        return self._health.status in ("ended", "closed") and self._frames.empty()
+
+    def start(self, notify: Callable[[], None]) -> None:
+        """Begin to read."""
+        self._notify = notify
+        self._thread.start()
+
+    def take(self) -> Captured | None:
+        """The next frame that is due."""
+        try:
+            return self._frames.get_nowait()
+        except queue.Empty:
+            return None
+
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
+        self._stop.set()
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Stop reading."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(wait_s)
+
+    def _run(self) -> None:
+        message = ""
+        try:
+            self._pump()
+        except EndcapError as error:
+            message = str(error)
+        except Exception as error:  # a broken file must not hide behind a dead thread
+            message = f"{type(error).__name__}: {error}"
+        self._health = replace(self._health, status="ended", message=message)
+        self._notify()
+
+    def _pump(self) -> None:
+        for frame in self._open():
+            due_s = self._pace.due_s(frame.time_s)
+            if self._stop.wait(max(0.0, due_s - time.monotonic())) or not self._put((frame, due_s)):
+                return
+            self._health = replace(self._health, status="running", frames=self._health.frames + 1)
+            self._notify()
+
+    def _put(self, item: Captured) -> bool:
+        while not self._stop.is_set():
+            try:
+                self._frames.put(item, timeout=0.1)
+                return True
+            except queue.Full:
+                self._notify()
+        return False

@@ -1,0 +1,97 @@
+"""Field to wrench by the name of a model, behind one small interface; heavy libraries load only for the model asked.
+
+``default`` ships with the toolkit (dots, numpy only). ``paper`` is the released network on the released field; its
+checkpoint is the authors' and has to be given. Forces in N; wrenches about the sphere's centre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.records import ShearField, Wrench
+from sensing.wrench.contact import ContactThreshold
+
+CONTACT_N = 1.0  # E: above the answer at rest; python -m sensing.setup measures it
+RELEASE_N = 0.6
+
+
+class WrenchEstimator(Protocol):
+    """One field in, one wrench out; remembers nothing."""
+
+    def estimate(self, field: ShearField) -> Wrench:
+        """Wrench on the endcap, frame "sphere"."""
+        ...
+
+
+@dataclass(frozen=True)
+class LiveModel:
+    """A model ready to answer.
+
+    Attributes:
+        name: of the model. method: field method it was made for. shape: (H, W) of its field.
+        estimator: the model. rest_n: norm of its force for a field of zeros (1.85 N for the released network).
+    """
+
+    name: str
+    method: str
+    shape: tuple[int, int]
+    estimator: WrenchEstimator
+    rest_n: float
+
+    def threshold(self, on_n: float = 0.0, off_n: float = 0.0) -> ContactThreshold:
+        """Contact threshold: the one given, or for 0 a force above the model's own answer at rest."""
+        if on_n > 0:
+            return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
+        return ContactThreshold(self.rest_n + CONTACT_N, self.rest_n + RELEASE_N, float("nan"), 0.0, True)
+
+
+def live_model(
+    name: str, estimator: WrenchEstimator, shape: tuple[int, int] = (30, 30), method: str = "dots"
+) -> LiveModel:
+    """Any estimator as a model."""
+    rest = estimator.estimate(ShearField(0.0, np.zeros((2, *shape), np.float32)))
+    return LiveModel(name, method, shape, estimator, float(np.linalg.norm(rest.force_n)))
+
+
+def shipped_weights(name: str, params: EndcapParams) -> Path | None:
+    """File of the weights that ship for a model and design; None where none do."""
+    from sensing.wrench.model import SHIPPED
+
+    path = SHIPPED / f"{name}_{params.label}.safetensors"
+    return path if path.is_file() else None
+
+
+def load_model(name: str, params: EndcapParams, weights: Path | None = None, method: str | None = None) -> LiveModel:
+    """The model of that name for a design.
+
+    Args:
+        name: ``default`` or ``paper``. params: the design. weights: file; None for what ships.
+        method: another field method than the model's own, for comparison.
+
+    Raises:
+        ParameterError: unknown name. FileError: no weights, or those of another design.
+    """
+    if name == "default":
+        from sensing.wrench.model import load_wrench_model
+
+        model = load_wrench_model(params, weights)
+        return live_model(name, model, model.shape, method or "dots")
+    if name == "paper":
+        if weights is None:
+            raise FileError(
+                "--model paper needs the authors' checkpoint: give --weights wrench_regression_model.pth from their "
+                "repository"
+            )
+        import torch
+
+        from sensing.wrench.paper_model import PaperEstimator, load_paper_model
+
+        torch.set_num_threads(1)  # a network of 1800 x 64 gains nothing from more
+        return live_model(name, PaperEstimator(load_paper_model(weights)), (30, 30), method or "gelslim")
+    raise ParameterError(f"model={name!r}: choose default or paper", name="model", value=name)

@@ -1,0 +1,97 @@
+"""Outputs that can never slow the loop: readings go into a bounded queue, a thread of the output's own takes them out.
+
+A full queue loses its oldest reading and counts it. An output that fails says so and stops; the others go on.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Protocol
+
+from sensing.live.core.reading import CapReading
+
+LAST_S = 0.2  # for the reading under way and the end of a file
+
+
+class Sink(Protocol):
+    """What the engine asks of an output."""
+
+    def put(self, reading: CapReading) -> None:
+        """Take one reading; must return at once."""
+        ...
+
+
+class QueuedSink:
+    """Base of outputs with a thread of their own: override :meth:`write` and :meth:`finish`.
+
+    Attributes:
+        dropped: readings lost because the output was too slow. failed: why it stopped; empty while it works.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._queue: deque[CapReading] = deque(maxlen=length)
+        self._changed = threading.Condition()
+        self._closing = False
+        self.dropped, self.failed = 0, ""
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Begin to write."""
+        self._thread.start()
+
+    def put(self, reading: CapReading) -> None:
+        """Queue one reading."""
+        with self._changed:
+            if self.failed or self._closing:
+                return
+            if len(self._queue) == self._queue.maxlen:
+                self.dropped += 1
+                self.lost(self._queue[0])
+            self._queue.append(reading)
+            self._changed.notify()
+
+    @property
+    def ended(self) -> bool:
+        """Whether its thread is done; False also when it hangs."""
+        return not self._thread.is_alive()
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """Write what is queued, then end; after ``wait_s`` the rest is dropped and counted, and the output ends."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        if self.ended or self._thread is threading.current_thread():
+            return
+        self._thread.join(wait_s)
+        if not self.ended:
+            with self._changed:
+                self.dropped += len(self._queue)
+                self._queue.clear()
+            self._thread.join(LAST_S)
+
+    def write(self, reading: CapReading) -> None:
+        """One reading, in the output's thread; an OSError ends the output."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """End of the output, in its thread, also after a failure."""
+
+    def lost(self, reading: CapReading) -> None:
+        """A reading was dropped; called with the queue locked, must not wait."""
+
+    def _run(self) -> None:
+        try:
+            while True:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._queue or self._closing)
+                    if not self._queue:
+                        break
+                    reading = self._queue.popleft()
+                self.write(reading)
+        except Exception as error:  # an output must not end the process: it says what happened
+            self.failed = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+        try:
+            self.finish()
+        except Exception as error:
+            self.failed = self.failed or getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"

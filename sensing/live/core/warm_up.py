@@ -1,0 +1,36 @@
+"""Loads the compiled code before the first frame comes; on a new computer it is compiled then, which takes a while."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from cad.params import EndcapParams
+from sensing.records import Frame
+from sensing.sources.drawn import Drawing, draw_dots
+from sensing.tracking.model_input import model_input
+
+PATIENCE_S = 1.5  # what takes longer is told
+JUMP_PX = 25  # a picture shifted by this makes the tracker search
+
+
+def warm_up(say: Callable[[str], object]) -> None:
+    """Follow the dots of a drawing at rest, shifted and half covered: every way through the tracker.
+
+    Args:
+        say: is told, from another thread, when this takes long.
+    """
+    told = threading.Timer(PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"])
+    told.daemon = True
+    told.start()
+    try:
+        image, _ = draw_dots(Drawing(specks=0, digit=""))
+        covered = image.copy()
+        covered[:, : image.shape[1] // 2] = 0
+        seen = model_input(Frame(0.0, 0, "drawing", image=image), (16, 16), EndcapParams(130.0, 8.0))
+        for number, picture in enumerate((image, covered, np.roll(image, JUMP_PX, axis=1))):
+            seen.update(Frame(float(number), number, "drawing", image=np.ascontiguousarray(picture)))
+    finally:
+        told.cancel()

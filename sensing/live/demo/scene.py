@@ -1,0 +1,103 @@
+"""The simulated robot scene as six cameras that run freely: what ``python -m sensing.live`` shows without hardware.
+
+The only package of ``live`` that may import the simulator; it takes pictures, poses and weight from it, and its frames
+are frames like any others. Cameras are out of step with one another by a sixth of a frame, as unsynchronised ones
+are. Times in s on the monotonic clock, poses in mm.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from cad.errors import ParameterError
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.records import Frame
+
+SIZE = (640, 480)
+CAPS = 6
+WORD = "scene:"
+
+
+@lru_cache(maxsize=1)
+def scene_film() -> Any:
+    """The pictures; rendered at the first call on a machine, then read from the user's cache folder."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
+    from sensing.simulator.robot.frames import load_film  # loaded only when the scene is shown
+
+    return load_film(cache, _progress)
+
+
+@lru_cache(maxsize=1)
+def scene_start_s() -> float:
+    """When the scene began, common to its cameras."""
+    return time.monotonic()
+
+
+def scene_config(model: str = "default", weights: Path | None = None, method: str | None = None) -> LiveConfig:
+    """Six caps of the robot, as they are screwed on."""
+    film = scene_film()
+    caps = tuple(
+        CapConfig(f"endcap_{number}", f"{WORD}{number}", T_robot_endcap=film.scene.T_robot_endcap[number])
+        for number in range(CAPS)
+    )
+    return LiveConfig(caps, model, weights, method, film.weight_n)
+
+
+class SceneSource:
+    """One camera of the scene, for ever.
+
+    Args:
+        number: of the cap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame it
+            is late; None for a sixth later than the camera before.
+
+    Raises:
+        ParameterError: no such cap, or a rate that is not 1..240.
+    """
+
+    def __init__(self, number: int, rate_hz: float = 30.0, phase: float | None = None) -> None:
+        if not 0 <= number < CAPS:
+            raise ParameterError(f"{WORD}{number}: give {WORD}0 to {WORD}{CAPS - 1}", name="source", value=number)
+        if not 1 <= rate_hz <= 240:
+            raise ParameterError(f"rate_hz={rate_hz:g} outside 1..240", name="rate_hz", value=rate_hz)
+        self.number, self.name, self._rate_hz = number, f"{WORD}{number}", rate_hz
+        self._film, self._start_s = scene_film(), scene_start_s()
+        self._phase = number / CAPS if phase is None else phase
+
+    def __iter__(self) -> Iterator[Frame]:
+        count = int((time.monotonic() - self._start_s) * self._rate_hz - self._phase) + 1
+        sequence = 0
+        while True:
+            due_s = self._start_s + (count + self._phase) / self._rate_hz
+            time.sleep(max(0.0, due_s - time.monotonic()))
+            yield Frame(due_s, sequence, self.name, jpeg=self.picture(count), size=SIZE)
+            sequence += 1
+            late = int((time.monotonic() - due_s) * self._rate_hz)  # a camera that is not read drops frames
+            count += 1 + late
+
+    def picture(self, count: int) -> bytes:
+        """JPEG of a frame number."""
+        return bytes(self._film.jpeg(self.number, self.tick(count)))
+
+    def tick(self, count: int) -> int:
+        """Tick of the scene that a frame number shows."""
+        return round(count * 30.0 / self._rate_hz)
+
+
+def scene_number(word: str) -> int | None:
+    """N of ``scene:N``; None for another word."""
+    rest = word.removeprefix(WORD)
+    return int(rest) if word.startswith(WORD) and rest.isdecimal() and rest.isascii() and len(rest) < 4 else None
+
+
+def _progress(done: int, total: int) -> None:
+    if sys.stderr.isatty():
+        end = "\n" if done == total else ""
+        print(f"\rrendering the simulated robot, once: {done}/{total} pictures ", end=end, file=sys.stderr)
+    elif done == 1:
+        print(f"rendering the simulated robot, once: {total} pictures", file=sys.stderr)

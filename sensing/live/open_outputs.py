@@ -1,0 +1,64 @@
+"""The outputs that the options ask for, started in order and closed in reverse."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+from sensing.live.outputs.lines import Lines
+from sensing.live.run import LiveRun
+
+
+def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, lines: Lines) -> None:
+    """Start what is asked for; each is closed with ``outputs``.
+
+    Raises:
+        EndcapError: an output that cannot begin.
+    """
+    from sensing.live.outputs.recording import Recording
+
+    recording = Recording(run, Path.cwd())
+    outputs.callback(recording.stop)  # if one of those below cannot begin
+    run.notes.append(lambda: recording.note)
+    run.losses.append(lambda: recording.loss)
+    if options.record is not None:
+        recording.start(None if options.record == Path() else options.record)
+    if options.json:
+        from sensing.live.outputs.json_lines import JsonLines
+
+        numbers = JsonLines(sys.stdout)
+        numbers.start()
+        run.engine.add_sink(numbers)
+        outputs.callback(lambda: numbers.close(run.patience_s))
+        run.stop_when(lambda: bool(numbers.failed))
+        run.losses.append(lambda: numbers.loss)
+    if options.ros:
+        from sensing.live.outputs.ros_topics import RosTopics
+
+        topics = RosTopics(run.latest.names)
+        topics.start()
+        run.engine.add_sink(topics)
+        outputs.callback(lambda: topics.close(run.patience_s))
+        run.notes.append(lambda: topics.note)
+    if options.rerun:
+        _add_rerun(run, outputs)
+    if not options.no_page:
+        from sensing.live.web.page import PageServer
+
+        page = PageServer(run, recording, options.host, options.port)
+        page.start()
+        outputs.callback(lambda: page.close(min(run.patience_s, 3.0)))
+        run.notes.append(lambda: page.note)
+        lines.write(f"page: {page.url}\n")
+    outputs.callback(recording.stop)  # the file is closed first
+
+
+def _add_rerun(run: LiveRun, outputs: ExitStack) -> None:
+    from sensing.live.outputs.rerun_view import RerunView
+
+    view = RerunView()
+    view.start()
+    run.engine.add_sink(view)
+    outputs.callback(lambda: view.close(run.patience_s))

@@ -1,0 +1,58 @@
+"""Which options of ``python -m sensing.live`` have a meaning together; what would be ignored is refused."""
+
+from __future__ import annotations
+
+import argparse
+
+from cad.errors import ParameterError
+
+SOURCES = ("camera", "video", "photos", "url", "replay", "config")  # options that say where frames come from
+ROBOT = "the simulated robot"
+USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meaning for
+    "rate": ("camera", "photos", ROBOT),
+    "exposure": ("camera",),
+    "zero": ("camera", "video", "photos", "url"),
+    "diameter": ("camera", "video", "photos", "url"),
+    "wall": ("camera", "video", "photos", "url"),
+    "speed": ("video", "photos", "replay"),
+}
+IN_FILE = {"rate": "rate_hz", "exposure": "exposure", "zero": "zero", "diameter": "diameter_mm", "wall": "wall_mm"}
+NOT_WITH_CHECK = ("record", "json", "ros", "rerun", "seconds", "speed", "workers", "host", "port")
+DEFAULTS = {
+    "rate": 0.0, "exposure": 0.0, "diameter": 130.0, "wall": 8.0, "speed": 1.0, "workers": 1, "host": "127.0.0.1",
+}  # fmt: skip
+
+
+def complete(options: argparse.Namespace) -> argparse.Namespace:
+    """The options with their defaults.
+
+    Raises:
+        ParameterError: an option that would be ignored.
+    """
+    source = next((name for name in SOURCES if getattr(options, name) is not None), ROBOT)
+    for option, sources in USED_WITH.items():
+        if getattr(options, option) is not None and source not in sources:
+            raise _ignored(option, source, options)
+    if options.check and source != "replay":
+        raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
+    for option in NOT_WITH_CHECK if options.check else ():
+        if getattr(options, option) not in (None, False):
+            raise ParameterError(f"--{option} has no effect with --check: leave one of them out", name=option)
+    for option in ("host", "port") if options.no_page else ():
+        if getattr(options, option) is not None:
+            raise ParameterError(f"--{option} has no effect with --no-page: leave one of them out", name=option)
+    if options.seconds is not None and not 0 < options.seconds < 1e9:
+        raise ParameterError(f"--seconds {options.seconds:g}: give more than 0", name="seconds", value=options.seconds)
+    given = {name: value for name, value in vars(options).items() if value is not None}
+    return argparse.Namespace(**{**vars(options), **DEFAULTS, **given})
+
+
+def _ignored(option: str, source: str, options: argparse.Namespace) -> ParameterError:
+    shown = source if source == ROBOT else f"--{source}"
+    if source == "config" and option in IN_FILE:
+        fix = f"set {IN_FILE[option]} of each [[cap]] in {options.config}"
+    elif source == "replay":
+        fix = "a recording holds its own; leave it out"
+    else:
+        fix = f"leave it out; it goes with {', '.join(s if s == ROBOT else f'--{s}' for s in USED_WITH[option])}"
+    return ParameterError(f"--{option} has no effect with {shown}: {fix}", name=option)

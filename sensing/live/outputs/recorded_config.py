@@ -1,0 +1,146 @@
+"""What a recording says of its run: the configuration, and the files that it needs, carried along.
+
+A recording never names a path to be opened: weights and camera files are attachments of the MCAP file, checked by
+their SHA-256, and are read from copies in the user's cache folder that have the digest as their name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from cad.errors import FileError
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.model import shipped_weights
+from sensing.whole_file import replace_file
+
+METADATA = "endcap_live"
+FORMAT = 2
+WEIGHTS = "weights"
+MOST_FILE_BYTES = 1 << 26
+NOT_RECORDED = ("zero", "exposure", "rate_hz")  # of an endcap: a replay takes pictures and references as they are
+
+
+@dataclass(frozen=True)
+class CarriedFile:
+    """A file that a configuration names: ``weights`` or ``camera/NAME``."""
+
+    name: str
+    data: bytes
+
+    @property
+    def digest(self) -> str:
+        """SHA-256."""
+        return hashlib.sha256(self.data).hexdigest()
+
+
+def carried_files(config: LiveConfig) -> list[CarriedFile]:
+    """The files that a replay needs, also the weights that ship: the next version may ship others.
+
+    Raises:
+        FileError: one cannot be read, or is too large to be carried.
+    """
+    weights = config.weights
+    if weights is None and len({cap.params.digest for cap in config.caps}) == 1:
+        weights = shipped_weights(config.model, config.caps[0].params)
+    paths = {} if weights is None else {WEIGHTS: weights}
+    paths |= {f"camera/{cap.name}": cap.camera for cap in config.caps if cap.camera is not None}
+    return [CarriedFile(name, _content(path)) for name, path in paths.items()]
+
+
+def about(config: LiveConfig, files: Iterable[CarriedFile]) -> dict[str, str]:
+    """The configuration as metadata of the recording."""
+    caps = []
+    for cap in config.caps:
+        told = {entry.name: getattr(cap, entry.name) for entry in fields(cap) if entry.name not in NOT_RECORDED}
+        caps.append(told | {"camera": None, "T_robot_endcap": cap.T_robot_endcap.tolist()})
+    record = {
+        "format": FORMAT, "caps": caps, "model": config.model, "method": config.method, "weight_n": config.weight_n,
+        "files": {file.name: file.digest for file in files},
+    }  # fmt: skip
+    text = json.dumps(record)
+    return {"config": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+
+@dataclass(frozen=True)
+class RecordedConfig:
+    """What ran.
+
+    Attributes:
+        config: its caps read from the recording; without weights and cameras. files: digests of those by name.
+    """
+
+    config: LiveConfig
+    files: dict[str, str]
+
+    def with_files(self, found: dict[str, bytes], path: Path) -> LiveConfig:
+        """The configuration with the files that the recording carries.
+
+        Raises:
+            FileError: one is missing or is not what it was.
+        """
+        kept = {name: _kept(path, name, digest, found.get(name)) for name, digest in self.files.items()}
+        caps = tuple(replace(cap, camera=kept.get(f"camera/{cap.name}")) for cap in self.config.caps)
+        return replace(self.config, caps=caps, weights=kept.get(WEIGHTS))
+
+
+def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
+    """What :func:`about` wrote, its caps reading from ``path``.
+
+    Raises:
+        FileError: damaged, or of another version.
+    """
+    try:
+        text = metadata["config"]
+        told = json.loads(text)
+        if not isinstance(told, dict) or told.get("format") != FORMAT:
+            raise FileError(f"{path}: recorded by another version of the toolkit: replay it there, or record again")
+        if hashlib.sha256(text.encode()).hexdigest() != metadata["sha256"]:
+            raise ValueError("its digest differs: the file is damaged")
+        caps = tuple(_cap(cap, path) for cap in told["caps"])
+        files = {str(name): str(digest) for name, digest in told["files"].items()}
+        weight_n = float(told["weight_n"])
+        return RecordedConfig(LiveConfig(caps, told["model"], None, told["method"], weight_n), files)
+    except FileError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        said = " ".join(str(error).split())[:200]
+        raise FileError(f"{path}: its configuration cannot be read ({said}): the file is damaged") from None
+
+
+def _cap(told: dict[str, Any], path: Path) -> CapConfig:
+    unknown = set(told) - {entry.name for entry in fields(CapConfig) if entry.name not in NOT_RECORDED}
+    if unknown:
+        raise ValueError(f"unknown key {', '.join(sorted(unknown))[:80]}")
+    return CapConfig(**{**told, "source": str(path), "camera": None})
+
+
+def _content(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MOST_FILE_BYTES:
+            raise FileError(f"{path}: larger than {MOST_FILE_BYTES >> 20} MiB: a recording cannot carry it")
+        return path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: the recording needs it") from None
+
+
+def _kept(path: Path, name: str, digest: str, data: bytes | None) -> Path:
+    """A copy that nothing but its content has named."""
+    if data is None:
+        raise FileError(f"{path}: does not carry its {name}: the file is damaged")
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise FileError(f"{path}: its {name} are not those that were recorded: the file is damaged")
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit" / "recorded"
+    copy = folder / hashlib.sha256(data).hexdigest()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not copy.is_file() or copy.read_bytes() != data:
+            replace_file(copy, data)
+    except OSError as error:
+        raise FileError(f"{folder}: {error.strerror}: the recording's files are kept there") from None
+    return copy

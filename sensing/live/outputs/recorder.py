@@ -1,0 +1,238 @@
+"""Records a run as MCAP with ROS 2 schemas: pictures, references, fields, wrenches, contact, diagnostics.
+
+Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` gives the same bits again. For that the
+recording of a cap begins with a restart of its pipeline and with its reference, and does so again wherever a frame had
+to be left out (a slow disk). Every chunk is flushed: a killed run leaves a file that is readable up to there. Stamps
+are wall time; the exact capture time on the frames' own clock lies beside every picture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
+from mcap.writer import CompressionType, Writer
+
+from cad.errors import FileError
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.reading import CapReading
+from sensing.live.core.sink import QueuedSink
+from sensing.live.core.stats import CapHealth
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.recorded_config import METADATA, about, carried_files
+from sensing.records import Frame
+
+ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
+CHUNK_BYTES = 1 << 20
+FLUSH_S = 1.0  # what a killed run may lose
+DIAGNOSTICS_S = 1.0
+TOPICS: dict[str, str] = {
+    "image/compressed": ros.IMAGE,
+    "image/capture_time": ros.FLOAT64,
+    "zero": ros.IMAGE,
+    "array/shear_vector": ros.ARRAY,
+    "wrench/estimate": ros.WRENCH,
+    "wrench/wrench_pred": ros.WRENCH,
+    "wrench/force_norm": ros.FLOAT64,
+    "contact": ros.BOOL,
+}
+
+
+class Recorder(QueuedSink):
+    """Writes one file.
+
+    Args:
+        path: must not exist. config: what runs. epochs: epoch of every cap before its restart was asked for.
+        restart: asks for the restart of a cap. health: for the diagnostics. stream: instead of a file, for tests.
+
+    Attributes:
+        frames: readings written. kept: those that the file certainly holds.
+
+    Raises:
+        FileError: the file exists or cannot be made.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        config: LiveConfig,
+        epochs: dict[str, int],
+        restart: Callable[[str], None],
+        health: Callable[[], Sequence[CapHealth]] = list,
+        stream: BinaryIO | None = None,
+    ) -> None:
+        super().__init__(ROOM)
+        self.path, self.frames, self.kept = path, 0, 0
+        self._config, self._restart, self._health = config, restart, health
+        self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
+        self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)  # fixed: stamps do not follow a clock being set
+        self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
+        self._files = carried_files(config)
+        self._stream = _create(path) if stream is None else stream
+        self._writer = Writer(
+            self._stream, chunk_size=1 << 62, compression=CompressionType.NONE, enable_data_crcs=True
+        )  # chunks are ended here, so that it is known what is in the file
+        self._index = _keep_index_on_disk(self._writer, path.parent)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+
+    @property
+    def note(self) -> str:
+        """State in one line."""
+        if self.failed:
+            return f"{self.path}: recording stopped ({self.failed}); {self.kept} frames are kept"
+        lost = f", {self.dropped} lost to a slow disk" if self.dropped else ""
+        return f"{self.path}: {self.frames} frames recorded{lost}"
+
+    def start(self) -> None:
+        """Write the head, then begin.
+
+        Raises:
+            FileError: not even that could be written.
+        """
+        try:
+            self._writer.start(profile="ros2", library="endcap-toolkit")
+            self._writer.add_metadata(METADATA, about(self._config, self._files))
+            for file in self._files:
+                self._writer.add_attachment(time.time_ns(), time.time_ns(), file.name, "", file.data)
+            for cap in self._config.caps:
+                for topic in TOPICS:
+                    self._channel(f"/{cap.name}/{topic}", TOPICS[topic])
+            self._channel("/diagnostics", ros.DIAGNOSTICS)
+            self._stream.flush()
+        except OSError as error:
+            raise FileError(f"{self.path}: {error.strerror}: choose another place") from None
+        super().start()
+
+    def write(self, reading: CapReading) -> None:
+        """All messages of one reading."""
+        if reading.epoch <= self._old[reading.cap]:
+            return  # from before the restart
+        stamp = self._wall_ns + int(reading.captured_s * 1e9)
+        if reading.epoch != self._begun[reading.cap]:
+            self._begun[reading.cap] = reading.epoch
+            png, form = ros.picture_bytes(Frame(0.0, 0, reading.cap, image=reading.zero.image))
+            self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.cap), stamp)
+        data, form = ros.picture_bytes(reading.frame)
+        norm = float((reading.wrench.force_n**2).sum() ** 0.5)
+        self._add(reading, "image/capture_time", ros.float64(reading.frame.time_s), stamp)
+        self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.cap), stamp)
+        self._add(reading, "array/shear_vector", ros.shear_vector(reading.field), stamp)
+        self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.cap), stamp)
+        self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.cap), stamp)
+        self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
+        self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
+        self._diagnose(reading.ready_s, stamp)
+        self.frames += 1
+        if self._bytes >= CHUNK_BYTES or time.monotonic() >= self._flushed_s + FLUSH_S:
+            self._flush()
+
+    def lost(self, reading: CapReading) -> None:
+        """What follows a gap could not be replayed to the bit: begin the cap anew."""
+        if reading.epoch > self._old[reading.cap]:
+            self._old[reading.cap] = reading.epoch
+            self._restart(reading.cap)
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """Write what is queued and the end of the file; gives up after ``wait_s``."""
+        super().close(wait_s)
+        if not self.ended:
+            self.failed = self.failed or "the disk did not answer in time"
+
+    def finish(self) -> None:
+        """Index and end of the file, if it can still be written."""
+        try:
+            if not self.failed:
+                self._flush()
+                self._writer.finish()
+                self._writer.flush()
+        finally:
+            self._index.close()
+            self._stream.close()
+
+    def _flush(self) -> None:
+        """End the chunk: the readings so far are in the file."""
+        self._writer.flush()
+        self.kept, self._bytes, self._flushed_s = self.frames, 0, time.monotonic()
+
+    def _diagnose(self, now_s: float, stamp: int) -> None:
+        if now_s < self._next_s:
+            return
+        self._next_s = now_s + DIAGNOSTICS_S
+        states = [(h.cap, _level(h), h.message or h.status, _values(h)) for h in self._health()]
+        self._writer.add_message(
+            self._channels["/diagnostics"], stamp, ros.diagnostic_array(states, stamp), stamp, self.frames
+        )
+
+    def _add(self, reading: CapReading, topic: str, data: bytes, stamp: int) -> None:
+        channel = self._channels[f"/{reading.cap}/{topic}"]
+        self._writer.add_message(channel, stamp, data, stamp, reading.frame.sequence % 2**32)
+        self._bytes += len(data)
+
+    def _channel(self, topic: str, kind: str) -> None:
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", ros.definition(kind).encode())
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+
+
+class _IndexOnDisk:
+    """In place of the writer's list of chunks, which grows by 5 MB a minute with six endcaps: records in a file."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (open until the recording ends)
+
+    def append(self, index: ChunkIndex) -> None:
+        """Write one."""
+        record = RecordBuilder()
+        index.write(record)
+        self._file.write(record.end())
+
+    def __iter__(self) -> Iterator[_IndexOnDisk]:
+        return iter((self,))  # all of them as one
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Copy all records."""
+        self._file.seek(0)
+        builder.write(self._file.read())
+
+    def close(self) -> None:
+        """Let the file go."""
+        self._file.close()
+
+
+def _keep_index_on_disk(writer: Any, folder: Path) -> _IndexOnDisk:
+    """The library has no setting for it."""
+    index = _IndexOnDisk(folder)
+    writer._Writer__chunk_indices = index
+    return index
+
+
+def _create(path: Path) -> BinaryIO:
+    try:
+        return path.open("xb")
+    except FileExistsError:
+        raise FileError(f"{path}: is there already: choose another name for the recording") from None
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
+
+
+def _level(health: CapHealth) -> int:
+    """0 good, 1 to be looked at, 2 bad (diagnostic_msgs)."""
+    return 0 if not health.message else 1 if health.status == "running" else 2
+
+
+def _values(health: CapHealth) -> dict[str, str]:
+    return {
+        "rate_hz": f"{health.rate_hz:.1f}",
+        "dropped": str(health.dropped),
+        "unusable": str(health.faults),
+        "p50_ms": f"{health.p50_ms:.2f}",
+        "p99_ms": f"{health.p99_ms:.2f}",
+        "dots": f"{health.dots}/{health.dots_known}",
+        "drift": health.drift,
+    }

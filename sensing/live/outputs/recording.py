@@ -1,0 +1,99 @@
+"""Start and stop a recording while it runs; names are chosen here, never by whoever asks."""
+
+from __future__ import annotations
+
+import datetime
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cad.errors import EndcapError
+from sensing.live.outputs.recorder import Recorder
+
+if TYPE_CHECKING:
+    from sensing.live.run import LiveRun
+
+LEAST_S = 0.8  # for the file, also in a hurry: readings that wait for the disk
+
+
+class Recording:
+    """The recording of a run, if there is one.
+
+    Args:
+        run: what is recorded. folder: where files go that are not named.
+    """
+
+    def __init__(self, run: LiveRun, folder: Path) -> None:
+        self._run, self._folder = run, folder
+        self._recorder: Recorder | None = None
+        self._last: Recorder | None = None
+        self._said = ""
+        self._lock = threading.Lock()
+
+    @property
+    def on(self) -> bool:
+        """Whether frames are being written."""
+        recorder = self._recorder
+        return recorder is not None and not recorder.failed
+
+    @property
+    def note(self) -> str:
+        """State in one line; empty when nothing was ever recorded."""
+        recorder = self._recorder
+        return self._said if recorder is None else recorder.note
+
+    @property
+    def loss(self) -> str:
+        """Why the last file is not whole, in one line; empty if it is."""
+        last = self._recorder or self._last
+        return last.note if last is not None and last.failed else ""
+
+    def start(self, path: Path | None = None) -> None:
+        """Begin a file.
+
+        Raises:
+            FileError: it exists already or cannot be made.
+        """
+        with self._lock:
+            if self._recorder is not None and not self._recorder.failed:
+                return
+            self._finish()
+            now = datetime.datetime.now()
+            stamp = f"{now:%Y%m%d_%H%M%S}_{now.microsecond // 1000:03d}"
+            engine = self._run.engine
+            pipelines = {cap.name: cap.pipeline for cap in engine.caps}
+            recorder = Recorder(
+                path or self._folder / f"endcap_{stamp}.mcap",
+                self._run.config,
+                {name: pipeline.epoch for name, pipeline in pipelines.items()},
+                lambda name: pipelines[name].request_restart(),
+                engine.health,
+            )
+            recorder.start()
+            engine.add_sink(recorder)
+            for pipeline in pipelines.values():
+                pipeline.request_restart()
+            self._recorder = recorder
+
+    def stop(self) -> None:
+        """End the file."""
+        with self._lock:
+            self._finish()
+
+    def toggle(self) -> str:
+        """Start or stop; returns what to tell."""
+        try:
+            if self.on:
+                self.stop()
+            else:
+                self.start()
+        except EndcapError as error:
+            self._said = str(error)
+        return self.note
+
+    def _finish(self) -> None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            self._run.engine.remove_sink(recorder)
+            recorder.close(max(self._run.patience_s, LEAST_S))
+            self._said, self._last = recorder.note, recorder

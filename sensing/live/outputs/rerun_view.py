@@ -1,0 +1,38 @@
+"""Readings in the Rerun viewer, where that is installed (``pip install rerun-sdk``); no dependency of the toolkit."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from cad.errors import ParameterError
+from sensing.live.core.reading import CapReading
+from sensing.live.core.sink import QueuedSink
+
+ROOM = 16
+
+
+class RerunView(QueuedSink):
+    """Logs pictures, forces and torques.
+
+    Raises:
+        ParameterError: Rerun is not installed.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(ROOM)
+        try:
+            self._rerun: Any = importlib.import_module("rerun")
+        except ImportError:
+            raise ParameterError("--rerun needs the Rerun viewer: run pip install rerun-sdk", name="rerun") from None
+        self._rerun.init("endcaps", spawn=True)
+
+    def write(self, reading: CapReading) -> None:
+        """Picture and wrench of one reading."""
+        rerun = self._rerun
+        rerun.set_time("capture", duration=reading.captured_s)
+        if reading.frame.jpeg is not None:
+            rerun.log(f"{reading.cap}/image", rerun.EncodedImage(contents=reading.frame.jpeg, media_type="image/jpeg"))
+        for name, values in (("force_n", reading.wrench.force_n), ("torque_nm", reading.wrench.torque_nm)):
+            for axis, value in zip("xyz", values, strict=True):
+                rerun.log(f"{reading.cap}/{name}/{axis}", rerun.Scalars(float(value)))

@@ -1,0 +1,101 @@
+"""Numbers in the terminal: one quiet line a cap, rewritten in place; nothing but changes where it is no terminal."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TextIO
+
+import numpy as np
+
+from cad.errors import printable
+from sensing.live.core.reading import CapReading
+from sensing.live.core.robot import RobotState
+from sensing.live.core.stats import CapHealth
+
+REFRESH_S = 0.2
+
+
+class Terminal:
+    """Writes the lines.
+
+    Args:
+        stream: where; standard error when standard output carries data.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stdout if stream is None else stream
+        self._tty = self._stream.isatty()
+        self._lines = 0
+        self._said: dict[str, str] = {}
+
+    def show(
+        self, healths: Sequence[CapHealth], readings: Mapping[str, CapReading], robot: RobotState, notes: Sequence[str]
+    ) -> None:
+        """Rewrite all lines, or tell what has changed."""
+        if not self._tty:
+            self._tell_changes(healths)
+            return
+        width = shutil.get_terminal_size().columns - 1
+        lines = [cap_line(health, readings.get(health.cap)) for health in healths]
+        lines += [robot_line(robot), *notes]
+        up = f"\x1b[{self._lines}A" if self._lines else ""
+        self._stream.write(up + "".join(f"\r\x1b[2K{printable(line)[:width]}\n" for line in lines) + "\x1b[J")
+        self._stream.flush()
+        self._lines = len(lines)
+
+    def _tell_changes(self, healths: Sequence[CapHealth]) -> None:
+        for health in healths:
+            said = health.message.split(" for ")[0] or health.status
+            if self._said.get(health.cap) != said:
+                self._said[health.cap] = said
+                self._stream.write(printable(f"{health.cap}: {health.message or health.status}") + "\n")
+                self._stream.flush()
+
+
+def cap_line(health: CapHealth, reading: CapReading | None) -> str:
+    """One cap in one line."""
+    if reading is None:
+        return f"{health.cap:<10} {health.message or health.status}"
+    force, torque = reading.wrench.force_n, reading.wrench.torque_nm
+    spread = np.sqrt(np.clip(np.diagonal(reading.wrench.covariance)[:3], 0, None)).max()
+    touch = "touch" if reading.contact.touching else "  -  "
+    text = (
+        f"{health.cap:<10} F {force[0]:+6.1f} {force[1]:+6.1f} {force[2]:+6.1f} N ±{spread:3.1f}  "
+        f"T {torque[0]:+5.2f} {torque[1]:+5.2f} {torque[2]:+5.2f} N m  {touch}  {health.rate_hz:4.1f} Hz "
+        f"{health.p50_ms:4.1f} ms  {health.dropped} dropped"
+    )
+    if health.dots_known:
+        text += f"  {health.dots}/{health.dots_known} dots"
+    if health.message or reading.wrench.flags:
+        text += "  " + (health.message or ", ".join(sorted(reading.wrench.flags)))
+    return text
+
+
+def robot_line(robot: RobotState) -> str:
+    """Contact set and force sum."""
+    names = ", ".join(robot.touching) or "none"
+    text = f"touching: {names}"
+    if robot.touching:
+        text += f"; force sum {np.linalg.norm(robot.force_n):.1f} N"
+    if robot.consistent is not None:
+        text += f" of {robot.weight_n:.1f} N weight: {'consistent' if robot.consistent else 'NOT consistent'}"
+    return text
+
+
+def summary(healths: Sequence[CapHealth], seconds: float) -> list[str]:
+    """Last words: one line a cap."""
+    lines = [f"{seconds:.1f} s"]
+    for health in healths:
+        lines.append(
+            f"{health.cap}: {health.frames} frames, {health.dropped} dropped, {health.faults} unusable, "
+            f"image to wrench {_ms(health.p50_ms)} median, {_ms(health.p99_ms)} at 99 %"
+            + (f", reopened {health.reopened} times" if health.reopened else "")
+            + (f": {health.message}" if health.message else "")
+        )
+    return lines
+
+
+def _ms(value: float) -> str:
+    return f"{value:.1f} ms" if value == value else "unknown"

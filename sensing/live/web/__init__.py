@@ -1,0 +1,1 @@
+"""The page of a run, served by a process of its own."""

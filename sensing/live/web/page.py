@@ -1,0 +1,168 @@
+"""The page of a run: a web server in a process of its own, on loopback unless told, that can never hold the loop up.
+
+The page's process (:mod:`sensing.live.web.process`) asks for the newest state while somebody looks, one thread here
+answers; nothing is made for nobody, and however many look, it is made once. What comes back from there is one of four
+words and the number of a cap: no word of the network reaches a file name. On another address than loopback a token is
+needed. Everything the page needs is served from there: it works without any other network.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+
+from cad.errors import EndcapError, ParameterError
+from sensing.decode import decode_bgr
+from sensing.live.core.reading import CapReading
+from sensing.live.outputs.recording import Recording
+from sensing.live.web.link import DETAIL, HELLO, LONGEST_LINE, PICTURE, STATE, is_loopback, message, parse_line
+from sensing.live.web.state import detail, hello, state
+
+if TYPE_CHECKING:
+    from sensing.live.run import LiveRun
+
+ROOT = Path(__file__).resolve().parents[3]  # where the package lies
+
+
+class PageServer:
+    """Serves the page of a run.
+
+    Args:
+        run: what is shown. recording: what the button works on. host: address to listen on. port: None for 8008 or,
+            where that is taken, any free one.
+
+    Attributes:
+        url: to open in a browser; holds the token where one is needed. address: host and port. pid: of the page's
+            process, None before the start.
+
+    Raises:
+        ParameterError: no such address, or the port is taken.
+    """
+
+    def __init__(self, run: LiveRun, recording: Recording, host: str = "127.0.0.1", port: int | None = None) -> None:
+        self._run, self._recording = run, recording
+        self.token = "" if is_loopback(host) else secrets.token_urlsafe(16)
+        self._socket = _listen(host, port)
+        self.address: tuple[str, int] = self._socket.getsockname()[:2]
+        every = host in ("0.0.0.0", "::")  # what another computer types is this one's name
+        shown = socket.gethostname() if every else f"[{host}]" if ":" in host else host
+        self.url = f"http://{shown}:{self.address[1]}/" + (f"?token={self.token}" if self.token else "")
+        self._link, self._theirs = socket.socketpair()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._sent: dict[int, tuple[int, int]] = {}
+        self._thread = threading.Thread(target=self._talk, daemon=True)
+        self._closing, self._failed = False, ""
+
+    @property
+    def pid(self) -> int | None:
+        """Of the page's process."""
+        return None if self._process is None else self._process.pid
+
+    @property
+    def note(self) -> str:
+        """Why there is no page any more; empty while there is."""
+        return f"page: gone ({self._failed}); the run goes on" if self._failed and not self._closing else ""
+
+    def start(self) -> None:
+        """Begin to serve."""
+        numbers = (self._socket.fileno(), self._theirs.fileno())
+        path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "sensing.live.web.process", *map(str, numbers)], pass_fds=numbers,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": path},
+            start_new_session=True,  # Ctrl-C is for the run, which then ends the page
+        )  # fmt: skip
+        self._socket.close()
+        self._theirs.close()
+        self._thread.start()
+
+    def close(self, wait_s: float = 3.0) -> None:
+        """Stop serving; a process that has not ended after ``wait_s`` is killed."""
+        self._closing = True
+        if self._process is not None:
+            end_s = time.monotonic() + wait_s
+            with contextlib.suppress(OSError):  # it has gone already
+                self._link.shutdown(socket.SHUT_RDWR)
+            self._thread.join(timeout=wait_s)
+            try:
+                self._process.wait(timeout=max(0.0, end_s - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        for each in (self._link, self._theirs, self._socket):
+            each.close()
+
+    def _talk(self) -> None:
+        """Answers the page's process until the link ends."""
+        caps = len(self._run.config.caps)
+        try:
+            self._link.sendall(message(HELLO, json.dumps(hello(self._run) | {"token": self.token}).encode(), caps))
+            with self._link.makefile("rb") as lines:
+                while line := lines.readline(LONGEST_LINE):
+                    request = parse_line(line, caps)
+                    if request is not None:
+                        self._do(*request)
+            self._failed = "its process ended"
+        except Exception as error:  # whatever happens to the page, the run goes on
+            self._failed = f"{type(error).__name__}: {error}"
+
+    def _do(self, word: str, numbers: list[int]) -> None:
+        if word == "zero":
+            self._run.zero(self._run.config.caps[numbers[0]].name)
+        elif word == "zero_all":
+            self._run.zero()
+        elif word == "record":
+            self._recording.toggle()
+        else:
+            for number in numbers:
+                self._show(number)
+            told = state(self._run, self._recording.note, self._recording.on)
+            self._link.sendall(message(STATE, _plain(told)))
+
+    def _show(self, number: int) -> None:
+        """Details of a cap, and its picture if that is new."""
+        reading = self._run.latest.get(self._run.config.caps[number].name)
+        if reading is None:
+            return
+        self._link.sendall(message(DETAIL, _plain(detail(reading, number)), number))
+        version = (reading.epoch, reading.frame.sequence)
+        if self._sent.get(number) != version:
+            self._sent[number] = version
+            self._link.sendall(message(PICTURE, picture(reading), number))
+
+
+def picture(reading: CapReading) -> bytes:
+    """JPEG of the frame: as it came, or made for those that came raw; empty for one that cannot be shown."""
+    if reading.frame.jpeg is not None:
+        return reading.frame.jpeg
+    try:
+        return cv2.imencode(".jpg", decode_bgr(reading.frame), [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()
+    except EndcapError:
+        return b""
+
+
+def _plain(told: dict[str, Any]) -> bytes:
+    return json.dumps(told, allow_nan=False, separators=(",", ":")).encode()
+
+
+def _listen(host: str, port: int | None) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, 8008 if port is None else port), family=family)
+    except (OSError, OverflowError, UnicodeError) as error:
+        if port is None:
+            return _listen(host, 0)
+        raise ParameterError(
+            f"--host {host} --port {port}: {error}: choose another port, or leave --port out", name="port", value=port
+        ) from None

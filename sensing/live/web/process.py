@@ -1,0 +1,231 @@
+"""The page's process: serves the page and talks to its viewers, away from the loop's interpreter lock.
+
+    python -m sensing.live.web.process LISTENING LINK      # inherited sockets, by number; see sensing.live.web.page
+
+It knows nothing of the run but what comes over the link (:mod:`sensing.live.web.link`), and can ask for nothing but a
+look, a zero and a recording. It ends when the link does, whatever became of the run, and yields the processor to it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib.resources
+import json
+import os
+import secrets
+import socket
+import sys
+from typing import Any
+from urllib.parse import urlsplit
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from sensing.live.web.link import DETAIL, HEAD, PICTURE, STATE, is_loopback, parse_request
+
+MOST_VIEWERS = 8
+FASTEST_S = 0.04  # between looks at the run, of all viewers together
+MESSAGE_BYTES = 1024  # largest message from a viewer
+NICE = 5  # the loop goes first
+COOKIE = "endcap_token"
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; style-src 'self' 'unsafe-inline'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+STATIC = {
+    "/": ("index.html", "text/html"),
+    "/page.js": ("page.js", "text/javascript"),
+    "/scene.js": ("scene.js", "text/javascript"),
+}
+
+
+def main(arguments: list[str]) -> None:
+    """Serve until the link ends."""
+    listening, link = (socket.socket(fileno=int(number)) for number in arguments)
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    asyncio.run(_serve(listening, link))
+
+
+async def _serve(listening: socket.socket, link: socket.socket) -> None:
+    run = Link(*await asyncio.open_connection(sock=link))
+    await run.begin()
+    config = uvicorn.Config(
+        build_app(run), log_level="critical", ws_max_size=MESSAGE_BYTES, lifespan="off",
+        timeout_graceful_shutdown=1, server_header=False, ws_max_queue=4, limit_concurrency=64,
+    )  # fmt: skip
+    server = uvicorn.Server(config)
+
+    async def talk() -> None:
+        with contextlib.suppress(asyncio.IncompleteReadError, OSError):
+            await run.talk()
+        server.should_exit = True
+
+    talking = asyncio.create_task(talk())
+    await server.serve(sockets=[listening])
+    talking.cancel()
+
+
+class Link:
+    """The run as the page sees it.
+
+    Attributes:
+        hello: what every viewer is told first. token: it must know; empty for none. caps: their number.
+        pictures: by cap, (count of its changes, JPEG).
+    """
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+        self.hello, self.token, self.caps = "", "", 0
+        self.pictures: dict[int, tuple[int, bytes]] = {}
+        self._details: dict[int, str] = {}
+        self._state = "{}"
+        self._wanted: set[int] = set()
+        self._asked, self._answered = asyncio.Event(), asyncio.Event()
+        self._answer: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    async def begin(self) -> None:
+        """Hear what does not change."""
+        _, self.caps, data = await self._receive()
+        told = json.loads(data)
+        self.token, self.hello = told.pop("token"), json.dumps(told)
+
+    def ask(self, word: str, cap: int) -> None:
+        """Press a button."""
+        self._writer.write(f"{word} {cap}\n".encode())
+
+    async def look(self, cap: int) -> str:
+        """The newest state as JSON, with the details of one cap; all viewers that wait get the same look."""
+        self._wanted.add(cap)
+        self._asked.set()
+        await asyncio.shield(self._answer)
+        return f'{self._state[:-1]},"selected":{self._details.get(cap, "null")}}}'
+
+    async def talk(self) -> None:
+        """Ask for looks and take what comes; raises asyncio.IncompleteReadError or OSError when the link ends."""
+        asking = asyncio.create_task(self._ask_for_looks())
+        try:
+            while True:
+                kind, cap, data = await self._receive()
+                if kind == STATE:
+                    self._state = data.decode()
+                    self._answered.set()
+                elif kind == DETAIL:
+                    self._details[cap] = data.decode()
+                elif kind == PICTURE:
+                    self.pictures[cap] = self.pictures.get(cap, (0, b""))[0] + 1, data
+        finally:
+            asking.cancel()
+
+    async def _ask_for_looks(self) -> None:
+        """One look at a time, and none while nobody wants it."""
+        while True:
+            await self._asked.wait()
+            self._asked.clear()
+            wanted, self._wanted = self._wanted, set()
+            answer, self._answer = self._answer, asyncio.get_running_loop().create_future()
+            self._answered.clear()
+            self._writer.write(f"look {' '.join(map(str, sorted(wanted)))}\n".encode())
+            await self._answered.wait()
+            answer.set_result(None)
+            await asyncio.sleep(FASTEST_S)
+
+    async def _receive(self) -> tuple[bytes, int, bytes]:
+        kind, cap, length = HEAD.unpack(await self._reader.readexactly(HEAD.size))
+        return kind, cap, await self._reader.readexactly(length)
+
+
+def build_app(run: Link) -> Starlette:
+    """The application."""
+    viewers = _Viewers()
+
+    async def file(request: Request) -> Response:
+        refusal = _refusal(request, run.token)
+        if refusal:
+            return PlainTextResponse(refusal, 403, HEADERS)
+        name, kind = STATIC[request.url.path]
+        text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
+        response = Response(text, media_type=kind, headers=HEADERS)
+        if run.token:
+            response.set_cookie(COOKIE, run.token, httponly=True, samesite="strict")
+        return response
+
+    async def told(request: Request) -> Response:
+        refusal = _refusal(request, run.token)
+        if refusal:
+            return PlainTextResponse(refusal, 403, HEADERS)
+        return Response(await run.look(0), media_type="application/json", headers=HEADERS)
+
+    async def socket_(websocket: WebSocket) -> None:
+        if _refusal(websocket, run.token) or not _same_origin(websocket) or viewers.count >= MOST_VIEWERS:
+            await websocket.close(1008)
+            return
+        await websocket.accept()
+        viewers.count += 1
+        try:
+            await _answer(websocket, run)
+        except (WebSocketDisconnect, RuntimeError):  # RuntimeError: it went away while being answered
+            pass
+        finally:
+            viewers.count -= 1
+
+    routes: list[Any] = [Route(path, file) for path in STATIC]
+    return Starlette(routes=[*routes, Route("/state.json", told), WebSocketRoute("/ws", socket_)])
+
+
+class _Viewers:
+    count = 0
+
+
+async def _answer(websocket: WebSocket, run: Link) -> None:
+    """Answers one viewer until it leaves or says something that is no request."""
+    await websocket.send_text(run.hello)
+    seen = (-1, -1)
+    while True:
+        request = parse_request(await websocket.receive_text(), run.caps)
+        if request is None:
+            await websocket.close(1003)
+            return
+        word, cap = request
+        if word != "show":
+            run.ask(word, cap)
+        await websocket.send_text(await run.look(cap))
+        count, jpeg = run.pictures.get(cap, (0, b""))
+        if jpeg and (cap, count) != seen:
+            seen = (cap, count)
+            await websocket.send_bytes(jpeg)
+
+
+def _refusal(connection: HTTPConnection, token: str) -> str:
+    """Why a request is refused; empty if it is not."""
+    if token:
+        given = connection.query_params.get("token") or connection.cookies.get(COOKIE) or ""
+        if not secrets.compare_digest(given.encode(), token.encode()):
+            return "the address with its token is printed where sensing.live was started"
+        return ""
+    host = _host(connection.headers.get("host", ""))
+    return "" if is_loopback(host) else "this page is for the computer that it runs on"
+
+
+def _same_origin(connection: HTTPConnection) -> bool:
+    """Pages of other sites may not talk to this one through a viewer's browser."""
+    origin = connection.headers.get("origin")
+    return origin is None or urlsplit(origin).netloc == connection.headers.get("host", "")
+
+
+def _host(netloc: str) -> str:
+    try:
+        return urlsplit(f"//{netloc}").hostname or ""
+    except ValueError:
+        return ""
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,90 @@
+"""What the page is told, as plain JSON: everything once at the start, then the newest numbers whenever it asks."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sensing.live.core.reading import CapReading, plain, rounded
+from sensing.live.core.stats import CapHealth
+
+if TYPE_CHECKING:
+    from sensing.live.run import LiveRun
+
+ARROWS = 16  # across the field that is drawn
+UNIT_PX = 0.01  # of its arrows, px of the 200 x 200 crop
+
+
+def hello(run: LiveRun) -> dict[str, Any]:
+    """What does not change: names, sizes and places of the caps (mm, robot frame)."""
+    caps = [
+        {
+            "name": cap.name,
+            "radius_mm": cap.params.outer_radius_mm,
+            "centre_mm": cap.params.centre_height_mm,
+            "T_robot_endcap": cap.T_robot_endcap.tolist(),
+        }
+        for cap in run.config.caps
+    ]
+    return {"hello": caps, "weight_n": run.config.weight_n, "model": run.config.model}
+
+
+def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
+    """The newest numbers of all caps."""
+    readings, robot = run.latest.all(), run.robot()
+    caps = [_cap(health, readings.get(health.cap)) for health in run.engine.health()]
+    return {
+        "time_s": time.monotonic(),
+        "caps": caps,
+        "touching": list(robot.touching),
+        "force_sum_n": rounded(float(np.linalg.norm(robot.force_n)), 2),
+        "consistent": robot.consistent,
+        "recording": recording,
+        "note": note,
+    }
+
+
+def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
+    told: dict[str, Any] = {
+        "name": health.cap,
+        "status": health.status,
+        "message": health.message,
+        "rate_hz": rounded(health.rate_hz, 1),
+        "dropped": health.dropped,
+        "faults": health.faults,
+        "age_ms": rounded(1e3 * health.age_s, 0),
+        "p50_ms": rounded(health.p50_ms, 2),
+        "p99_ms": rounded(health.p99_ms, 2),
+        "stage_ms": {name: rounded(value, 3) for name, value in health.stage_ms.items()},
+        "drift": health.drift,
+    }
+    if reading is not None:
+        told |= plain(reading)
+    return told
+
+
+def detail(reading: CapReading, number: int) -> dict[str, Any]:
+    """Of one cap: dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
+    assert reading.frame.size is not None
+    dots: list[list[float]] = []
+    if reading.tracks is not None:
+        quality = np.where(reading.tracks.lost, -1.0, reading.tracks.quality)
+        dots = np.column_stack([reading.tracks.position_px, quality]).round(2).tolist()
+    field = reading.field
+    rows, columns = field.valid.shape
+    step = max(1, -(-max(rows, columns) // ARROWS))
+    pick = np.s_[step // 2 :: step, step // 2 :: step]
+    moved = np.nan_to_num(np.stack([field.channel("u")[pick], field.channel("v")[pick]], axis=-1))
+    arrows: list[list[Any]] = np.rint(moved / UNIT_PX).astype(int).tolist()
+    for row, column in np.argwhere(~field.valid[pick]):
+        arrows[row][column] = None
+    return {
+        "number": number,
+        "sequence": reading.frame.sequence,
+        "size": list(reading.frame.size),
+        "dots": dots,
+        "field": arrows,
+        "cells": [rows, columns, step],
+    }

@@ -1,0 +1,1 @@
+"""Rigid bodies and their frictional contact with the shell (N, mm, MPa)."""

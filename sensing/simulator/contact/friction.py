@@ -1,0 +1,165 @@
+"""Frictional contact of the outer surface with a rigid body, at Gauss points of its faces (N, mm, MPa).
+
+Unilateral penalty pressure p = eps_n <-gap> and Coulomb friction by return map with the elastic slip as memory:
+
+    tau_trial = tau_0 - eps_t P (y - y_0),   y = x - translation,   |tau| <= mu p          (Wriggers 2006, ch. 9)
+
+per reference area. Two tangents: with the bound mu p frozen (``lagged``) the friction has a potential, so the step is
+symmetric and an energy line search holds it; with the true bound it is unsymmetric and Newton is quadratic (for the
+plane; for curved bodies the turn of the tangent plane is left out of the friction tangent).
+
+A point that enters within a step slips only over the share of the step it was in contact (``share``), estimated from
+the gaps at both ends: without it the result would depend on the step size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.simulator.contact import kernels as contact_kernels
+from sensing.simulator.solid.element import OUTER_FACE, Array, face_rule, shape_quad
+from sensing.simulator.solid.mesh import HexMesh, Index
+
+POINTS_PER_SIDE = 4
+PENALTY_RATIO = 25.0  # eps_n over E / T; the report measures what the penalty costs
+TANGENTIAL_RATIO = 0.5  # eps_t over eps_n
+BETWEEN_PER_SIDE = 13  # places along a face where a body may lie that no Gauss point feels
+_SIDE = np.linspace(-1, 1, BETWEEN_PER_SIDE)
+_BETWEEN = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)
+_BETWEEN_SHAPE, _ = shape_quad(_BETWEEN)
+
+
+@dataclass(frozen=True)
+class ContactSurface:
+    """Outer faces ready for contact.
+
+    Attributes:
+        cells: owning cell of each face (f,).
+        nodes: its nodes (f, 9).
+        shape: shape functions at the Gauss points (g, 9).
+        area: reference area of every Gauss point (f, g), mm2.
+        normal_mpa_mm, tangential_mpa_mm: penalties eps_n and eps_t.
+    """
+
+    cells: Index
+    nodes: Index
+    shape: Array
+    area: Array
+    normal_mpa_mm: float
+    tangential_mpa_mm: float
+
+
+@dataclass(frozen=True)
+class ContactMemory:
+    """What friction remembers of the last accepted state, at every Gauss point.
+
+    Attributes:
+        traction: friction traction tau_0 (f, g, 3), MPa.
+        position: position relative to the body, y_0 (f, g, 3), mm.
+        gap: distance to the body (f, g), mm.
+    """
+
+    traction: Array
+    position: Array
+    gap: Array
+
+
+@dataclass(frozen=True)
+class ContactResponse:
+    """Contact at one trial configuration.
+
+    Attributes:
+        energy: penalty and (lagged) friction potential, mJ.
+        force: nodal force ON the shell by face (f, 9, 3), N.
+        stiffness: derivative of -force by nodal position (f, 27, 27), N/mm.
+        pressure, gap: (f, g), MPa and mm.
+        traction: friction on the shell (f, g, 3), MPa.
+        slipping: (f, g) boolean.
+        position: y (f, g, 3), mm.
+        share: share of the step that each point was in contact (f, g).
+        gradient: outward normal of the body at each point (f, g, 3).
+    """
+
+    energy: float
+    force: Array
+    stiffness: Array
+    pressure: Array
+    gap: Array
+    traction: Array
+    slipping: NDArray[np.bool_]
+    position: Array
+    share: Array
+    gradient: Array
+
+    def memory(self) -> ContactMemory:
+        """Memory for the next step."""
+        return ContactMemory(self.traction, self.position, self.gap)
+
+
+def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: float = PENALTY_RATIO) -> ContactSurface:
+    """Contact quadrature of the outer faces of a mesh."""
+    local, rule = face_rule(POINTS_PER_SIDE)
+    shape, grad = shape_quad(local)
+    nodes = mesh.cells[mesh.outer][:, OUTER_FACE]
+    tangent = np.einsum("gak,fai->fgik", grad, mesh.points[nodes])
+    area = np.linalg.norm(np.cross(tangent[..., 0], tangent[..., 1]), axis=-1) * rule
+    normal = ratio * young_mpa / wall_mm
+    nodes = np.ascontiguousarray(nodes)  # one memory layout: kernels have one signature (tests/test_kernels.py)
+    return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal)
+
+
+def free_memory(surface: ContactSurface, position: Array, body: Array) -> ContactMemory:
+    """Memory of a surface that no body has touched, at nodal positions (n, 3)."""
+    y = np.einsum("ga,fai->fgi", surface.shape, position[surface.nodes])
+    response = respond(
+        surface, ContactMemory(np.zeros_like(y), y, np.zeros(y.shape[:2])), body, position, np.zeros(3), 0.0
+    )
+    return ContactMemory(np.zeros_like(y), y, np.maximum(response.gap, 0.0))
+
+
+def deepest_mm(surface: ContactSurface, body: Array, position: Array, translation: Array) -> float:
+    """How far the body reaches into the surface anywhere, Gauss points or not; negative where it is apart.
+
+    A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
+    """
+    face, place, _ = contact_kernels.nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)
+    shape, _ = shape_quad(np.clip(_BETWEEN[place] + _BETWEEN * (_SIDE[1] - _SIDE[0]), -1, 1))
+    return -float(contact_kernels.nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2])
+
+
+def respond(
+    surface: ContactSurface,
+    memory: ContactMemory,
+    body: Array,
+    position: Array,
+    translation: Array,
+    friction: float,
+    bound: Array | None = None,
+    share: Array | None = None,
+) -> ContactResponse:
+    """Contact forces and tangents at nodal positions (n, 3) of the shell.
+
+    Args:
+        surface: contact quadrature.
+        memory: last accepted state.
+        body: packed indenter (:meth:`sensing.simulator.contact.indenter.Indenter.packed`).
+        position: nodal positions x (n, 3), mm.
+        translation: of the body from its place of first touch (3,), mm.
+        friction: Coulomb coefficient mu.
+        bound: frozen friction bound (f, g), MPa; ``None`` takes the true mu p and its derivative.
+        share: frozen contact share (f, g); ``None`` computes it from the gaps.
+    """
+    lagged = bound is not None
+    shape = surface.area.shape
+    used_bound = bound if bound is not None else np.zeros(shape)
+    frozen = share is not None
+    used_share = share.copy() if share is not None else np.ones(shape)
+    energy, force, stiffness, pressure, gap, traction, slipping, y, gradient = contact_kernels.respond(
+        surface.nodes, surface.shape, surface.area, surface.normal_mpa_mm, surface.tangential_mpa_mm,
+        memory.traction, memory.position, memory.gap, body, position, translation, friction,
+        lagged, used_bound, frozen, used_share,
+    )  # fmt: skip
+    return ContactResponse(energy, force, stiffness, pressure, gap, traction, slipping, y, used_share, gradient)

@@ -1,0 +1,89 @@
+"""Rigid bodies that press on the shell, as signed distances (mm, endcap frame).
+
+A body touches the undeformed sphere at polar angle ``tilt`` on azimuth 0; other azimuths are rotations of the result.
+Contact frame: ``outward`` is the sphere's normal there, ``meridian`` points along the mirror plane away from the tip
+(+x at tilt 0), ``lateral`` is +y. ``translation = -depth outward + shift_1 meridian + shift_2 lateral``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cad.errors import ParameterError
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.geometry import ShellGeometry
+
+KINDS = {"plane": 0, "sphere": 1, "edge": 2}
+MAX_TILT_DEG = 100.0  # beyond it a plane would cut the base before it presses the dome
+
+
+@dataclass(frozen=True)
+class Indenter:
+    """A body and where it touches.
+
+    Attributes:
+        tilt_deg: polar angle of first contact from the tip, 0..100.
+        kind: ``plane``; ``sphere`` (a small one is a bump); ``edge``, a cylinder whose axis lies in the tangent plane.
+        radius_mm: radius of sphere or edge; ignored for the plane.
+        axis_deg: direction of the edge's axis in the tangent plane, from the meridian.
+
+    Raises:
+        ParameterError: unknown kind, tilt outside its range, radius not positive.
+    """
+
+    tilt_deg: float = 0.0
+    kind: str = "plane"
+    radius_mm: float = 20.0
+    axis_deg: float = 90.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ParameterError(
+                f"kind={self.kind!r} is no indenter: choose one of {', '.join(KINDS)}", name="kind", value=self.kind
+            )
+        if not 0 <= self.tilt_deg <= MAX_TILT_DEG:
+            raise ParameterError(
+                f"tilt_deg={self.tilt_deg:g} outside 0..{MAX_TILT_DEG:g}: there the body meets the base first; "
+                "turn the azimuth instead of a negative tilt",
+                name="tilt_deg",
+                value=self.tilt_deg,
+            )
+        if self.kind != "plane" and not (math.isfinite(self.radius_mm) and self.radius_mm > 0):
+            raise ParameterError(
+                f"radius_mm={self.radius_mm:g} is not positive: give the radius of the {self.kind}",
+                name="radius_mm",
+                value=self.radius_mm,
+            )
+
+    @property
+    def keeps_mirror(self) -> bool:
+        """Whether the body itself is symmetric in y = 0."""
+        return self.kind != "edge" or self.axis_deg % 90 == 0
+
+    def frame(self) -> Array:
+        """Columns outward, meridian, lateral (3, 3)."""
+        tilt = math.radians(self.tilt_deg)
+        return np.array(
+            [[math.sin(tilt), math.cos(tilt), 0.0], [0.0, 0.0, 1.0], [math.cos(tilt), -math.sin(tilt), 0.0]]
+        )
+
+    def packed(self, geometry: ShellGeometry) -> Array:
+        """Numbers for the contact kernel (8,): kind, radius, reference point (3), normal or axis (3)."""
+        outward, meridian, lateral = self.frame().T
+        touch = np.array(geometry.centre_mm) + geometry.outer_radius_mm * outward
+        angle = math.radians(self.axis_deg)
+        axis = {
+            "plane": -outward,
+            "sphere": -outward,
+            "edge": math.cos(angle) * meridian + math.sin(angle) * lateral,
+        }[self.kind]
+        point = touch if self.kind == "plane" else touch + self.radius_mm * outward
+        return np.concatenate([[KINDS[self.kind], self.radius_mm], point, axis])
+
+
+def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) -> Array:
+    """How far a body of that contact frame (3, 3) has come from its first touch (3,), mm: the module's equation."""
+    return frame @ np.array([-depth_mm, *shift_mm])

@@ -1,0 +1,1 @@
+"""Labelled, rendered data sets: ``python -m sensing.simulator data``."""

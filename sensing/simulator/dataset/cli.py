@@ -1,0 +1,76 @@
+"""Command line of the data writer: ``python -m sensing.simulator data --help``."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+
+from sensing.simulator.dataset.request import LAMPS, PATH_LEVELS, RENDERERS, DataRequest
+from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
+from sensing.simulator.protocols.catalogue import PROTOCOLS
+from sensing.simulator.solid.mesh import DENSITIES
+
+DESCRIPTION = """\
+Write labelled, rendered frames (read them with sensing.records_labelled). An unfinished or smaller set of the same
+options is completed. Examples:
+
+  python -m sensing.simulator data --frames 2000 --out exports/data
+  python -m sensing.simulator data --frames 34000 --workers 2 --sensor 7 --unpainted 0.1 --out exports/other_sensor
+  python -m sensing.simulator data --frames 2000 --protocol dynamic --rate-effects --out exports/relaxing
+  python -m sensing.simulator data --frames 34000 --scheduler tcp://10.0.0.1:8786 --out exports/big
+
+exit status: 0 written, 2 bad input or no place to write, 130 interrupted (what is written stays)
+"""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the command, one for each field of the request, and where and how to run."""
+    plain = {field.name: field.default for field in fields(DataRequest)}
+
+    def option(name: str, kind: type, text: str, flag: str = "", choices: tuple[object, ...] = ()) -> None:
+        said = f"{text}; one of {', '.join(map(str, choices))}" if choices else text
+        parser.add_argument(
+            flag or f"--{name.replace('_', '-')}", dest=name, type=kind, default=plain[name], metavar="V",
+            help=f"{said} (default {plain[name]})",
+        )  # fmt: skip
+
+    parser.add_argument("--frames", type=int, default=2000, metavar="N", help="least number of frames (default 2000)")
+    parser.add_argument("--out", type=Path, help="folder (default exports/data_D130_T8_static_0 or alike)")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes on this machine (default 1)")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead, for example tcp://HOST:8786"
+    )
+    option("diameter_mm", float, "diameter D, mm", "--diameter")
+    option("wall_mm", float, "wall T, mm", "--wall")
+    option("silicone", str, "row of cad/materials.csv")
+    option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
+    option("seed", int, "seed of the paths")
+    option("azimuths", int, "labelled azimuths of every solved state")
+    option("level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
+    parser.add_argument(
+        "--rate-effects", action="store_true", help="the silicone relaxes as its row says (levels 1 and 2, dynamic)"
+    )
+    option("density", str, "mesh", choices=tuple(DENSITIES))
+    option("tolerance", float, "residual over load at level 2")
+    option("render", str, "quality of the pictures", choices=RENDERERS)
+    option("lamp", str, "light of each path", choices=LAMPS)
+    option("sensor", int, "which hand-made endcap: paint, and but for 0 its camera and mounting")
+    option("unpainted", float, "fraction of dents without ink")
+    option("missing", float, "fraction of dots not there")
+    option("smeared", float, "fraction of smeared dots")
+    option("extra", int, "number of false dots")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write what was asked for and say what lies there."""
+    request = DataRequest(**{field.name: getattr(options, field.name) for field in fields(DataRequest)})
+    folder = options.out or Path("exports") / f"data_{request.params.label}_{request.protocol}_{request.seed}"
+    written = write_dataset(request, folder, options.workers, options.scheduler)
+    shards = request.shards()
+    frames = sum(path.frames for shard in shards for path in shard)
+    size = sum(shard_path(folder, number).stat().st_size for number in range(len(shards)))
+    refused = refusals(folder)
+    lost = f"{len(refused)} paths with refused states, listed in their shards" if refused else "nothing refused"
+    print(f"{folder}: {frames} frames in {len(shards)} shards ({written} written now), {size / 1e6:.0f} MB, {lost}")
+    return 0

@@ -1,0 +1,150 @@
+"""What a data set is made of: everything that decides its numbers and pictures, and nothing that does not."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cad.errors import ParameterError
+from cad.materials import DEFAULT_SILICONE, silicone
+from cad.params import EndcapParams
+from sensing.camera.mount import MountedCamera, mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens
+from sensing.simulator.levels import MAX_TOLERANCE
+from sensing.simulator.protocols.catalogue import load_path
+from sensing.simulator.protocols.loading import LoadPath
+from sensing.simulator.render.settings import LEVELS as RENDER_LEVELS
+from sensing.simulator.render.settings import Lamp, Paint, RenderSettings, Sensor
+from sensing.simulator.solid.mesh import DENSITIES
+
+PATHS_PER_SHARD = 3
+TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
+PATH_LEVELS = (1, 2)  # those that follow a path; level 4 knows forces alone (Simulator.bulk)
+RENDERERS = ("off", *RENDER_LEVELS)
+LAMPS = ("varied", "steady")
+MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
+
+
+@dataclass(frozen=True)
+class DataRequest:
+    """What a data set is made of; equal requests give equal data.
+
+    Attributes:
+        frames: least number of labelled frames (whole paths are kept, so a few more).
+        diameter_mm, wall_mm, silicone: the shell.
+        density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
+        level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
+        rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
+        protocol, seed: loading paths. azimuths: labelled azimuths of every solved state.
+        render: quality of the pictures (:data:`sensing.simulator.render.settings.LEVELS`), or ``off``.
+        lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.
+        sensor: which hand-painted endcap: fixes its paint, and (but for 0, the nominal one) camera and mounting.
+        unpainted, missing, smeared, extra: its dots (:class:`sensing.simulator.render.settings.Paint`).
+
+    Raises:
+        ParameterError: a value outside its range.
+    """
+
+    frames: int
+    diameter_mm: float = 130.0
+    wall_mm: float = 8.0
+    silicone: str = DEFAULT_SILICONE
+    density: str = "data"
+    level: int = 2
+    tolerance: float = TOLERANCE
+    rate_effects: bool = False
+    protocol: str = "static"
+    seed: int = 0
+    azimuths: int = 4
+    render: str = "data"
+    lamp: str = "varied"
+    sensor: int = 0
+    unpainted: float = 0.0
+    missing: float = 0.0
+    smeared: float = 0.06
+    extra: int = 0
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("frames", 1, 10**7), ("azimuths", 1, 360), ("seed", 0, 2**32), ("sensor", 0, 2**32)):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ParameterError(f"{name}={value} outside {low}..{high}: give a count", name=name, value=value)
+        if not 1e-9 <= self.tolerance <= MAX_TOLERANCE:
+            raise ParameterError(
+                f"tolerance={self.tolerance:g} outside 1e-9..{MAX_TOLERANCE:g}: above it labels would be wrong by "
+                "percents, below it rounding decides",
+                name="tolerance",
+                value=self.tolerance,
+            )
+        for name, known in (("density", DENSITIES), ("render", RENDERERS), ("lamp", LAMPS), ("level", PATH_LEVELS)):
+            value = getattr(self, name)
+            if value not in known:
+                raise ParameterError(
+                    f"{name}={value!r} is unknown: choose one of {', '.join(map(str, known))}", name=name, value=value
+                )
+        if load_path(self.protocol, self.seed, 0, 1).began_s is None and self.rate_effects:
+            raise ParameterError(
+                f"protocol={self.protocol!r} has no rate effects: its states are at rest, and no time passes between "
+                "them; choose dynamic, or leave rate effects out",
+                name="protocol",
+                value=self.protocol,
+            )
+        silicone(self.silicone)
+        _ = self.params, self.settings, self.prony
+
+    @property
+    def params(self) -> EndcapParams:
+        """The design."""
+        return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @property
+    def prony(self) -> tuple[tuple[float, float], ...]:
+        """Series of the silicone, empty without rate effects."""
+        return silicone(self.silicone).prony_series() if self.rate_effects else ()
+
+    @property
+    def settings(self) -> RenderSettings:
+        """Look of the pictures under the nominal lamp."""
+        paint = Paint(unpainted=self.unpainted, missing=self.missing, smeared=self.smeared, extra=self.extra)
+        plain = RenderSettings(seed=self.sensor, paint=paint)
+        return plain if self.render == "off" else plain.at_level(self.render)  # type: ignore[arg-type]
+
+    @property
+    def mounted(self) -> MountedCamera:
+        """Camera of this sensor: the nominal one for sensor 0, else scattered as hand assembly scatters it."""
+        lens, height = nominal_lens(), self.params.camera_height_mm
+        if self.sensor == 0:
+            return mount(lens, (0.0, 0.0, height))
+        rng = np.random.default_rng([self.sensor, 11])
+        tilt = np.radians(MOUNT_TILT_DEG) * rng.standard_normal(3)
+        shift = MOUNT_SHIFT_MM * rng.standard_normal(3)
+        pupil = (shift[0], shift[1], shift[2] + height)
+        scale = 1 + FOCAL_SHARE * rng.standard_normal()
+        lens = replace(lens, fx_px=lens.fx_px * scale, fy_px=lens.fy_px * scale)
+        return mount(lens, pupil, rotation_matrix(tilt))
+
+    def light(self, path: int) -> tuple[Lamp, float]:
+        """Lamp and camera exposure of a path."""
+        if self.lamp == "steady":
+            return Lamp(), Sensor().exposure
+        rng = np.random.default_rng([self.seed, path, 7])
+        brightness, gradient, azimuth, exposure = rng.uniform((0.75, 0.0, 0.0, 0.8), (1.25, 0.3, 360.0, 1.25))
+        return Lamp(brightness=brightness, gradient=gradient, gradient_azimuth_deg=azimuth), float(exposure)
+
+    def shards(self) -> list[list[LoadPath]]:
+        """Paths of every shard; whole shards, so that a set can grow later."""
+        shards: list[list[LoadPath]] = []
+        total = 0
+        while total < self.frames:
+            numbers = range(len(shards) * PATHS_PER_SHARD, (len(shards) + 1) * PATHS_PER_SHARD)
+            shards.append([load_path(self.protocol, self.seed, number, self.azimuths) for number in numbers])
+            total += sum(path.frames for path in shards[-1])
+        return shards
+
+    def record(self) -> dict[str, Any]:
+        """For the manifest: the request and the constants behind its names."""
+        law = silicone(self.silicone).neo_hooke()
+        constants = {"c10_mpa": law.c10_mpa, "bulk_mpa": law.bulk_mpa, "poisson": law.poisson, "prony": self.prony}
+        return {**asdict(self), **constants}

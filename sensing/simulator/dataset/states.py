@@ -1,0 +1,102 @@
+"""A loading path to solved states, at the level asked for; what the simulator refuses is listed, never lost.
+
+All states are at azimuth 0 (N, mm, N mm, endcap frame). A simulator with rate effects follows the path's clock, and
+once touched the shell is solved in the clear, too, because it comes back slowly and remembers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from cad.errors import ParameterError
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Target
+from sensing.simulator.press.state import Refusal
+from sensing.simulator.protocols.loading import LoadPath, Waypoint
+from sensing.simulator.scene import Scene, SceneState
+
+
+@dataclass(frozen=True)
+class PathState:
+    """One waypoint solved.
+
+    Attributes:
+        step: its number in the path.
+        end: state when the exposure ends. begin: when it began (the same object for a state at rest).
+    """
+
+    step: int
+    begin: SceneState
+    end: SceneState
+
+
+def path_states(simulator: Simulator, path: LoadPath) -> tuple[list[PathState], list[str]]:
+    """States of a path and its refusals, one line each; after a refusal, waypoints are lost until the body is clear.
+
+    With rate effects they are lost to the end: what the shell would remember is not known.
+
+    Raises:
+        ParameterError: rate effects on a path that carries no time.
+    """
+    scene = Scene(Indenter(tilt_deg=path.tilt_deg), path.friction)
+    states: list[PathState] = []
+    refusals: list[str] = []
+    waypoints = _remembered(path) if simulator.prony else path.waypoints
+    for touching, group in groupby(enumerate(waypoints), key=lambda item: item[1].target is not None):
+        numbered = list(group)
+        if not touching:
+            states += [_apart(simulator, step, point) for step, point in numbered]
+            continue
+        done = len(states)
+        try:
+            for state in _solved(simulator, scene, numbered, path.began_s or 0.0):
+                states.append(state)  # one by one: those before a refusal stand
+        except Refusal as refusal:
+            lost = numbered[len(states) - done :]
+            refusals.append(f"path {path.number} states {lost[0][0]}..{lost[-1][0]}: {refusal}")
+    return states, refusals
+
+
+def _remembered(path: LoadPath) -> tuple[Waypoint, ...]:
+    """Waypoints that are solved in the clear, too, from the first touch on."""
+    if path.began_s is None:
+        raise ParameterError(
+            f"path {path.number} carries no time: rate effects need a path that says when its targets are reached",
+            name="began_s",
+            value=None,
+        )
+    first = next((k for k, point in enumerate(path.waypoints) if point.target is not None), len(path.waypoints))
+    after = [
+        point if point.target else replace(point, target=Target(depth_mm=-point.apart_mm, time_s=point.time_s))
+        for point in path.waypoints[first:]
+    ]
+    return (*path.waypoints[:first], *after)
+
+
+def _solved(
+    simulator: Simulator, scene: Scene, numbered: list[tuple[int, Waypoint]], began_s: float
+) -> Iterator[PathState]:
+    targets: list[Target] = []
+    for _, point in numbered:
+        assert point.target is not None
+        targets += [*point.via, *([] if point.begins is None else [point.begins]), point.target]
+    answers = simulator.follow(scene, targets, began_s)
+    for step, point in numbered:
+        for _ in point.via:
+            next(answers)
+        begin = next(answers)
+        yield PathState(step, begin, begin if point.begins is None else next(answers))
+
+
+def _apart(simulator: Simulator, step: int, point: Waypoint) -> PathState:
+    """Nothing touches: nothing to solve."""
+    rest = np.zeros_like(simulator.surface.position)
+    state = SceneState(
+        simulator.level, -point.apart_mm, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), rest, 0.0, 0.0, 0.0, None, None
+    )
+    return PathState(step, state, state)

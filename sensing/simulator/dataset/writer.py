@@ -1,0 +1,199 @@
+"""Writing a data set: missing shards are made by workers and written by one process, each whole or not at all.
+
+The folder is described in :mod:`sensing.records_labelled`. Every shard depends on the request and its own number alone,
+so a killed run goes on where it stopped and ends with the same bytes. Workers are processes of this machine, or those
+of a Dask cluster; they hand shards back, so only the machine that was asked needs the folder.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sys
+import time
+import zipfile
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, cast
+
+import joblib
+import numpy as np
+
+from cad.errors import FileError, ParameterError
+from sensing.records_labelled import COLUMNS, FORMAT, read_manifest
+from sensing.simulator.dataset import local_workers
+from sensing.simulator.dataset.frames import rest_arrays, shard_bytes
+from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.protocols.loading import PHASES, LoadPath
+
+MAX_WORKERS = 1024
+CONNECT_S = 15
+ADDED_SINCE = {"rate_effects": False, "prony": []}  # what a manifest written before these options means by its silence
+
+
+def write_dataset(request: DataRequest, folder: Path, workers: int = 1, scheduler: str | None = None) -> int:
+    """Write the shards that are missing.
+
+    Args:
+        request: what to make. folder: where; an unfinished set of the same request is completed.
+        workers: processes on this machine. scheduler: address of a Dask scheduler to use instead.
+
+    Returns:
+        Number of shards written in this call.
+
+    Raises:
+        FileError: the folder holds another set, is being written, or cannot be written (what is there stays readable).
+        ParameterError: no such scheduler.
+    """
+    if not 1 <= workers <= MAX_WORKERS:
+        raise ParameterError(f"workers={workers} outside 1..{MAX_WORKERS}", name="workers", value=workers)
+    shards = request.shards()
+    try:
+        (folder / "shards").mkdir(parents=True, exist_ok=True)
+        with _locked(folder):
+            _begin(request, folder)
+            missing = [k for k in range(len(shards)) if not _is_whole(shard_path(folder, k))]
+            begin = time.monotonic()
+            made = _made(request, [shards[k] for k in missing], missing, workers, scheduler)
+            for count, (number, data) in enumerate(made, 1):
+                _write(shard_path(folder, number), data)
+                _progress(count, len(missing), begin)
+    except BrokenProcessPool as error:
+        raise FileError(
+            f"{folder}: a worker was killed (out of memory?): the shards there stay readable; run the same command "
+            "again, with fewer workers"
+        ) from error
+    except OSError as error:
+        raise FileError(
+            f"{folder}: cannot be written ({error.strerror or error}): the shards there stay readable; free some space "
+            "or mend the folder and run the same command again"
+        ) from error
+    return len(missing)
+
+
+def shard_path(folder: Path, number: int) -> Path:
+    """Where a shard lies."""
+    return folder / "shards" / f"{number:05d}.npz"
+
+
+def refusals(folder: Path) -> list[str]:
+    """What the simulator refused, one line each, over all shards."""
+    lines: list[str] = []
+    for path in sorted((folder / "shards").glob("[0-9]*.npz")):
+        with np.load(path, allow_pickle=False) as archive:
+            lines += archive["refusals"].tolist()
+    return lines
+
+
+def _made(
+    request: DataRequest, shards: list[list[LoadPath]], numbers: list[int], workers: int, scheduler: str | None
+) -> Iterator[tuple[int, bytes]]:
+    """Shards as they are finished, in any order."""
+    if scheduler is None and workers == 1:
+        for number, paths in zip(numbers, shards, strict=True):
+            yield number, shard_bytes(request, paths)
+        return
+    work = [(request, number, paths) for number, paths in zip(numbers, shards, strict=True)]
+    if scheduler is None:
+        yield from local_workers.results(_job, work, workers)
+        return
+    with _cluster(scheduler):
+        pool = joblib.Parallel(n_jobs=-1, return_as="generator_unordered", pre_dispatch="2*n_jobs")
+        yield from pool(joblib.delayed(_job)(*each) for each in work)
+
+
+def _job(request: DataRequest, number: int, paths: list[LoadPath]) -> tuple[int, bytes]:
+    return number, shard_bytes(request, paths)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[None]:
+    """Joblib's work goes to a Dask cluster inside this context."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ParameterError(
+            f"scheduler={address}: Dask is not installed; run pip install 'endcap-toolkit[cluster]'", name="scheduler"
+        ) from None
+    try:
+        client = Client(address, timeout=CONNECT_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ParameterError(
+            f"scheduler={address}: no Dask scheduler answers there ({error}); start one with dask scheduler, and "
+            "give its address as tcp://HOST:8786",
+            name="scheduler",
+            value=address,
+        ) from error
+    with client, joblib.parallel_config(backend="dask"):
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """One writer a folder; the lock goes with the process, however it ends."""
+    with (folder / ".lock").open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise FileError(f"{folder}: another run is writing there; wait for it or choose another folder") from None
+        yield
+
+
+def _begin(request: DataRequest, folder: Path) -> None:
+    """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left."""
+    wanted = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": request.record()}
+    wanted = json.loads(json.dumps(wanted))
+    if (folder / "manifest.json").exists():
+        found = ADDED_SINCE | read_manifest(folder).get("request", {})
+        other = [name for name, value in wanted["request"].items() if found.get(name) != value and name != "frames"]
+        if other:
+            said = ", ".join(f"{name}={found.get(name)}" for name in other)
+            raise FileError(f"{folder}: holds a set made with {said}: choose an empty folder or the same options")
+    for litter in folder.rglob("*.part"):
+        litter.unlink()
+    with _replacing(folder / "dots.npz") as stream:
+        np.savez(stream, **cast(dict[str, Any], rest_arrays(request)))
+    request.mounted.save(folder / "camera.json")
+    with _replacing(folder / "manifest.json") as stream:
+        stream.write((json.dumps(wanted, indent=1) + "\n").encode())
+
+
+def _write(path: Path, data: bytes) -> None:
+    with _replacing(path) as stream:
+        stream.write(data)
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A stream whose content appears under ``path`` only when complete and on the disk."""
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        with temporary.open("wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _is_whole(path: Path) -> bool:
+    if not path.exists():
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.testzip() is None:
+                return True
+    except (zipfile.BadZipFile, OSError):
+        pass
+    print(f"{path}: corrupt shard, made again", file=sys.stderr)
+    return False
+
+
+def _progress(done: int, total: int, begin: float) -> None:
+    if sys.stderr.isatty():
+        left: Any = (time.monotonic() - begin) / done * (total - done)
+        print(f"\r{done}/{total} shards, {left:.0f} s left ", end="\n" if done == total else "", file=sys.stderr)

@@ -1,0 +1,1 @@
+"""Equilibria of the pressed shell: full Newton (level 1) and stored tangents (level 2)."""

@@ -1,0 +1,271 @@
+"""Pressing the shell: equilibria along a path of body positions or normal forces (level 1; N, mm, MPa).
+
+    model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), half=True)
+    press = Press(model, Indenter(tilt_deg=30), friction=0.5)
+    state = press.advance(press.start(), Target(normal_n=20))
+
+A step that fails is halved; one that fails at its smallest is refused with its reason. Nothing else is answered.
+
+With a Prony series (``Press(..., prony=silicone().prony_series())``) targets say when they are reached, and each step
+is solved on the elastic solid that it amounts to (:mod:`sensing.simulator.solid.rate_effects`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensing.simulator.contact.friction import ContactResponse, deepest_mm, free_memory
+from sensing.simulator.contact.indenter import Indenter, translation
+from sensing.simulator.press import branch, newton
+from sensing.simulator.press.state import Certificate, Refusal, State, contact_wrench, reaction_wrench
+from sensing.simulator.solid import closed_forms
+from sensing.simulator.solid import rate_effects as viscous
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.shell import ShellModel
+
+MAX_HALVINGS = 6
+MAX_DEPTH_RATIO = 0.6  # of R: the contact law knows no self-contact of the inner surface
+MAX_FRICTION = 5.0
+FIRST_TOUCH_MM = 1e-3
+MAX_REACH = 0.15  # of depth or radius, unfelt between the Gauss points: about what the force is then wrong by
+REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
+WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a step ends: a normal force or a depth (exactly one), and the body's tangential travel or force.
+
+    Attributes:
+        normal_n: force along the inward normal at first touch (N), or None.
+        depth_mm: approach from first touch, or None.
+        shift_mm: tangential travel along (meridian, lateral), mm; ignored where ``tangential_n`` is given.
+        tangential_n: tangential force on the shell along (meridian, lateral), N, or None. Only
+            :mod:`sensing.simulator.levels` takes such a target.
+        time_s: when it is reached, on the path's clock (s); rate effects need it, nothing else reads it.
+    """
+
+    normal_n: float | None = None
+    depth_mm: float | None = None
+    shift_mm: tuple[float, float] = (0.0, 0.0)
+    tangential_n: tuple[float, float] | None = None
+    time_s: float | None = None
+
+
+class Press:
+    """A shell model, a body and a friction coefficient; rate effects with a Prony series.
+
+    Raises:
+        Refusal: ``path`` for a body that breaks the mirror of a half model; ``range`` for a friction outside 0..5.
+        ParameterError: see :func:`sensing.simulator.solid.rate_effects.checked`.
+    """
+
+    def __init__(self, model: ShellModel, indenter: Indenter, friction: float, prony: viscous.Prony = ()) -> None:
+        if not 0 <= friction <= MAX_FRICTION:
+            raise Refusal("range", f"friction={friction:g} outside 0..{MAX_FRICTION:g}: give Coulomb's mu of the pair")
+        if model.half and not indenter.keeps_mirror:
+            raise Refusal("path", f"axis_deg={indenter.axis_deg:g} breaks the mirror plane: build the whole model")
+        self.model = model
+        self.indenter = indenter
+        self.friction = friction
+        self.prony = viscous.checked(prony) if prony else ()
+        self.body = indenter.packed(model.geometry)
+        self.frame = indenter.frame()
+        self._soft_n_mm = closed_forms.point_stiffness_n_mm(model.geometry, model.solid.law)
+
+    def start(self) -> State:
+        """The undeformed shell, the body just touching."""
+        points = self.model.solid.mesh.points
+        memory = free_memory(self.model.surface, points, self.body)
+        state = State(np.zeros_like(points), 0.0, (0.0, 0.0), memory, None, np.zeros(6), np.zeros(6), 0.0, None)
+        return replace(state, history=viscous.rest(self.model.solid, self.prony)) if self.prony else state
+
+    def advance(self, state: State, target: Target) -> State:
+        """Equilibrium at ``target``, reached from ``state`` in as many sub-steps as it takes.
+
+        Raises:
+            Refusal: the path leaves the model, has no stable equilibrium, or cannot be followed.
+        """
+        self.check(state, target)
+        target = lifted(target)
+        here, done, size, halvings, spent, substeps, switched = state, 0.0, 1.0, 0, 0, 0, False
+        while done < 1 - 1e-12:
+            share = min(1.0, done + size)
+            try:
+                here = self._step(here, _between(state, target, share))
+            except Refusal as refusal:
+                halvings += 1
+                if halvings > MAX_HALVINGS:
+                    raise Refusal(
+                        refusal.reason, f"{str(refusal).split(': ', 1)[1]} (the step was halved {MAX_HALVINGS} times)"
+                    ) from refusal
+                size /= 2
+                continue
+            done, substeps = share, substeps + 1
+            assert here.certificate is not None
+            spent += here.certificate.iterations
+            switched |= here.certificate.switched
+        assert here.certificate is not None
+        certificate = replace(here.certificate, iterations=spent, substeps=substeps, switched=switched)
+        return self.felt(replace(here, certificate=certificate))
+
+    def problem(self, state: State, target: Target) -> newton.StepProblem:
+        """The step from a state to a target, ready for :func:`sensing.simulator.press.newton.solve`."""
+        return newton.StepProblem(
+            self.step_model(state, target), self.body, self.frame, self.friction, state.memory, target.shift_mm,
+            target.normal_n,
+        )  # fmt: skip
+
+    def step_model(self, state: State, target: Target) -> ShellModel:
+        """The shell as a step meets it: with rate effects an elastic one that serves this step alone."""
+        if state.history is None or target.time_s is None:
+            return self.model
+        solid = viscous.step_solid(self.model.solid, state.history, self.prony, target.time_s - state.time_s)
+        return replace(self.model, solid=solid)
+
+    def first_guess(self, state: State, target: Target) -> tuple[Array, float]:
+        """Displacement and depth to start a step from: the tangent's prediction where there is contact already."""
+        if state.contact is None or not (state.contact.pressure > 0).any():
+            return state.displacement, self._first_depth(state, target)
+        given = target.depth_mm is not None
+        depth_travel = target.depth_mm - state.depth_mm if target.depth_mm is not None else 0.0
+        travel = self.frame @ np.array(
+            [-depth_travel, target.shift_mm[0] - state.shift_mm[0], target.shift_mm[1] - state.shift_mm[1]]
+        )
+        problem = replace(self.problem(state, target), shift_mm=state.shift_mm)
+        displacement, depth = newton.predict(problem, state.displacement, state.depth_mm, travel)
+        return displacement, depth_travel + state.depth_mm if given else depth
+
+    def _first_depth(self, state: State, target: Target) -> float:
+        """Guess of the depth: given, or the last one and the force still missing over a stiffness."""
+        if target.depth_mm is not None:
+            return target.depth_mm
+        assert target.normal_n is not None
+        slope = state.certificate.force_stiffness_n_mm if state.certificate and state.normal_n > 0 else self._soft_n_mm
+        slope = slope if np.isfinite(slope) and slope > 0 else self._soft_n_mm
+        guess = max(state.depth_mm, 0.0) + (target.normal_n - state.normal_n) / slope
+        return max(guess, FIRST_TOUCH_MM)
+
+    def accept(self, state: State, target: Target, solution: newton.Solution, switched: bool = False) -> State:
+        """State and certificate of a converged step."""
+        here = solution.iterate
+        position = self.model.solid.mesh.points + here.displacement
+        wrench = contact_wrench(self.model, position, here.contact)
+        reaction = reaction_wrench(self.model, here.internal)
+        load = max(float(np.linalg.norm(wrench[:3])), WRENCH_FLOOR_N)
+        scale = np.array([load] * 3 + [load * self.model.geometry.outer_radius_mm] * 3)
+        moved = translation(self.frame, here.depth_mm, target.shift_mm)
+        certificate = Certificate(
+            residual=here.error,
+            wrench_gap=float(np.abs((wrench - reaction) / scale).max()),
+            penetration_mm=float(max(0.0, -here.contact.gap.min())),
+            reach_mm=max(0.0, deepest_mm(self.model.surface, self.body, position, moved)),
+            cone_excess_mpa=_cone_excess(here.contact, self.friction),
+            negative_pivots=solution.negative_pivots,
+            force_stiffness_n_mm=solution.force_stiffness_n_mm,
+            iterations=len(solution.errors) - 1,
+            substeps=1,
+            switched=switched,
+        )
+        return State(
+            displacement=here.displacement,
+            depth_mm=here.depth_mm,
+            shift_mm=target.shift_mm,
+            memory=here.contact.memory(),
+            contact=here.contact,
+            wrench=wrench,
+            reaction=reaction,
+            normal_n=-float(wrench[:3] @ self.frame[:, 0]),
+            certificate=certificate,
+            time_s=state.time_s if target.time_s is None else target.time_s,
+            history=self._history(state, target, here.displacement),
+        )
+
+    def felt(self, state: State) -> State:
+        """The state itself.
+
+        Raises:
+            Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low.
+        """
+        assert state.certificate is not None
+        unfelt = state.certificate.reach_mm - state.certificate.penetration_mm
+        blunt = self.indenter.radius_mm if self.indenter.kind != "plane" else np.inf
+        limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(state.depth_mm, 0.0), blunt))
+        if unfelt > limit:
+            raise Refusal(
+                "mesh",
+                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where contact "
+                f"is felt, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small for this mesh "
+                "at this depth; take a finer density, a larger radius, or press deeper",
+            )
+        return state
+
+    def _history(self, state: State, target: Target, displacement: Array) -> viscous.ViscousHistory | None:
+        if state.history is None or target.time_s is None:
+            return None
+        return viscous.remember(self.model.solid, state.history, self.prony, target.time_s - state.time_s, displacement)
+
+    def _step(self, state: State, target: Target) -> State:
+        problem = self.problem(state, target)
+        displacement, depth = self.first_guess(state, target)
+        if target.normal_n is not None:
+            apart = float(problem.contact(displacement, depth, None, None).gap.min())
+            if apart >= 0:  # between Gauss points: the body comes to the nearest one
+                depth += apart + FIRST_TOUCH_MM
+        solution = newton.solve(problem, displacement, depth)
+        stable = solution if solution.negative_pivots == 0 else branch.leave(problem, solution)
+        if stable is None:
+            raise Refusal(
+                "unstable",
+                f"the tangent has {solution.negative_pivots} negative pivots at depth {solution.iterate.depth_mm:.3f} "
+                "mm: the shell buckles here, and no stable state was found beside this one",
+            )
+        state = self.accept(state, target, stable, switched=stable is not solution)
+        if state.depth_mm > MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm:
+            raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
+        return state
+
+    def check(self, state: State, target: Target) -> None:
+        """Refuse a target that the model does not cover, or not from this state."""
+        if (target.normal_n is None) == (target.depth_mm is None):
+            raise Refusal("path", f"{target} must give exactly one of normal_n and depth_mm")
+        if target.tangential_n is not None:
+            raise Refusal(
+                "path", f"{target}: a press moves by shift_mm; tangential forces are what levels.Simulator takes"
+            )
+        numbers = [v for v in (target.normal_n, target.depth_mm, *target.shift_mm, target.time_s) if v is not None]
+        if not np.isfinite(numbers).all():
+            raise Refusal("range", f"{target} has a number that is not finite")
+        if self.prony and target.time_s is None:
+            raise Refusal("path", f"{target} has no time_s: with rate effects a target must say when it is reached")
+        if self.prony and target.time_s is not None and not target.time_s > state.time_s:
+            raise Refusal("path", f"time_s={target.time_s:g} is not after the last state, at {state.time_s:g} s")
+        if target.normal_n is not None and target.normal_n < 0:
+            raise Refusal("range", f"normal_n={target.normal_n:g} pulls: the contact does not stick, give >= 0 N")
+        limit = MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm
+        if target.depth_mm is not None and target.depth_mm > limit:
+            raise Refusal("range", f"depth_mm={target.depth_mm:g} over {limit:g} (0.6 R): self-contact is not modelled")
+        if self.model.half and target.shift_mm[1] != 0:
+            raise Refusal("path", f"shift_mm={target.shift_mm} leaves the mirror plane: build the whole model")
+
+
+def lifted(target: Target) -> Target:
+    """The target itself, or, at zero force, the body lifted clear: without load nothing ties the depth."""
+    return replace(target, normal_n=None, depth_mm=-FIRST_TOUCH_MM) if target.normal_n == 0 else target
+
+
+def _between(state: State, target: Target, share: float) -> Target:
+    """Target at a share of the way, in the target's own control."""
+    shift = tuple((1 - share) * a + share * b for a, b in zip(state.shift_mm, target.shift_mm, strict=True))
+    time_s = None if target.time_s is None else (1 - share) * state.time_s + share * target.time_s
+    here = Target(shift_mm=(shift[0], shift[1]), time_s=time_s)
+    if target.normal_n is not None:
+        return replace(here, normal_n=(1 - share) * state.normal_n + share * target.normal_n)
+    assert target.depth_mm is not None
+    return replace(here, depth_mm=(1 - share) * state.depth_mm + share * target.depth_mm)
+
+
+def _cone_excess(contact: ContactResponse, friction: float) -> float:
+    return float((np.linalg.norm(contact.traction, axis=-1) - friction * contact.pressure).max())

@@ -1,0 +1,240 @@
+"""Fitting a library (level 4) to level 2 (mm, N, degrees).
+
+    python -m sensing.simulator.reduced.library_fit --out lib.npz
+
+At every tilt a few winding paths cross the range of normal and tangential force; each tilt's states give polynomials of
+their own, and Lagrange interpolation joins the tilts. Paths wind, so that the fit averages over histories. Friction is
+taken high, so that the cone of any smaller friction is covered.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cad.errors import EndcapError, ParameterError
+from cad.materials import DEFAULT_SILICONE, silicone
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Target
+from sensing.simulator.press.state import Refusal
+from sensing.simulator.reduced.library import SCALARS_EVEN, Library, local_variables, polynomial_terms, shell_key
+from sensing.simulator.scene import Scene, SceneState
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.mesh import Index
+from sensing.simulator.solid.surface import InnerSurface
+
+TILTS_DEG = (0.0, 7.0, 17.0, 28.0, 39.0, 48.0, 54.0)  # denser at the ends, against the wiggles of Runge
+NORMAL_N = (1.0, 38.0)
+CONE = 0.7  # largest T / N
+FRICTION = 0.9
+DEGREE = 5
+STATES = 80  # at every tilt
+MAX_MODES = 60  # of each symmetry
+MODE_SHARE = 2e-6  # of the squared norm that the cut modes may hold
+RANK = 1e-10  # singular values below this share of the largest are none
+MIN_FREE = 0.05  # of a state's own weight in the leave-one-out error, against division by nothing
+STIFFNESS_N_MM = 4.5  # tangential, to steer the path (E): low forces are missed less than high ones
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One solved state: tilt (degrees), forces (N), wrench (N, N mm) and displacement of the inner surface (k, 3)."""
+
+    tilt_deg: float
+    state: SceneState
+
+
+def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> Iterator[tuple[float, Array]]:
+    """Normal force and tangential force asked for, state by state."""
+    low, high = NORMAL_N
+    angle, phase, press = (float(rng.uniform(0, 2 * math.pi)) for _ in range(3))
+    sense = float(rng.choice([-1.0, 1.0]))
+    for _ in range(states):
+        normal = low + (high - low) * (1 - math.cos(press)) / 2
+        size = cone * math.sqrt((1 - math.cos(phase)) / 2) * normal  # even over the disc, slowly varying
+        yield normal, size * np.array([math.cos(angle), math.sin(angle)])
+        press += float(rng.uniform(0.15, 0.45))
+        phase += float(rng.uniform(0.3, 0.7))
+        angle += sense * float(rng.uniform(0.3, 0.8))
+
+
+def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, friction: float) -> list[Sample]:
+    """Solve one winding path at a tilt; a refused state ends it, and a new path goes on."""
+    rng = np.random.default_rng([seed, round(1000 * tilt_deg)])
+    scene = Scene(Indenter(tilt_deg), friction)
+    found: list[Sample] = []
+    for _ in range(5):
+        walk = simulator.walk(scene, half=False)
+        shift, tangential = np.zeros(2), np.zeros(2)
+        for normal, wanted in winding_path(rng, states - len(found), min(CONE, 0.9 * friction)):
+            shift = shift + (wanted - tangential) / STIFFNESS_N_MM
+            try:
+                state = walk(Target(normal_n=normal, shift_mm=(float(shift[0]), float(shift[1]))))
+            except Refusal as refusal:
+                print(f"tilt {tilt_deg:g}: {refusal}", file=sys.stderr)
+                break
+            tangential = np.array(state.tangential_n)
+            found.append(Sample(tilt_deg, state))
+        if len(found) >= states:
+            return found
+    raise Refusal("unconverged", f"only {len(found)} of {states} states at tilt {tilt_deg:g} could be solved")
+
+
+def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Library:
+    """Library from solved states: at least as many at each tilt as the polynomial has terms.
+
+    Raises:
+        ParameterError: too few states.
+    """
+    tilts = np.unique([sample.tilt_deg for sample in samples])
+    powers, even_count = _powers(degree)
+    normal, tangential = _forces(samples)
+    cone = float(min(CONE, (np.linalg.norm(tangential, axis=1) / normal).max()))
+    limits = np.array([normal.min(), normal.max()])
+    terms = polynomial_terms(powers, local_variables(normal, tangential, limits, cone))
+    below = powers.sum(axis=1) < degree
+    fields = np.array([s.state.surface_mm / s.state.normal_n for s in samples])
+    scalars = np.array([_scalars(s.state) for s in samples])
+    parities = []
+    for columns, field, of in (
+        (slice(0, even_count), _mirrored(simulator.surface, fields, 1.0), slice(0, len(SCALARS_EVEN))),
+        (slice(even_count, None), _mirrored(simulator.surface, fields, -1.0), slice(len(SCALARS_EVEN), None)),
+    ):
+        modes, weights = _modes(field)
+        parities.append(_Parity(terms[:, columns], below[columns], modes, weights, scalars[:, of]))
+    tables: list[list[Array]] = [[], [], [], []]
+    errors = np.zeros((len(samples), 2))
+    for tilt in tilts:
+        rows = np.array([s.tilt_deg == tilt for s in samples])
+        _check_count(int(rows.sum()), even_count, float(tilt))
+        for k, parity in enumerate(parities):
+            upper, lower, errors[rows, k] = parity.fitted(rows)
+            tables[k].append(upper)
+            tables[2 + k].append(lower)
+    size = np.linalg.norm(np.concatenate([parity.weights for parity in parities], axis=1), axis=1)
+    residual = float(np.sqrt(np.mean((np.linalg.norm(errors, axis=1) / size) ** 2)))
+    return Library(
+        tilts, limits, np.array([cone]), powers,
+        np.array(tables[0]), np.array(tables[1]), np.array(tables[2]), np.array(tables[3]),
+        np.concatenate([parity.modes for parity in parities]), np.array([residual]),
+        shell_key(simulator.geometry, simulator.law),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Parity:
+    """What is symmetric, or antisymmetric, in the mirror plane: terms (s, p), which of them the lower degree keeps
+    (p,), modes (r, k, 3), their weights (s, r) and scalars (s, q).
+    """
+
+    terms: Array
+    below: NDArray[np.bool_]
+    modes: Array
+    weights: Array
+    scalars: Array
+
+    def fitted(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Coefficients of both degrees (p, r + q), and what each state's weights miss if it is left out (rows,)."""
+        terms, targets = self.terms[rows], np.column_stack([self.weights[rows], self.scalars[rows]])
+        upper = np.linalg.lstsq(terms, targets, rcond=RANK)[0]
+        lower = np.zeros_like(upper)
+        lower[self.below] = np.linalg.lstsq(terms[:, self.below], targets, rcond=RANK)[0]
+        left, size, _ = np.linalg.svd(terms, full_matrices=False)
+        leverage = (left[:, size > RANK * size[0]] ** 2).sum(axis=1)
+        missed = (terms @ upper - targets)[:, : self.weights.shape[1]]
+        return np.asarray(upper), lower, np.linalg.norm(missed, axis=1) / np.maximum(1 - leverage, MIN_FREE)
+
+
+def _check_count(count: int, terms: int, tilt: float) -> None:
+    if count < 1.5 * terms:
+        raise ParameterError(
+            f"states={count} at tilt {tilt:g} under {1.5 * terms:g} (1.5 for each of the {terms} terms): solve more, "
+            "or lower the degree",
+            name="states",
+            value=count,
+        )
+
+
+def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Library:
+    """Solve and fit (minutes: :data:`TILTS_DEG` times ``states`` on level 2)."""
+    samples: list[Sample] = []
+    for count, tilt in enumerate(TILTS_DEG):
+        if sys.stderr.isatty():
+            print(f"\rtilt {tilt:g} degrees ({count + 1}/{len(TILTS_DEG)}) ", end="", file=sys.stderr)
+        samples += sample_tilt(simulator, tilt, states, seed, FRICTION)
+        simulator.forget()
+    return fit(simulator, samples)
+
+
+def _powers(degree: int) -> tuple[Index, int]:
+    """Degrees (p, 3) up to a total, even ones in ty first; and how many are even."""
+    known = [p for p in product(range(degree + 1), repeat=3) if sum(p) <= degree]
+    even = [p for p in known if p[2] % 2 == 0]
+    return np.array(even + [p for p in known if p[2] % 2]), len(even)
+
+
+def _mirrored(surface: InnerSurface, fields: Array, sign: float) -> Array:
+    """Part of fields (s, k, 3) that is symmetric (sign 1) or antisymmetric (-1) in the mirror plane."""
+    mirror = np.array([1.0, -1.0, 1.0])
+    _, twin = cKDTree(surface.position).query(surface.position * mirror)
+    return (fields + sign * fields[:, twin] * mirror) / 2
+
+
+def _modes(fields: Array) -> tuple[Array, Array]:
+    """Orthonormal modes (r, k, 3) of fields (s, k, 3), and their weights (s, r)."""
+    flat = fields.reshape(len(fields), -1)
+    left, size, right = np.linalg.svd(flat, full_matrices=False)
+    rest = 1 - np.cumsum(size**2) / np.sum(size**2)
+    count = min(MAX_MODES, int(np.searchsorted(-rest, -MODE_SHARE)) + 1)
+    return right[:count].reshape(count, -1, 3), left[:, :count] * size[:count]
+
+
+def _scalars(state: SceneState) -> list[float]:
+    even = [state.depth_mm, state.shift_mm[0], state.patch_mm2, float(state.wrench[4])]
+    odd = [state.shift_mm[1], float(state.wrench[3]), float(state.wrench[5])]
+    return [value / state.normal_n for value in even + odd]
+
+
+def _forces(samples: list[Sample]) -> tuple[Array, Array]:
+    return np.array([s.state.normal_n for s in samples]), np.array([s.state.tangential_n for s in samples])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fit and write a library; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.simulator.reduced.library_fit",
+        description="Fit the level 4 library of one shell (some minutes on one core).",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="file to write, .npz")
+    parser.add_argument("--diameter", type=float, default=130, help="diameter D, mm (default 130)")
+    parser.add_argument("--wall", type=float, default=8, help="wall T, mm (default 8)")
+    parser.add_argument("--silicone", default=DEFAULT_SILICONE, help=f"row of the table (default {DEFAULT_SILICONE})")
+    parser.add_argument("--density", default="data", help="mesh (default data)")
+    parser.add_argument("--states", type=int, default=STATES, help=f"states at each tilt (default {STATES})")
+    parser.add_argument("--seed", type=int, default=0, help="of the paths (default 0)")
+    options = parser.parse_args(arguments)
+    try:
+        law = silicone(options.silicone).neo_hooke()
+        simulator = Simulator(shell_geometry(options.diameter, options.wall), law, options.density)
+        library = fit_library(simulator, options.states, options.seed)
+        library.save(options.out)
+    except EndcapError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(f"{options.out}: {len(library.modes)} modes, residual {100 * float(library.residual[0]):.2f} %")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

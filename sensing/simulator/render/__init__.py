@@ -1,0 +1,1 @@
+"""Pictures of the deformed inner surface: ``python -m sensing.simulator.render``."""

@@ -1,0 +1,7 @@
+"""``python -m sensing.simulator.render``."""
+
+import sys
+
+from sensing.simulator.render.cli import main
+
+sys.exit(main())

@@ -1,0 +1,135 @@
+"""Command line of the renderer.
+
+python -m sensing.simulator.render --out frame.png --digit 4
+python -m sensing.simulator.render --camera camera.json --beside photo.jpg --out beside.png
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from cad.errors import EndcapError, FileError
+from cad.params import EndcapParams
+from sensing.camera.model import Array
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.sensor import Image
+from sensing.simulator.render.settings import LEVELS, Lamp, Paint, RenderSettings, Sensor
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Render one frame; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        params = EndcapParams(options.diameter, options.wall)
+        mounted = MountedCamera.load(options.camera) if options.camera else nominal_mount(params)
+        photo = _read(options.beside) if options.beside else None
+        renderer = _renderer(options, params, mounted)
+        image = renderer.render(_displacement(options, params, renderer.surface_mm), frame=options.frame).image_bgr
+        if photo is not None:
+            scale = photo.shape[0] / image.shape[0]
+            fitted = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            image = np.hstack([np.asarray(fitted, dtype=np.uint8), photo])
+        _write(options.out, image)
+    except EndcapError as error:
+        print(f"sensing.simulator.render.cli: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.simulator.render", description="Render one frame of the endcap's camera."
+    )
+    add = parser.add_argument
+    add("--out", required=True, help="picture to write (.png or .jpg)")
+    add("--diameter", type=float, default=130.0, metavar="D", help="outer diameter in mm (130)")
+    add("--wall", type=float, default=8.0, metavar="T", help="wall in mm (8)")
+    add("--camera", help="camera.json of sensing.calibrate (default: the nominal camera)")
+    add("--beside", metavar="PHOTO", help="put this photo to the right of the rendered frame")
+    add("--displacement", metavar="NPZ", help="file with surface_mm (n, 3) undeformed and displacement_mm (n, 3)")
+    add("--bulge", type=float, default=0.0, metavar="MM", help="a smooth inward bulge for looks; no mechanics")
+    add("--tilt", type=float, default=30.0, metavar="DEG", help="polar angle of the bulge (30)")
+    add("--azimuth", type=float, default=0.0, metavar="DEG", help="azimuth of the bulge (0)")
+    add("--level", choices=list(LEVELS), default="data", help="quality (data)")
+    add("--seed", type=int, default=0, help="paint and noise (0)")
+    add("--frame", type=int, default=0, help="frame number: other noise, same paint (0)")
+    add("--digit", default="", help="text written beside the tip")
+    add("--unpainted", type=float, default=0.0, help="fraction of dents without ink (0)")
+    add("--missing", type=float, default=0.0, help="fraction of dots not there (0)")
+    add("--smeared", type=float, default=0.06, help="fraction of smeared dots (0.06)")
+    add("--extra", type=int, default=0, help="number of false dots (0)")
+    add("--exposure", type=float, default=1.0, help="factor on the light (1)")
+    add("--gradient", type=float, default=0.0, help="lamp gradient across the ring, -1..1 (0)")
+    return parser
+
+
+def _renderer(options: argparse.Namespace, params: EndcapParams, mounted: MountedCamera) -> DomeRenderer:
+    paint = Paint(
+        digit=options.digit,
+        unpainted=options.unpainted,
+        missing=options.missing,
+        smeared=options.smeared,
+        extra=options.extra,
+    )
+    settings = RenderSettings(
+        seed=options.seed,
+        paint=paint,
+        lamp=Lamp(gradient=options.gradient),
+        sensor=Sensor(exposure=options.exposure),
+    ).at_level(options.level)
+    surface = _load(options.displacement)[0] if options.displacement else None
+    return DomeRenderer(params, mounted, settings, surface)
+
+
+def _displacement(options: argparse.Namespace, params: EndcapParams, surface_mm: Array) -> Array | None:
+    """From the file, or the bulge: along the inward radius, a Gaussian of 18 mm over the sphere."""
+    if options.displacement:
+        return _load(options.displacement)[1]
+    if options.bulge == 0:
+        return None
+    tilt, azimuth = np.radians([options.tilt, options.azimuth])
+    axis = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    top = params.inner_radius_mm * axis + [0, 0, params.centre_height_mm]
+    share = np.exp(-((np.linalg.norm(surface_mm - top, axis=1) / 18) ** 2))
+    return -options.bulge * share[:, None] * axis
+
+
+def _load(path: str) -> tuple[Array, Array]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return np.asarray(archive["surface_mm"]), np.asarray(archive["displacement_mm"])
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error})") from error
+    except (KeyError, ValueError) as error:
+        raise FileError(f"{path}: need arrays surface_mm and displacement_mm ({error})") from error
+
+
+def _read(path: str) -> Image:
+    image = cv2.imread(path, cv2.IMREAD_COLOR) if Path(path).is_file() else None
+    if image is None:
+        raise FileError(f"{path}: missing, or not an image that OpenCV can decode; give a JPEG or PNG")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _write(path: str, image: Image) -> None:
+    target = Path(path)
+    if target.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise FileError(f"{path}: unknown picture format {target.suffix!r}; end the name in .png or .jpg")
+    temporary = target.with_name(target.name + ".part")
+    try:
+        temporary.write_bytes(cv2.imencode(target.suffix, image)[1].tobytes())
+        os.replace(temporary, target)
+    except OSError as error:
+        raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
+
+
+if __name__ == "__main__":
+    sys.exit(main())

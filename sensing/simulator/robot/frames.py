@@ -1,0 +1,160 @@
+"""Pictures of the robot scene on a clock: what six cameras would see, rendered once and kept.
+
+    film = load_film(Path.home() / ".cache/endcap")
+    film.jpeg(cap, tick), film.truth(cap, tick)           # tick: 1/30 s, the scene repeats after film.ticks
+
+Every picture has noise of its own or that of one of three variants: no two that follow one another are equal. Forces in
+N, torques in N m on the endcap, endcap frame.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import Paint, RenderSettings
+from sensing.simulator.robot.scene import CAPS, FILE, PARAMS, RobotScene, load_scene
+from sensing.simulator.robot.statics import WEIGHT_N
+
+RATE_HZ = 30.0
+REST, RAMP, HOLD, GAP = 75, 30, 60, 30  # ticks: in the air, let down, standing, between stands
+VARIANTS = 3  # noise of pictures that are shown again
+Key = tuple[int, int, int, int]  # cap, stand (-1 at rest), ramp step, variant
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where the scene is.
+
+    Attributes:
+        stand: 0, 1, 2 for one, two, three caps on the ground; -1 in the air. step: of the ramp, 0..RAMP.
+    """
+
+    stand: int
+    step: int
+
+
+def timeline() -> tuple[Moment, ...]:
+    """The moments of one round, one a tick."""
+    moments = [Moment(-1, 0)] * REST
+    for stand in range(3):
+        down = [Moment(stand, step) for step in range(1, RAMP + 1)]
+        moments += down + [Moment(stand, RAMP)] * HOLD + down[::-1] + [Moment(-1, 0)] * GAP
+    return tuple(moments)
+
+
+@dataclass(frozen=True)
+class Film:
+    """All pictures of the scene.
+
+    Attributes:
+        scene: its states. pictures: JPEG by key. moments: of one round.
+    """
+
+    scene: RobotScene
+    pictures: dict[Key, bytes]
+    moments: tuple[Moment, ...]
+
+    @property
+    def ticks(self) -> int:
+        """Length of one round."""
+        return len(self.moments)
+
+    @property
+    def weight_n(self) -> float:
+        """Of the robot."""
+        return WEIGHT_N
+
+    def jpeg(self, cap: int, tick: int) -> bytes:
+        """What a cap's camera sees."""
+        moment = self.moments[tick % self.ticks]
+        return self.pictures[_key(self.scene, cap, moment, tick)]
+
+    def touching(self, tick: int) -> tuple[bool, ...]:
+        """Which caps carry load."""
+        moment = self.moments[tick % self.ticks]
+        return tuple(moment.stand >= 0 and bool(self.scene.touching[moment.stand, cap]) for cap in range(CAPS))
+
+    def truth(self, cap: int, tick: int) -> NDArray[np.float64]:
+        """(6,) wrench on a cap."""
+        moment = self.moments[tick % self.ticks]
+        if moment.stand < 0 or not self.scene.touching[moment.stand, cap]:
+            return np.zeros(6)
+        return self.scene.state(moment.stand, cap, moment.step / RAMP)[1]
+
+
+def load_film(folder: Path | None = None, progress: Callable[[int, int], None] | None = None) -> Film:
+    """The film, from ``folder`` where an earlier call left it, else rendered (some seconds) and left there.
+
+    Args:
+        folder: None to keep nothing. progress: called with (pictures made, pictures in all).
+    """
+    scene, moments = load_scene(), timeline()
+    keys = sorted({_key(scene, cap, moment, tick) for tick, moment in enumerate(moments) for cap in range(CAPS)})
+    kept = None if folder is None else folder / f"robot_scene_{_digest()}.npz"
+    pictures = None if kept is None else _read(kept, keys)
+    if pictures is None:
+        pictures = _render(scene, keys, progress or (lambda done, total: None))
+        if kept is not None:
+            _keep(kept, pictures)
+    return Film(scene, pictures, moments)
+
+
+def _key(scene: RobotScene, cap: int, moment: Moment, tick: int) -> Key:
+    if moment.stand < 0 or not scene.touching[moment.stand, cap]:
+        return cap, -1, 0, tick % VARIANTS
+    return cap, moment.stand, moment.step, tick % VARIANTS if moment.step == RAMP else 0
+
+
+def _render(scene: RobotScene, keys: list[Key], progress: Callable[[int, int], None]) -> dict[Key, bytes]:
+    pictures: dict[Key, bytes] = {}
+    for cap in range(CAPS):
+        settings = RenderSettings(seed=cap, paint=Paint(digit=str(cap))).at_level("draft")
+        renderer = DomeRenderer(PARAMS, None, settings)
+        for number, key in enumerate(k for k in keys if k[0] == cap):
+            _, stand, step, _ = key
+            field = None if stand < 0 else scene.state(stand, cap, step / RAMP)[0]
+            azimuth = 0.0 if stand < 0 else float(scene.azimuth_deg[stand, cap])
+            pictures[key] = renderer.render(field, azimuth_deg=azimuth, frame=number).jpeg
+            progress(len(pictures), len(keys))
+    return pictures
+
+
+def _digest() -> str:
+    """Of everything that the pictures depend on."""
+    found = hashlib.sha256(FILE.read_bytes())
+    for path in sorted([*FILE.parents[1].glob("render/*.py"), Path(__file__)]):
+        found.update(path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def _read(path: Path, keys: list[Key]) -> dict[Key, bytes] | None:
+    """Pictures of a file; None if it is not there or not whole."""
+    damaged = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+    with contextlib.suppress(*damaged), np.load(path, allow_pickle=False) as data:
+        ends, joined = data["end"].tolist(), data["jpeg"].tobytes()
+        if len(ends) == len(keys):
+            return {key: joined[a:b] for key, a, b in zip(keys, [0, *ends[:-1]], ends, strict=True)}
+    return None
+
+
+def _keep(path: Path, pictures: dict[Key, bytes]) -> None:
+    """Leave the pictures for the next time; where that is not possible, they are made again."""
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for old in path.parent.glob("robot_scene_*.npz"):
+            old.unlink()
+        ordered = [pictures[key] for key in sorted(pictures)]
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+            np.savez(file, jpeg=np.frombuffer(b"".join(ordered), np.uint8), end=np.cumsum([len(p) for p in ordered]))
+        os.replace(file.name, path)

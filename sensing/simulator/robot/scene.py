@@ -1,0 +1,238 @@
+"""The robot that ``python -m sensing.live`` shows without cameras: lowered onto one, two and three of its caps.
+
+    python -m sensing.simulator.robot.scene --out sensing/simulator/robot/scene.npz     # solves it anew (minutes)
+
+The file holds solved states only: displacement fields of the inner surface at the nodes of the renderer's draft mesh,
+as a few modes, and their wrenches. Between two solved loads field and wrench are interpolated linearly. N, mm, N m;
+contact on azimuth 0 as in :mod:`sensing.simulator.levels`; robot frame: the upright prism of
+:mod:`sensing.simulator.robot.statics`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import tempfile
+import zipfile
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError
+from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.dataset.states import path_states
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Target
+from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
+from sensing.simulator.render.mesh import surface_mesh
+from sensing.simulator.render.settings import RenderSettings
+from sensing.simulator.robot.statics import WEIGHT_N, Stand, prism_mm, random_stand
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.surface import turn_about_axis, turn_wrench
+
+Array = NDArray[np.float64]
+FILE = Path(__file__).with_name("scene.npz")
+PARAMS = EndcapParams(130.0, 8.0)
+CAPS = 6
+FRICTION = 0.6
+SEED = 3
+MIRROR_N = 1e-6
+SHARES = (0.05, 0.15, 0.3, 0.5, 0.75, 1.0)  # of the load, solved
+MODE_ERROR_MM = 0.01  # largest error of a node that leaving out modes may make
+
+
+@dataclass(frozen=True)
+class RobotScene:
+    """Solved states of three stands.
+
+    Attributes:
+        T_robot_endcap: (6, 4, 4) how the caps are screwed on, mm.
+        R_world_robot: (3, 3, 3) of each stand.
+        touching: (3, 6) which caps stand.
+        azimuth_deg: (3, 6) of the contact, endcap frame.
+        wrench: (3, 6, S, 6) on the endcap, N and N m, for the :data:`SHARES`.
+        coefficients: (3, 6, S, M) of the modes. modes: (M, n, 3) mm at the renderer's draft nodes.
+    """
+
+    T_robot_endcap: Array
+    R_world_robot: Array
+    touching: NDArray[np.bool_]
+    azimuth_deg: Array
+    wrench: Array
+    coefficients: Array
+    modes: NDArray[np.float16]
+
+    def state(self, stand: int, cap: int, share: float) -> tuple[Array, Array]:
+        """((n, 3) displacement at azimuth 0, (6,) wrench) of a cap under a share 0..1 of its load."""
+        shares = (0.0, *SHARES)
+        zero = np.zeros(1)
+        coefficients = np.array(
+            [
+                np.interp(share, shares, np.concatenate([zero, column]))
+                for column in self.coefficients[stand, cap].T  # no load: no displacement
+            ]
+        )
+        wrench = np.array(
+            [np.interp(share, shares, np.concatenate([zero, column])) for column in self.wrench[stand, cap].T]
+        )
+        return np.tensordot(coefficients, self.modes.astype(float), axes=1), wrench
+
+
+@lru_cache(maxsize=1)
+def load_scene(path: Path = FILE) -> RobotScene:
+    """Read the scene.
+
+    Raises:
+        FileError: missing or damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return RobotScene(**{name: data[name] for name in RobotScene.__dataclass_fields__})
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: no robot scene ({error}): run python -m sensing.simulator.robot.scene") from None
+
+
+def solve_scene() -> RobotScene:
+    """Solve all states of the scene (minutes)."""
+    plan = plan_scene()
+    simulator = Simulator(shell_geometry(PARAMS.diameter_mm, PARAMS.wall_mm), silicone().neo_hooke(), tolerance=1e-4)
+    solved = {place: solve_cap(simulator, plan, *place) for place in plan.places()}
+    return assemble_scene(plan, solved)
+
+
+@dataclass(frozen=True)
+class ScenePlan:
+    """What is to be solved: three stands, and how the caps are screwed on."""
+
+    stands: tuple[Stand, ...]
+    T_robot_endcap: Array
+    R_world_robot: Array
+
+    def places(self) -> list[tuple[int, int]]:
+        """(stand, cap) of every cap that carries load."""
+        return [(s, int(cap)) for s, stand in enumerate(self.stands) for cap in np.flatnonzero(stand.touching)]
+
+    def path(self, stand: int, cap: int) -> tuple[LoadPath, float]:
+        """Loading of a cap and the azimuth of its contact."""
+        return _path(self.stands[stand], cap, self.R_world_robot[stand] @ self.T_robot_endcap[cap, :3, :3])
+
+
+def plan_scene() -> ScenePlan:
+    """Stands on one, two and three caps; the cables are slack, so that the ground pushes straight up."""
+    stands = []
+    for contacts in (1, 2, 3):
+        stand = random_stand(np.random.default_rng([SEED, contacts]), contacts, FRICTION)
+        stands.append(replace(stand, force_n=stand.force_n * [0.0, 0.0, 1.0]))
+    rotation = np.array([_attitude(stand) for stand in stands])
+    return ScenePlan(tuple(stands), _screwed_on(np.random.default_rng(SEED)), rotation)
+
+
+def solve_cap(simulator: Simulator, plan: ScenePlan, stand: int, cap: int) -> tuple[Array, Array]:
+    """((S, n, 3) displacement at azimuth 0 at the renderer's draft nodes, (S, 6) wrench in N and N m).
+
+    Raises:
+        FileError: a state that the simulator refuses.
+    """
+    path, azimuth = plan.path(stand, cap)
+    states, refused = path_states(simulator, path)
+    if refused:
+        raise FileError(f"the scene cannot be solved: {refused[0]}")
+    nodes = surface_mesh(PARAMS, RenderSettings().at_level("draft").mesh).vertices_mm
+    to_nodes = simulator.surface.interpolation(nodes)
+    fields = np.array([to_nodes @ state.end.surface_mm for state in states])
+    wrench = np.array([turn_wrench(state.end.wrench, azimuth) for state in states])
+    wrench[:, 3:] /= 1000
+    print(f"stand {stand} cap {cap}: {states[-1].end.normal_n:.2f} N", file=sys.stderr)
+    return fields, wrench
+
+
+def assemble_scene(plan: ScenePlan, solved: dict[tuple[int, int], tuple[Array, Array]]) -> RobotScene:
+    """The scene from its solved caps."""
+    nodes = next(iter(solved.values()))[0].shape[1]
+    fields, wrench = np.zeros((3, CAPS, len(SHARES), nodes, 3)), np.zeros((3, CAPS, len(SHARES), 6))
+    azimuth = np.zeros((3, CAPS))
+    for place, (field, told) in solved.items():
+        fields[place], wrench[place], azimuth[place] = field, told, plan.path(*place)[1]
+    coefficients, modes = _modes(fields)
+    touching = np.array([stand.touching for stand in plan.stands])
+    return RobotScene(plan.T_robot_endcap, plan.R_world_robot, touching, azimuth, wrench, coefficients, modes)
+
+
+def save_scene(scene: RobotScene, path: Path) -> None:
+    """Write under a temporary name, then rename."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+        np.savez_compressed(file, **{name: getattr(scene, name) for name in RobotScene.__dataclass_fields__})
+    os.chmod(file.name, 0o644)
+    os.replace(file.name, path)
+
+
+def _screwed_on(rng: np.random.Generator) -> Array:
+    """(6, 4, 4) endcap to robot: z outward along the bar, turned about it at random, tip sphere at the prism's cap."""
+    caps = prism_mm()
+    poses = np.tile(np.eye(4), (CAPS, 1, 1))
+    for cap in range(CAPS):
+        outward = caps[cap] - caps[cap ^ 1]
+        outward /= np.linalg.norm(outward)
+        side = np.cross(outward, [0.0, 0.0, 1.0])
+        side /= np.linalg.norm(side)
+        roll = float(rng.uniform(0, 2 * math.pi))
+        first = math.cos(roll) * side + math.sin(roll) * np.cross(outward, side)
+        poses[cap, :3, :3] = np.stack([first, np.cross(outward, first), outward], axis=1)
+        poses[cap, :3, 3] = caps[cap] - outward * PARAMS.centre_height_mm
+    return poses
+
+
+def _attitude(stand: Stand) -> Array:
+    """(3, 3) robot to world of a stand (Kabsch 1976, doi:10.1107/S0567739476001873)."""
+    upright = prism_mm()
+    covariance = (stand.centre_mm - stand.centre_mm.mean(0)).T @ (upright - upright.mean(0))
+    left, _, right = np.linalg.svd(covariance)
+    return np.asarray(left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right)
+
+
+def _path(stand: Stand, cap: int, rotation: Array) -> tuple[LoadPath, float]:
+    """Loading of one cap in its own frame, and the azimuth of its contact."""
+    outward = -rotation[2]  # straight down
+    tilt = math.degrees(math.acos(float(np.clip(outward[2], -1, 1))))
+    azimuth = math.degrees(math.atan2(outward[1], outward[0]))
+    _, meridian, lateral = (turn_about_axis(azimuth) @ Indenter(tilt).frame()).T
+    force, normal = rotation.T @ stand.force_n[cap], float(stand.force_n[cap, 2])
+    pull = float(force @ meridian), float(force @ lateral)
+    if abs(pull[1]) < MIRROR_N:
+        pull = pull[0], 0.0  # rounding alone must not cost the whole mesh
+    points = [Waypoint("stand", Target(normal_n=s * normal, tangential_n=(s * pull[0], s * pull[1]))) for s in SHARES]
+    return LoadPath(cap, tilt, FRICTION, (azimuth,), timed(points)), azimuth
+
+
+def _modes(fields: Array) -> tuple[Array, NDArray[np.float16]]:
+    """Coefficients (3, 6, S, M) and modes (M, n, 3): as few as keep every node within :data:`MODE_ERROR_MM`."""
+    table = fields.reshape(-1, fields.shape[-2] * 3)
+    _, size, right = np.linalg.svd(table, full_matrices=False)
+    for count in range(1, len(size) + 1):
+        modes = right[:count].astype(np.float16)
+        coefficients = np.linalg.lstsq(modes.astype(float).T, table.T, rcond=None)[0].T
+        if np.abs(coefficients @ modes.astype(float) - table).max() < MODE_ERROR_MM:
+            break
+    return coefficients.reshape(*fields.shape[:3], count), modes.reshape(count, -1, 3)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Solve and write; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m sensing.simulator.robot.scene", description="Solve the scene.")
+    parser.add_argument("--out", type=Path, default=FILE, help="file to write (default: the one that ships)")
+    options = parser.parse_args(arguments)
+    scene = solve_scene()
+    save_scene(scene, options.out)
+    print(f"{options.out}: {scene.modes.shape[0]} modes, weight {WEIGHT_N:.1f} N, {options.out.stat().st_size} bytes")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,129 @@
+"""Statics of the three-bar robot: which caps stand on the ground and what each carries (N, mm; world z up).
+
+Three bars form a twisted prism: bar i runs from cap 2i on the lower ring to cap 2i + 1 on the upper one. The robot
+weighs 12 kg (P); its size is ours (E). It stands on three caps, or is held by ropes at the caps that do not: then two,
+one or none touch, as in the paper's four configurations. Caps count as rigid spheres: that a loaded cap sinks by some
+millimetres on a base of half a metre changes the loads by under 2 %.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.simulator.solid.element import Array
+
+MASS_KG = 12.0  # P, NET27
+GRAVITY_M_S2 = 9.81
+WEIGHT_N = MASS_KG * GRAVITY_M_S2
+RING_RADIUS_MM = 320.0  # E
+BAR_MM = 900.0  # E: between the centres of its two caps
+TWIST_DEG = 150.0  # of the upper ring against the lower one: pi/2 + pi/n, the n-strut prism's only prestressed state
+PAYLOAD_MM = 60.0  # E: the centre of mass lies at random within this of the middle
+TIP_RANGE_DEG = (2.0, 10.0)  # how far ropes lift a side
+PULL_SHARE = 0.5  # of the friction limit that cables may spread between two caps
+
+
+@dataclass(frozen=True)
+class Stand:
+    """The robot on the ground.
+
+    Attributes:
+        rotation: (6, 3, 3) endcap axes in the world. centre_mm: (6, 3) of the caps' spheres, lowest at height 0.
+        mass_centre_mm: (3,). touching: (6,) which caps stand.
+        force_n: (6, 3) of the ground on each cap. rope_n: (6,) upward, of the rope at each cap.
+    """
+
+    rotation: Array
+    centre_mm: Array
+    mass_centre_mm: Array
+    touching: NDArray[np.bool_]
+    force_n: Array
+    rope_n: Array
+
+
+def prism_mm() -> Array:
+    """Centres (6, 3) of the caps' spheres, standing upright, lower ring at height 0."""
+    azimuth = np.radians([0.0, 120.0, 240.0])
+    twist = math.radians(TWIST_DEG)
+    height = math.sqrt(BAR_MM**2 - (2 * RING_RADIUS_MM * math.sin(twist / 2)) ** 2)
+    caps = np.zeros((6, 3))
+    caps[0::2, 0], caps[0::2, 1] = RING_RADIUS_MM * np.cos(azimuth), RING_RADIUS_MM * np.sin(azimuth)
+    caps[1::2, 0], caps[1::2, 1] = RING_RADIUS_MM * np.cos(azimuth + twist), RING_RADIUS_MM * np.sin(azimuth + twist)
+    caps[1::2, 2] = height
+    return caps
+
+
+def random_stand(rng: np.random.Generator, contacts: int, friction: float) -> Stand:
+    """A stand on 0 to 3 caps of the lower ring, the robot turned at random about the vertical."""
+    caps = prism_mm() @ _rotation([0, 0, 1], float(rng.uniform(0, 2 * math.pi))).T
+    middle = caps.mean(axis=0) + PAYLOAD_MM * rng.uniform(-1, 1, 3) / math.sqrt(3)
+    lower = rng.permutation([0, 2, 4])
+    standing, hung = lower[:contacts], lower[contacts:]
+    if 0 < contacts < 3:
+        pivot, axis = caps[standing].mean(axis=0), _edge(caps, standing, hung)
+        tip = _rotation(axis, math.radians(float(rng.uniform(*TIP_RANGE_DEG))))
+        caps, middle = (caps - pivot) @ tip.T + pivot, (middle - pivot) @ tip.T + pivot
+    lift = caps[:, 2].min() if contacts else caps[:, 2].min() - 100.0
+    caps, middle = caps - [0, 0, lift], middle - [0, 0, lift]
+    carried = supports(caps[lower, :2], middle[:2])
+    force, rope = np.zeros((6, 3)), np.zeros(6)
+    force[standing, 2], rope[hung] = carried[:contacts], carried[contacts:]
+    force += _cables(rng, caps, standing, force[:, 2], friction)
+    touching = np.zeros(6, dtype=bool)
+    touching[standing] = True
+    return Stand(_cap_axes(rng, caps), caps, middle, touching, force, rope)
+
+
+def supports(places_mm: Array, mass_centre_mm: Array) -> Array:
+    """Vertical forces (3,) at three places (3, 2) that hold the weight over (2,): forces and both moments balance."""
+    matrix = np.vstack([np.ones(3), places_mm.T])
+    return np.asarray(np.linalg.solve(matrix, WEIGHT_N * np.concatenate([[1.0], mass_centre_mm])))
+
+
+def _cables(
+    rng: np.random.Generator, caps: Array, standing: NDArray[np.int64], normal_n: Array, friction: float
+) -> Array:
+    """Horizontal forces (6, 3) that tensioned cables spread between standing caps: along their lines, zero together."""
+    force = np.zeros((6, 3))
+    for first in range(len(standing)):
+        for second in range(first):
+            i, j = standing[first], standing[second]
+            line = caps[j] - caps[i]
+            line[2] = 0.0
+            most = PULL_SHARE * friction * min(normal_n[i], normal_n[j]) / 2  # a cap has two such neighbours
+            pull = float(rng.uniform(-most, most)) * line / np.linalg.norm(line)
+            force[i] += pull
+            force[j] -= pull
+    return force
+
+
+def _cap_axes(rng: np.random.Generator, caps: Array) -> Array:
+    """Endcap axes in the world (6, 3, 3): z outward along the bar, turned about it as it was screwed on."""
+    axes = []
+    for cap in range(6):
+        outward = caps[cap] - caps[cap ^ 1]
+        outward = outward / np.linalg.norm(outward)
+        side = np.cross(outward, [0.0, 0.0, 1.0])
+        side = side / np.linalg.norm(side)
+        roll = float(rng.uniform(0, 2 * math.pi))
+        first = math.cos(roll) * side + math.sin(roll) * np.cross(outward, side)
+        axes.append(np.stack([first, np.cross(outward, first), outward], axis=1))
+    return np.array(axes)
+
+
+def _edge(caps: Array, standing: NDArray[np.int64], hung: NDArray[np.int64]) -> Array:
+    """Horizontal axis through what stands, about which the hung side rises."""
+    away = caps[hung].mean(axis=0) - caps[standing].mean(axis=0)
+    line = caps[standing[1]] - caps[standing[0]] if len(standing) == 2 else np.cross([0.0, 0.0, 1.0], away)
+    line = line / np.linalg.norm(line)
+    return np.asarray(line if np.cross(line, away)[2] > 0 else -line)
+
+
+def _rotation(axis: Array | list[float], angle: float) -> Array:
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)

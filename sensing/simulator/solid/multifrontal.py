@@ -1,0 +1,275 @@
+"""Multifrontal factorisation of element matrices by nested dissection (Duff, Reid 1983, doi:10.1145/356044.356047).
+
+The mesh is bisected until a few elements are left; what two halves share is eliminated after both. Every front is a
+dense matrix for LAPACK: Cholesky for symmetric matrices, LU with pivoting inside the front for the unsymmetric tangent
+of sliding friction. A shell has small separators: against SuperLU, the only sparse factorisation that comes with scipy,
+it takes a quarter of the time (4.5k unknowns 27 against 100 ms, 8.9k 76 against 370 ms, in one run; the bench measures
+it again). That is why it is here. It takes element matrices as they come. Unknowns are numbered in elimination
+order, so that all maps are ascending.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy.linalg import blas, lapack
+
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.mesh import Index
+
+LEAF_ELEMENTS = 4
+
+
+@dataclass(frozen=True)
+class Front:
+    """One dense front: its unknowns (own first, then those it shares), and where its parts come from.
+
+    Attributes:
+        variables: unknowns, ascending (k,). own: how many are eliminated here.
+        elements: elements assembled here (leaf) and their unknowns' places, -1 where fixed (count, 81).
+        children: numbers of earlier fronts. child_places: places of their shared unknowns in this front.
+    """
+
+    variables: Index
+    own: int
+    elements: Index
+    places: Index
+    children: tuple[int, ...]
+    child_places: tuple[Index, ...]
+
+
+class NotPositive(Exception):
+    """A symmetric matrix turned out not to be positive definite."""
+
+
+def dissect(dofs: Index, centroids: Array) -> tuple[Index, list[tuple[int, int, tuple[int, ...]]]]:
+    """Order of elements, and fronts as ``(first, last, children)`` over that order, children first."""
+    order: list[int] = []
+    fronts: list[tuple[int, int, tuple[int, ...]]] = []
+
+    def split(elements: Index) -> int:
+        begin = len(order)
+        if len(elements) <= LEAF_ELEMENTS:
+            order.extend(elements.tolist())
+            children: tuple[int, ...] = ()
+        else:
+            centred = centroids[elements] - centroids[elements].mean(axis=0)
+            _, _, axes = np.linalg.svd(centred, full_matrices=False)
+            candidates = [np.argsort(centred @ axis, kind="stable") for axis in axes[:2]]
+            middle = len(elements) // 2
+            shared = [len(np.intersect1d(dofs[elements[c[:middle]]], dofs[elements[c[middle:]]])) for c in candidates]
+            best = candidates[int(np.argmin(shared))]
+            children = (split(elements[best[:middle]]), split(elements[best[middle:]]))
+        fronts.append((begin, len(order), children))
+        return len(fronts) - 1
+
+    split(np.arange(len(centroids)))
+    return np.array(order), fronts
+
+
+def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]:
+    """Elimination order and fronts.
+
+    Args:
+        dofs: free degree of freedom of every element entry, -1 where fixed (e, 81). count: how many there are.
+        centroids: of the elements (e, 3).
+
+    Returns:
+        ``equation`` (count,), the unknown of each free degree of freedom, and the fronts over unknowns.
+    """
+    order, spans = dissect(dofs, centroids)
+    position = np.empty(len(order), dtype=np.int64)
+    position[order] = np.arange(len(order))
+    first, last = np.full(count, len(order)), np.full(count, -1)
+    where = np.broadcast_to(position[:, None], dofs.shape)
+    live = dofs >= 0
+    np.minimum.at(first, dofs[live], where[live])
+    np.maximum.at(last, dofs[live], where[live])
+    owner = np.full(count, -1)
+    for number, (begin, end, _) in enumerate(spans):  # children first: the smallest span that covers a dof owns it
+        owner[(owner < 0) & (first >= begin) & (last < end)] = number
+    equation = np.empty(count, dtype=np.int64)
+    equation[np.argsort(owner, kind="stable")] = np.arange(count)
+    fronts: list[Front] = []
+    numbered = np.where(live, equation[np.maximum(dofs, 0)], -1)
+    for number, (begin, end, children) in enumerate(spans):
+        elements = order[begin:end] if not children else np.zeros(0, dtype=np.int64)
+        inputs = [numbered[elements].ravel()] + [fronts[c].variables[fronts[c].own :] for c in children]
+        variables = np.unique(np.concatenate(inputs))
+        variables = variables[variables >= 0]
+        places = np.where(numbered[elements] >= 0, np.searchsorted(variables, numbered[elements]), -1)
+        child_places = tuple(np.searchsorted(variables, fronts[c].variables[fronts[c].own :]) for c in children)
+        own = int((owner == number).sum())
+        fronts.append(Front(variables, own, elements, places, children, child_places))
+    return equation, fronts
+
+
+class FrontalFactors:
+    """Factors of a matrix given by elements.
+
+    Raises:
+        NotPositive: a symmetric matrix with a pivot that is not positive.
+    """
+
+    def __init__(self, fronts: list[Front], blocks: Array, symmetric: bool) -> None:
+        self.fronts = fronts
+        self.symmetric = symmetric
+        self.count = sum(front.own for front in fronts)
+        self.parts: list[tuple[Any, ...]] = []
+        self._columns: tuple[Any, Index, Index] | None = None
+        rests: dict[int, Array] = {}
+        for number, front in enumerate(fronts):
+            size, own = len(front.variables), front.own
+            matrix = np.zeros((size, size), order="F")
+            if len(front.elements):
+                _add_elements(matrix, blocks, front.elements, front.places)
+            for child, places in zip(front.children, front.child_places, strict=True):
+                _add_child(matrix, rests.pop(child), places)
+            eliminate = self._cholesky if symmetric else self._lu
+            rests[number] = eliminate(matrix, own)
+
+    def solve(self, right: Array) -> Array:
+        """Solution for one (n,) or several (n, m) right-hand sides."""
+        one = right.ndim == 1
+        x = np.array(right.reshape(self.count, -1), order="C" if right.ndim > 1 else "F")
+        for front, part in zip(self.fronts, self.parts, strict=True):
+            own, shared = front.variables[: front.own], front.variables[front.own :]
+            if not len(own):
+                continue
+            first = self._forward(part, x[own])
+            x[own] = first
+            if len(shared):
+                x[shared] -= part[1] @ first
+        for front, part in zip(self.fronts[::-1], self.parts[::-1], strict=True):
+            own, shared = front.variables[: front.own], front.variables[front.own :]
+            if not len(own):
+                continue
+            x[own] = self._backward(part, x[own], x[shared])
+        return x[:, 0] if one else np.ascontiguousarray(x)
+
+    def solve_roughly(self, right: Array) -> Array:
+        """Solution (n,) to about 1e-6, for iterations that correct it: symmetric factors in single precision, packed.
+
+        Reading the factor from memory is what a solution costs; half the bytes and no call a front take a quarter of
+        the time of :meth:`solve`.
+        """
+        if self._columns is None:
+            parts = [np.concatenate(part[:2]).ravel(order="F").astype(np.float32) for part in self.parts]
+            sizes = np.array([(front.own, len(front.variables)) for front in self.fronts])
+            self._columns = np.concatenate(parts), np.concatenate([front.variables for front in self.fronts]), sizes
+        solution = right.astype(np.float32)
+        values, variables, sizes = self._columns
+        _solve_columns(values, variables, sizes, solution)
+        return solution.astype(np.float64)
+
+    def _cholesky(self, matrix: Array, own: int) -> Array:
+        if not own:
+            self.parts.append((matrix[:0, :0], matrix[:, :0]))
+            return matrix
+        lower, info = lapack.dpotrf(matrix[:own, :own], lower=1, clean=0)
+        if info or not np.isfinite(lower[-1, -1]):  # LAPACK may take NaN for positive
+            raise NotPositive
+        if own == len(matrix):
+            self.parts.append((lower, matrix[own:, :own]))
+            return matrix[own:, own:]
+        below = blas.dtrsm(1.0, lower, matrix[own:, :own], side=1, lower=1, trans_a=1)
+        rest = blas.dsyrk(-1.0, below, beta=1.0, c=matrix[own:, own:], lower=1)
+        self.parts.append((lower, below))
+        return np.asarray(rest)
+
+    def _lu(self, matrix: Array, own: int) -> Array:
+        if not own:
+            self.parts.append((matrix[:0, :0], matrix[:, :0], matrix[:0], np.zeros(0, dtype=np.int32)))
+            return matrix
+        both, pivots, info = lapack.dgetrf(matrix[:own, :own])
+        if info > 0:
+            raise np.linalg.LinAlgError("exactly singular tangent")
+        right = matrix[:own, own:]
+        order = _permutation(pivots)
+        right = np.asfortranarray(right[order])
+        if own == len(matrix):
+            self.parts.append((both, matrix[own:, :own], right, order))
+            return matrix[own:, own:]
+        right = blas.dtrsm(1.0, both, right, lower=1, diag=1)
+        below = blas.dtrsm(1.0, both, matrix[own:, :own], side=1, lower=0)
+        self.parts.append((both, below, right, order))
+        return np.asarray(matrix[own:, own:] - below @ right, order="F")
+
+    def _forward(self, part: tuple[Any, ...], right: Array) -> Array:
+        if self.symmetric:
+            return np.asarray(blas.dtrsm(1.0, part[0], right, lower=1))
+        return np.asarray(blas.dtrsm(1.0, part[0], right[part[3]], lower=1, diag=1))
+
+    def _backward(self, part: tuple[Any, ...], own: Array, shared: Array) -> Array:
+        if self.symmetric:
+            return np.asarray(blas.dtrsm(1.0, part[0], own - part[1].T @ shared, lower=1, trans_a=1))
+        return np.asarray(blas.dtrsm(1.0, part[0], own - part[2] @ shared, lower=0))
+
+
+def _permutation(pivots: Index) -> Index:
+    """Row order that LAPACK's exchanges amount to."""
+    order = np.arange(len(pivots))
+    for row, pivot in enumerate(pivots):
+        if pivot != row:
+            order[row], order[pivot] = order[pivot], order[row]
+    return order
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _solve_columns(values, variables, sizes, x):  # type: ignore[no-untyped-def]
+    """Forward and backward substitution in place; every front is a trapezoid of ``own`` columns, ``size`` rows."""
+    local = np.empty(sizes[:, 1].max(), dtype=np.float32)
+    start, place = 0, 0
+    for front in range(len(sizes)):
+        own, size = sizes[front]
+        if own:
+            for k in range(size):
+                local[k] = x[variables[place + k]]
+            for c in range(own):
+                column = values[start + c * size : start + (c + 1) * size]
+                local[c] /= column[c]
+                pivot = local[c]
+                tail, rest = local[c + 1 : size], column[c + 1 :]
+                for k in range(len(rest)):  # from 0, or it does not vectorise
+                    tail[k] -= pivot * rest[k]
+            for k in range(size):
+                x[variables[place + k]] = local[k]
+        start += own * size
+        place += size
+    for front in range(len(sizes) - 1, -1, -1):
+        own, size = sizes[front]
+        start -= own * size
+        place -= size
+        if own:
+            for k in range(size):
+                local[k] = x[variables[place + k]]
+            for c in range(own - 1, -1, -1):
+                column = values[start + c * size : start + (c + 1) * size]
+                total = np.float32(0.0)
+                tail, rest = local[c + 1 : size], column[c + 1 :]
+                for k in range(len(rest)):
+                    total += rest[k] * tail[k]
+                local[c] = (local[c] - total) / column[c]
+            for k in range(own):
+                x[variables[place + k]] = local[k]
+
+
+@njit(cache=True)
+def _add_elements(matrix, blocks, elements, places):  # type: ignore[no-untyped-def]
+    for k in range(len(elements)):
+        for b in range(81):
+            column = places[k, b]
+            if column >= 0:
+                for a in range(81):
+                    if places[k, a] >= 0:
+                        matrix[places[k, a], column] += blocks[elements[k], a, b]
+
+
+@njit(cache=True)
+def _add_child(matrix, rest, places):  # type: ignore[no-untyped-def]
+    for b in range(len(places)):
+        for a in range(len(places)):
+            matrix[places[a], places[b]] += rest[a, b]

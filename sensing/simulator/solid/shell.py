@@ -1,0 +1,85 @@
+"""The shell model: geometry, silicone and mesh density made ready to press (frame of :mod:`cad.params`, mm, N, MPa)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cad.errors import ParameterError
+from cad.materials import HyperelasticLaw
+from sensing.simulator.contact.friction import PENALTY_RATIO, ContactSurface, contact_surface
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.geometry import ShellGeometry
+from sensing.simulator.solid.mesh import DENSITIES, Index, MeshDensity, shell_mesh
+from sensing.simulator.solid.system import Solid, build_solid
+
+PLANE_TOLERANCE_MM = 1e-6
+
+
+@dataclass(frozen=True)
+class ShellModel:
+    """A clamped shell, whole or halved in its mirror plane y = 0.
+
+    Attributes:
+        geometry: what is meshed.
+        solid: discrete solid with clamp (and mirror plane) fixed.
+        surface: contact quadrature of the outer surface.
+        clamped: nodes on the clamp (m,).
+        half: whether only y >= 0 is meshed; forces of the model are then half of the shell's.
+    """
+
+    geometry: ShellGeometry
+    solid: Solid
+    surface: ContactSurface
+    clamped: Index
+    half: bool
+
+    @property
+    def force_share(self) -> float:
+        """What part of the shell's force the mesh carries."""
+        return 0.5 if self.half else 1.0
+
+    def whole_wrench(self, forces: Array, points: Array) -> Array:
+        """Wrench (6,) at the endcap's origin, N and N mm, of forces (n, 3) on the mesh at points (n, 3)."""
+        force = forces.sum(axis=0)
+        moment = np.cross(points, forces).sum(axis=0)
+        if self.half:
+            return np.array([2 * force[0], 0.0, 2 * force[2], 0.0, 2 * moment[1], 0.0])
+        return np.concatenate([force, moment])
+
+
+def shell_model(
+    geometry: ShellGeometry,
+    law: HyperelasticLaw,
+    density: MeshDensity | str = "data",
+    half: bool = False,
+    penalty_ratio: float = PENALTY_RATIO,
+) -> ShellModel:
+    """Mesh a shell and prepare its solver.
+
+    Args:
+        geometry: the shell.
+        law: hyperelastic constants.
+        density: a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own numbers.
+        half: mesh y >= 0 only; such a model refuses paths that leave the mirror plane.
+        penalty_ratio: contact penalty over E / T.
+
+    Raises:
+        ParameterError: unknown density.
+    """
+    if isinstance(density, str):
+        if density not in DENSITIES:
+            raise ParameterError(
+                f"density={density!r} is unknown: choose one of {', '.join(DENSITIES)}", name="density", value=density
+            )
+        density = DENSITIES[density]
+    mesh = shell_mesh(geometry, density, half)
+    clamped = np.flatnonzero(np.abs(mesh.points[:, 2] - geometry.clamp_height_mm) < PLANE_TOLERANCE_MM)
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[clamped] = True
+    if half:
+        fixed[np.abs(mesh.points[:, 1]) < PLANE_TOLERANCE_MM, 1] = True
+    solid = build_solid(mesh, law, fixed)
+    surface = contact_surface(mesh, law.young_mpa, geometry.wall_mm, penalty_ratio)
+    return ShellModel(geometry, solid, surface, clamped, half)

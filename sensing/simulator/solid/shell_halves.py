@@ -1,0 +1,48 @@
+"""One shell meshed whole and halved, each when first needed, with one inner surface for both (mm, endcap frame)."""
+
+from __future__ import annotations
+
+from cad.materials import HyperelasticLaw
+from sensing.simulator.solid.geometry import ShellGeometry
+from sensing.simulator.solid.mesh import MeshDensity
+from sensing.simulator.solid.shell import ShellModel, shell_model
+from sensing.simulator.solid.surface import InnerSurface, SurfaceSampler, dot_directions, inner_surface
+
+MAX_SAMPLERS = 64  # azimuths kept ready
+
+
+class ShellHalves:
+    """Models of a shell; fields of either are read on :attr:`surface`, the half model's.
+
+    Raises:
+        ParameterError: unknown density.
+    """
+
+    def __init__(self, geometry: ShellGeometry, law: HyperelasticLaw, density: MeshDensity | str) -> None:
+        self.geometry, self.law, self.density = geometry, law, density
+        self._models: dict[bool, ShellModel] = {}
+        self._surfaces: dict[bool, InnerSurface] = {}
+        self._samplers: dict[float, SurfaceSampler] = {}
+        self.surface = self.surface_of(half=True)
+        self.sampler(0.0)
+
+    def model(self, half: bool) -> ShellModel:
+        """The half y >= 0 or the whole, ready to press."""
+        if half not in self._models:
+            self._models[half] = shell_model(self.geometry, self.law, self.density, half)
+        return self._models[half]
+
+    def surface_of(self, half: bool) -> InnerSurface:
+        """Surface read from the half or the whole model, always in the half model's numbering."""
+        if half not in self._surfaces:
+            found = inner_surface(self.model(half))
+            self._surfaces[half] = found if half else found.renumbered(self._surfaces[True])
+        return self._surfaces[half]
+
+    def sampler(self, azimuth_deg: float) -> SurfaceSampler:
+        """Sampler of the painted dots for a contact at an azimuth."""
+        if azimuth_deg not in self._samplers:
+            if len(self._samplers) > MAX_SAMPLERS:
+                self._samplers = {0.0: self._samplers[0.0]}
+            self._samplers[azimuth_deg] = self.surface.sampler(dot_directions(self.geometry), azimuth_deg)
+        return self._samplers[azimuth_deg]

@@ -1,0 +1,7 @@
+"""``python -m sensing.simulator.verification``."""
+
+import sys
+
+from sensing.simulator.verification.report import main
+
+sys.exit(main())

@@ -1,0 +1,116 @@
+"""The one path from a picture to what a wrench model reads: dots tracked, seen through the nominal camera, on a grid.
+
+    seen = model_input(reference, model.shape, model.design)              # and MountedCamera.load("camera.json")
+    wrench = model.estimate(seen.update(frame))
+
+Training, evaluation, live, replay and the benches all go through :class:`ModelInput`, so that a model is never asked
+about a field that was made in another way than those it learned from. Only the dots' positions enter. The stretch that
+a window measures does not: a glint that half covers a dot imitates it.
+
+Hand assembly turns a camera by degrees and shifts it by half a millimetre; the same deformation then looks otherwise,
+and the wrench comes out in the camera's axes. A calibrated camera (:mod:`sensing.calibrate`) gives the ray of each
+pixel, hence its place on the undeformed inner sphere; from there the nominal camera is a projection away. Dots leave
+the sphere by their displacement, so the view is exact at rest, with an error of displacement times misalignment.
+Without a calibrated camera the nominal one is assumed. Full-size pixels; fields in pixels of the 200 x 200 crop.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.params import EndcapParams
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
+from sensing.records import DotTracks, Frame, Image, ShearField
+from sensing.tracking.field_operator import field_operator
+from sensing.tracking.gelslim import CROP_PX
+from sensing.tracking.tracker import DotTracker, TrackerConfig
+
+Array = NDArray[np.float64]
+
+
+class ModelInput:
+    """Frames in, the fields that a wrench model reads out.
+
+    Args:
+        tracker: follows the dots against the undeformed reference.
+        shape: (H, W) of the field, the model's.
+        params: the endcap.
+        camera: the one built in, as calibrated; None takes the nominal one.
+    """
+
+    def __init__(
+        self, tracker: DotTracker, shape: tuple[int, int], params: EndcapParams, camera: MountedCamera | None = None
+    ) -> None:
+        self.tracker = tracker
+        self._camera, self._params, self._size = camera, params, tracker.size
+        self._nominal = nominal_mount(params, *tracker.size)
+        place = self.seen(tracker.reference_px)
+        self._known = np.isfinite(place).all(axis=1)
+        self._place = place[self._known]
+        self._operator = field_operator(self._place, tracker.size, shape)
+
+    def update(self, frame: Frame) -> ShearField:
+        """Field of one frame.
+
+        Raises:
+            FrameError: the frame cannot be decoded or has another size than the reference.
+        """
+        return self.field(self.tracker.update(frame))
+
+    def decode(self, frame: Frame) -> Image:
+        """First step of :meth:`update`: the frame as the tracker takes it.
+
+        Raises:
+            FrameError: the frame cannot be decoded or has another size than the reference.
+        """
+        return self.tracker.decode(frame)
+
+    def track(self, gray: Image, time_s: float) -> DotTracks:
+        """Second step of :meth:`update`: the dots of a decoded frame captured at ``time_s``."""
+        return self.tracker.track(gray, time_s)
+
+    def field(self, tracks: DotTracks) -> ShearField:
+        """Third step of :meth:`update`: field of the tracks; all invalid while every dot is lost."""
+        moved = self.seen(tracks.position_px[self._known]) - self._place
+        moved = np.where(np.isfinite(moved), moved, 0.0)
+        live = ~tracks.lost[self._known]
+        channels = self._operator.field(self._operator.filled(moved, live)) * np.float32(CROP_PX / min(self._size))
+        return ShearField(tracks.time_s, channels, valid=self._operator.valid(live))
+
+    def restart(self) -> None:
+        """Forget the frames before: the next answers are those of a new object, to the bit."""
+        self.tracker.restart()
+
+    def seen(self, pixels: Array) -> Array:
+        """(N, 2) where the nominal camera sees what the real one sees at (N, 2); NaN beyond the view."""
+        if self._camera is None:
+            return pixels
+        centre = np.array([0.0, 0.0, self._params.centre_height_mm])
+        rays, start = self._camera.rays_endcap(pixels), self._camera.pupil_endcap_mm - centre
+        along = rays @ start
+        root = np.sqrt(along**2 - start @ start + self._params.inner_radius_mm**2)
+        return self._nominal.project(self._camera.pupil_endcap_mm + (root - along)[:, None] * rays)
+
+
+def model_input(
+    reference: Frame,
+    shape: tuple[int, int],
+    params: EndcapParams,
+    camera: MountedCamera | None = None,
+    config: TrackerConfig | None = None,
+) -> ModelInput:
+    """The path from pictures of one sensor to a model's input.
+
+    Args:
+        reference: the undeformed picture.
+        shape: (H, W) of the field, the model's.
+        params: the endcap.
+        camera: the one built in, as calibrated; None takes the nominal one.
+        config: knobs of the tracker.
+
+    Raises:
+        NoDotsError: the reference has no dots. FrameError: it cannot be decoded.
+    """
+    return ModelInput(DotTracker(reference, config), shape, params, camera)

@@ -1,0 +1,274 @@
+"""The base and what sits in it, measured on the solids: docs/provenance.md at D=130, closed forms, walls, fits."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from build123d import Face, GeomType, Pos, Rectangle, Solid
+from OCP.BRep import BRep_Builder
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.TopoDS import TopoDS_Compound
+
+from cad import base as base_module
+from cad.base import base_part, flank_profile
+from cad.camera import camera_part
+from cad.led_ring import led_ring_part
+from cad.params import EndcapParams
+from cad.ring_spacer import ring_spacer_part
+
+DESIGNS = [(98.86, 6.5), (100.0, 6.5), (121.0, 8.0), (130.0, 8.0), (180.0, 10.0), (250.0, 25.0)]
+FACT_MM = 0.05  # agreement with the released base
+
+
+@pytest.fixture(scope="module", params=DESIGNS, ids=lambda d: f"D{d[0]:g}_T{d[1]:g}")
+def design(request):
+    params = EndcapParams(*request.param)
+    return params, base_part(params).solid
+
+
+@pytest.fixture(scope="module")
+def released():
+    return base_part(EndcapParams(130.0, 8.0)).solid
+
+
+def cylinders(solid: Solid) -> list[tuple[float, float, float, float, float]]:
+    """Upright cylindrical faces: radius, x, y of the axis, lowest and highest z."""
+    found = []
+    for face in solid.faces().filter_by(GeomType.CYLINDER):
+        cylinder = BRepAdaptor_Surface(face.wrapped).Cylinder()
+        if abs(abs(cylinder.Axis().Direction().Z()) - 1) < 1e-9:
+            place, box = cylinder.Axis().Location(), face.bounding_box()
+            found.append((cylinder.Radius(), place.X(), place.Y(), box.min.Z, box.max.Z))
+    return found
+
+
+def polar(places) -> list[tuple[float, float]]:
+    """Distinct axes as (radius of the circle, azimuth), sorted by azimuth."""
+    return sorted(
+        {(round(math.hypot(x, y), 3), round(math.degrees(math.atan2(y, x)) % 360, 2)) for x, y in places},
+        key=lambda p: p[1],
+    )
+
+
+def axes_of(solid: Solid, radius: float) -> list[tuple[float, float]]:
+    return [(x, y) for r, x, y, *_ in cylinders(solid) if abs(r - radius) <= FACT_MM / 2]
+
+
+def assert_circle(solid: Solid, hole_radius: float, circle: float, azimuths: list[float]) -> None:
+    """Holes of a radius lie on a circle at given azimuths, to 0.05 mm."""
+    places = polar(axes_of(solid, hole_radius))
+    assert len(places) == len(azimuths)
+    for (radius, azimuth), expected in zip(places, sorted(azimuths), strict=True):
+        assert radius == pytest.approx(circle, abs=FACT_MM)
+        assert azimuth == pytest.approx(expected, abs=math.degrees(FACT_MM / circle))
+
+
+# --- docs/provenance.md, GEO01 to GEO20 ---------------------------------------------------------------------------
+def test_released_interface_screws(released):
+    azimuths = [18 + 36 * k for k in range(10)]
+    assert_circle(released, 1.7, 47.53, azimuths)
+    assert_circle(released, 3.25, 47.53, azimuths)
+
+
+def test_released_interface_screws_notice_a_shift(monkeypatch):
+    monkeypatch.setattr(EndcapParams, "screw_circle_radius_mm", property(lambda self: 47.53 + 0.08))
+    with pytest.raises(AssertionError):
+        assert_circle(base_part(EndcapParams(130.0, 8.0)).solid, 1.7, 47.53, [18 + 36 * k for k in range(10)])
+
+
+def test_released_arm_pattern(released):
+    azimuths = [(180 + 72 * k) % 360 for k in range(5)]
+    assert_circle(released, 2.8, 60.0, azimuths)
+    depths = {round(high - low, 2) for r, _, _, low, high in cylinders(released) if abs(r - 2.8) < 0.01}
+    assert depths == {9.2}
+    lugs = [(x, y) for r, x, y, *_ in cylinders(released) if abs(r - 7.5) < 0.01 and math.hypot(x, y) > 40]
+    assert [radius for radius, _ in polar(lugs)] == pytest.approx([60.0] * 5, abs=FACT_MM)
+
+
+def test_released_camera_and_cable(released):
+    screws = {(round(x, 2), round(y, 2)) for x, y in axes_of(released, 0.975)}
+    assert screws == set(itertools.product((-14.0, 14.0), repeat=2))
+    for radius in (7.5, 4.1):
+        near = {(round(x, 2), round(y, 2)) for x, y in axes_of(released, radius) if math.hypot(x, y) < 20}
+        assert near == {(0.0, -12.5), (0.0, 12.5)}
+    walls = [f for f in released.faces().filter_by(GeomType.PLANE) if abs(f.normal_at().Z) < 1e-9]
+    reach = [abs(f.center().X) for f in walls if abs(abs(f.normal_at().X) - 1) < 1e-9 and f.bounding_box().max.Z > -2]
+    assert 2 * max(reach) == pytest.approx(31.95, abs=FACT_MM)
+
+
+def test_released_m4_pairs(released):
+    heads = {(round(x, 2), round(y, 2)) for x, y in axes_of(released, 4.125) if abs(x) > 20}
+    assert heads == set(itertools.product((-28.53, 28.53), (-7.5, 7.5)))
+
+
+def test_released_sphere_and_thickness(released):
+    spheres = [BRepAdaptor_Surface(f.wrapped).Sphere() for f in released.faces().filter_by(GeomType.SPHERE)]
+    assert spheres
+    for sphere in spheres:
+        assert sphere.Radius() == pytest.approx(67.5, abs=FACT_MM)
+        assert sphere.Location().Z() == pytest.approx(38.37, abs=FACT_MM)
+    box = released.bounding_box()
+    height = [box.min.Z, box.max.Z]
+    assert height == pytest.approx([-16.0, 0.0], abs=1e-6)
+
+
+def test_released_ring_recess(released):
+    recess = [c for c in cylinders(released) if math.hypot(c[1], c[2]) < 1e-6 and c[4] > -0.01]
+    assert [(c[0], c[3]) for c in recess] == [pytest.approx((39.0, -0.28), abs=1e-3)]
+    cones = [f for f in released.faces().filter_by(GeomType.CONE) if f.bounding_box().max.Z > -1]
+    low = [f.bounding_box().min.Z for f in cones]
+    inner = [e.radius for f in cones for e in f.edges().filter_by(GeomType.CIRCLE)]
+    assert low == pytest.approx([-1.0] * len(cones), abs=1e-3) and min(inner) == pytest.approx(35.4, abs=FACT_MM)
+
+
+# --- any size -----------------------------------------------------------------------------------------------------
+def inside(params: EndcapParams, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
+    """An independent base: set logic on points, from docs/provenance.md and the module's text."""
+    rho = np.hypot(x, y)
+    tangent_z, tangent_radius, _ = flank_profile(params)
+    sphere = math.sqrt(params.base_sphere_radius_mm**2 - (z - params.centre_height_mm) ** 2)
+    solid = rho < (sphere if z >= tangent_z else tangent_radius - (tangent_z - z))
+    for azimuth in params.arm_azimuths_deg:
+        u, v = _turned(x, y, azimuth)
+        along = np.clip(u, 0, params.arm_circle_radius_mm)
+        if z < -4.8:
+            solid |= np.hypot(u - along, v) < 7.5
+        if z < -16 + 9.2:
+            solid &= ~(np.hypot(u - params.arm_circle_radius_mm, v) < 2.8)
+    for azimuth in params.screw_azimuths_deg:
+        u, v = _turned(x, y, azimuth)
+        from_axis = np.hypot(u - params.screw_circle_radius_mm, v)
+        pocket = (from_axis < 3.25) | ((u > params.screw_circle_radius_mm) & (abs(v) < 3.25))
+        solid &= ~(pocket if z < -5.5 else from_axis < 1.7)
+    recess = 39.0 if z > -0.28 else 39.0 - 3.6 * (-0.28 - z) / 0.72
+    solid &= ~((z > -1.0) & (rho < recess))
+    across, wide = np.maximum(abs(x), abs(y)), np.minimum(abs(x), abs(y))
+    solid &= ~((across < 15.975) & ((z > -6.0) | ((z > -10.0) & (wide < 9.0))))
+    solid &= ~((z > -14.0) & (np.hypot(abs(x) - 14, abs(y) - 14) < 0.975))
+    solid &= ~(np.hypot(x, abs(y) - 12.5) < (7.5 if z > -12.0 else 4.1))
+    return solid & ~(np.hypot(abs(x) - 28.53, abs(y) - 7.5) < (4.125 if z > -5.2 else 2.25))
+
+
+def _turned(x: np.ndarray, y: np.ndarray, azimuth_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    c, s = math.cos(math.radians(azimuth_deg)), math.sin(math.radians(azimuth_deg))
+    return c * x + s * y, c * y - s * x
+
+
+def test_section_areas_agree_with_set_logic(design):
+    params, solid = design
+    heights = (-0.6, -5.0, -8.0, -11.0, -15.0)
+    size, step = params.diameter_mm + 10, params.diameter_mm / 1000
+    ticks = np.arange(-size / 2, size / 2, step) + 0.37 * step
+    x, y = np.meshgrid(ticks, np.arange(step / 2, size / 2, step))  # the half y > 0 of a symmetric part
+    for z in heights:
+        area = sum(face.area for face in (solid & (Pos(0, 0, z) * Rectangle(size, size).face())).faces())
+        assert area == pytest.approx(2 * inside(params, x, y, z).sum() * step**2, rel=5e-4)
+
+
+def test_upper_slab_has_its_closed_form_volume(design):
+    """Above the lugs: sphere segment less cones, bores, pocket and the cable pockets' circular segments."""
+    params, solid = design
+    top = 4.8
+    ball, centre = params.base_sphere_radius_mm, params.centre_height_mm
+    sphere = math.pi * (ball**2 * top - ((centre + top) ** 3 - centre**3) / 3)
+    recess = math.pi * (39.0**2 * 0.28 + 0.72 / 3 * (39.0**2 + 39.0 * 35.4 + 35.4**2))
+    reach = 15.975 - 12.5
+    cable = 7.5**2 * math.acos(reach / 7.5) - reach * math.sqrt(7.5**2 - reach**2)
+    holes = 10 * math.pi * 1.7**2 * top
+    below_recess = (31.95**2 + 2 * cable + 4 * math.pi * 4.125**2) * (top - 1.0)
+    slab = solid & Solid.make_box(600, 600, top).moved(Pos(-300, -300, -top))
+    assert slab.volume == pytest.approx(sphere - recess - holes - below_recess, rel=1e-6)
+
+
+def test_flank_is_tangent_and_overhangs_45_degrees_at_most(design):
+    _, solid = design
+    for face in solid.faces():
+        if face.geom_type in (GeomType.SPHERE, GeomType.CONE) and face.bounding_box().min.Z < -1.5:
+            for u, v in itertools.product((0.02, 0.5, 0.98), repeat=2):
+                assert math.degrees(math.asin(-face.normal_at(u, v).Z)) <= 45.0 + 1e-6
+
+
+def distance(first: list[Face], second: list[Face]) -> float:
+    """Least distance between two groups of faces, mm."""
+    groups = (TopoDS_Compound(), TopoDS_Compound())
+    for group, faces in zip(groups, (first, second), strict=True):
+        BRep_Builder().MakeCompound(group)
+        for face in faces:
+            BRep_Builder().Add(group, face.wrapped)
+    return BRepExtrema_DistShapeShape(*groups).Value()
+
+
+def test_walls(design):
+    _, solid = design
+    spheres = solid.faces().filter_by(GeomType.SPHERE)
+    found = [(f, BRepAdaptor_Surface(f.wrapped).Cylinder()) for f in solid.faces().filter_by(GeomType.CYLINDER)]
+
+    def faces(radius: float) -> list[Face]:
+        return [f for f, c in found if abs(c.Radius() - radius) < 1e-6 and c.Location().Y() > -1.0]  # mirror image
+
+    holes, pockets, inserts = faces(1.7), faces(3.25), faces(2.8)
+    heads, recess, camera = faces(4.125), faces(39.0), faces(0.975)
+    pairs = [(holes, spheres), (pockets, inserts), (pockets, heads), (holes, recess), (heads, camera), (inserts, heads)]
+    gaps = [distance(first, second) for first, second in pairs]
+    roof = base_module.LUG_TOP_Z_MM - (-16 + 9.2)
+    floor = -12.0 - -16.0
+    assert min(*gaps, roof, floor) >= 1.2
+
+
+def test_parts_fit(design):
+    params, base = design
+    parts = {"base": base}
+    for build in (ring_spacer_part, led_ring_part, camera_part):
+        parts[build(params).name] = build(params).solid
+    for (_, first), (_, second) in itertools.combinations(parts.items(), 2):
+        common = first & second
+        assert (sum(s.volume for s in common.solids()) if common is not None else 0.0) < 1e-6
+    for name, solid in parts.items():
+        assert solid.is_valid
+        if name != "base":
+            points = np.array([tuple(v) for v in solid.vertices()])
+            assert np.hypot(points[:, 0], points[:, 1]).max() <= params.bore_radius_mm - 0.3
+            if name != "camera":
+                assert points[:, 2].max() < params.camera_height_mm
+
+
+def test_camera_keeps_out_of_its_own_view():
+    """Only glass, within the lens head's rim, rises over the 180 degree plane."""
+    params = EndcapParams(130.0, 8.0)
+    view = Solid.make_box(100, 100, 100).moved(Pos(-50, -50, params.camera_height_mm))
+    above = camera_part(params).solid & view
+    assert 0.0 < above.bounding_box().size.Z <= 2.0
+    assert above.bounding_box().size.X / 2 <= 7.5
+
+
+def test_screw_holds_the_whole_nut_and_stays_under_the_silicone():
+    params = EndcapParams(130.0, 8.0)
+    tolerance = 0.29  # ISO 4762, length 10, js15
+    tip = base_module.SCREW_SEAT_Z_MM + base_module.SCREW_LENGTH_MM
+    assert tip - tolerance >= 2.2 + 1.8
+    assert tip + tolerance <= params.flange_thickness_mm - 1.0
+
+
+def test_spacer_and_ring_have_their_closed_form_volume():
+    """Turned profiles; the notch by the annulus between two chords; the parts are boxes."""
+    params = EndcapParams(130.0, 8.0)
+
+    def disc(radius: float, height: float) -> float:
+        return math.pi * radius**2 * height
+
+    def between(radius: float, half_width: float) -> float:
+        """Area of a disc's half strip |t| < half_width, s > 0."""
+        return radius**2 * math.asin(half_width / radius) + half_width * math.sqrt(radius**2 - half_width**2)
+
+    cone = math.pi * 0.72 / 3 * (38.85**2 + 38.85 * 35.25 + 35.25**2)
+    turned = disc(38.85, 0.28 + 5.4) + cone + disc(31.4, 1.4) - disc(30.0, 1.0 + 6.8)
+    notch = (37.0 * 9.0 - between(30.0, 4.5)) * (5.4 - 0.8) + (between(31.4, 4.5) - between(30.0, 4.5)) * 1.4
+    assert ring_spacer_part(params).solid.volume == pytest.approx(turned - notch, rel=1e-6)
+    ring = disc(38.6, 1.6) - disc(31.55, 1.6) + 9 * 3.0 * 3.0 * 0.55 + 5.0 * 4.25 * 2.95
+    ring += 2.8 * 2.9 * 1.45 + 4.0 * 4.0 * 1.8 + 3.7 * 1.6 * 1.35 + 2.0 * 1.25 * 1.35 + 3.2 * 1.6 * 1.7
+    ring += 1.6 * 0.8 * (0.9 + 0.5)
+    assert led_ring_part(params).solid.volume == pytest.approx(ring, rel=1e-6)

@@ -1,0 +1,265 @@
+"""Each gate holds for what is right and fails on a planted fault, with the size of the fault in its number."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from build123d import Solid
+
+from cad.hanger import SCREW_HOLE_RADIUS_MM, hanger_part
+from cad.jigsaw import sector_prisms
+from cad.mold_cup import bowl_body, flange_tab
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from cad.part import Part
+from cad.solids import cut_holes, drill, one_solid
+from fab.checks.cavity import balance_check, cavity_body, leak_check, trapped_air_check, wall_check
+from fab.checks.check import Check
+from fab.checks.fit import bed_check, min_wall_check, overhang_check, screw_axis_checks
+from fab.checks.meshes import mesh_checks, overlap_check, step_check
+from fab.meshing.mesh import tessellate, to_manifold
+
+
+def failures(checks) -> dict[str, float]:
+    return {check.name: check.value for check in checks if not check.ok}
+
+
+def box(*sides: float, at=(0.0, 0.0, 0.0)) -> trimesh.Trimesh:
+    mesh = trimesh.creation.box(sides)
+    return trimesh.Trimesh(mesh.vertices + np.array(at, float), mesh.faces, process=False)
+
+
+# --- the record of a check ----------------------------------------------------------------------------------------
+
+
+def test_a_check_accepts_its_limits_and_refuses_nan():
+    assert Check("a", 1.0, 1.0, 2.0).ok and Check("a", 2.0, 1.0, 2.0).ok
+    assert not Check("a", math.nextafter(2.0, 3.0), 1.0, 2.0).ok
+    assert not Check("a", math.nan).ok and not Check("a", math.inf, high=1.0).ok
+    limits = [
+        Check("a", 0, 1, 1).limit,
+        Check("a", 0, high=2).limit,
+        Check("a", 0, low=1).limit,
+        Check("a", 0, 1, 2).limit,
+    ]
+    assert limits == ["= 1", "<= 2", ">= 1", "1 .. 2"]
+
+
+# --- single meshes ------------------------------------------------------------------------------------------------
+
+
+def test_a_whole_mesh_passes():
+    assert failures(mesh_checks("box", box(10, 10, 10), 1000.0)) == {}
+
+
+def test_an_open_mesh_fails():
+    mesh = box(10, 10, 10)
+    opened = trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
+    assert failures(mesh_checks("box", opened, None)) == {"box.watertight": 0.0, "box.bodies": 0.0}
+
+
+def test_a_face_turned_over_fails():
+    mesh = box(10, 10, 10)
+    faces = mesh.faces.copy()
+    faces[0] = faces[0][::-1]
+    assert "box.watertight" in failures(mesh_checks("box", trimesh.Trimesh(mesh.vertices, faces, process=False), None))
+
+
+def test_two_bodies_in_one_mesh_fail():
+    both = trimesh.util.concatenate([box(1, 1, 1), box(1, 1, 1, at=(3, 0, 0))])
+    assert failures(mesh_checks("box", both, None)) == {"box.bodies": 2.0}
+
+
+def test_a_mesh_that_cuts_itself_fails():
+    both = trimesh.util.concatenate([box(2, 2, 2), box(2, 2, 2, at=(1.1, 0.3, 0.2))])
+    assert failures(mesh_checks("box", both, None))["box.self_intersections"] > 0
+
+
+def test_one_body_that_cuts_itself_fails():
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=5.0)
+    mesh.vertices[0] *= -1.5  # a spike through the far side
+    found = failures(mesh_checks("ball", trimesh.Trimesh(mesh.vertices, mesh.faces, process=False), None))
+    assert found["ball.self_intersections"] >= 6
+
+
+def test_a_mesh_of_the_wrong_volume_fails():
+    found = failures(mesh_checks("box", box(10, 10, 10.02), 1000.0))
+    assert found == {"box.mesh_volume_error_ratio": pytest.approx(0.002)}
+
+
+def test_a_step_file_is_compared_with_its_solid(tmp_path):
+    from build123d import export_step
+
+    export_step(Solid.make_box(10, 10, 10), tmp_path / "box.step")
+    assert step_check("box", [1000.0], tmp_path / "box.step").ok
+    assert step_check("box", [1001.0], tmp_path / "box.step").value == pytest.approx(1 / 1001, rel=1e-3)
+    assert step_check("box", [500.0, 500.0], tmp_path / "box.step").value == math.inf  # one solid where two belong
+
+
+# --- fit ----------------------------------------------------------------------------------------------------------
+
+
+def test_touching_parts_pass_and_overlapping_parts_fail_by_their_common_volume():
+    bodies = [to_manifold(box(10, 10, 10)), to_manifold(box(10, 10, 10, at=(10, 0, 0)))]
+    assert overlap_check("pair", bodies).value == pytest.approx(0.0, abs=1e-6)
+    bodies[1] = bodies[1].translate([-0.1, 0, 0])
+    check = overlap_check("pair", bodies)
+    assert not check.ok and check.value == pytest.approx(10.0, rel=1e-4)
+
+
+def test_a_shifted_or_missing_screw_hole_fails(released_mold):
+    layout = released_mold[0]
+    hanger = hanger_part(layout)
+    assert failures(screw_axis_checks([hanger], layout)) == {}
+    params = layout.params
+    plate = drill((0, 0), 60.0, 0.0, 6.0)
+
+    def holes(shift: float, count: int = 10) -> list[Solid]:
+        angles = [math.radians(a) for a in params.screw_azimuths_deg[:count]]
+        r = params.screw_circle_radius_mm
+        places = [(r * math.cos(a), r * math.sin(a)) for a in angles]
+        places[3] = (places[3][0] + shift, places[3][1])
+        return [drill(place, SCREW_HOLE_RADIUS_MM, -1.0, 7.0) for place in places]
+
+    def worst(shift: float, count: int = 10) -> float:
+        solid = one_solid(cut_holes(plate, holes(shift, count)), "plate")
+        return screw_axis_checks([Part("plate", "printed", "PLA", solid, (0, 0, 0))], layout)[0].value
+
+    assert worst(0.0) == pytest.approx(0.0, abs=1e-9)
+    assert worst(0.2) == pytest.approx(0.2, abs=1e-6)
+    assert worst(0.0, count=9) > 10.0
+    assert screw_axis_checks([Part("plate", "printed", "PLA", plate, (0, 0, 0))], layout)[0].value == math.inf
+
+
+@pytest.mark.parametrize("wall_mm", [0.4, 0.8 - 1e-3, 2.0])
+def test_the_thinnest_wall_is_found(wall_mm):
+    check = min_wall_check("plate", box(40, 30, wall_mm))
+    assert check.value == pytest.approx(wall_mm, abs=1e-5)
+    assert check.ok == (wall_mm >= 0.8)
+
+
+def test_no_sliver_stands_where_a_jigsaw_tab_meets_the_highest_dam(monkeypatch):
+    layout = MoldLayout(EndcapParams(130, 13))
+    bowl = bowl_body(layout)
+
+    def wall_mm() -> float:
+        prism = sector_prisms(layout, layout.bowl_seams_deg, (flange_tab(layout),))[0]
+        return min_wall_check("bowl", tessellate(one_solid(bowl.intersect(prism), "bowl"), 0.03)).value
+
+    assert wall_mm() > 2
+    monkeypatch.setattr("cad.mold_cup.FLANGE_TAB_OFFSET_MM", 13.0)
+    assert wall_mm() < 0.6
+
+
+def test_the_bed_is_the_smallest_square_in_any_turn():
+    assert bed_check("box", box(100, 100, 50)).value == pytest.approx(100.0)
+    turned = box(300, 10, 10)
+    assert bed_check("bar", turned).value == pytest.approx(310 / math.sqrt(2), rel=1e-6)  # diagonal: a 300 bar fits
+    assert not bed_check("bar", box(400, 10, 10)).ok
+    assert not bed_check("tower", box(10, 10, 257)).ok
+
+
+def test_overhangs_in_the_cavity(released_mold):
+    layout, _, meshes = released_mold
+    assert overhang_check(layout, "cup_bowl_1", meshes["cup_bowl_1"]).ok
+    assert overhang_check(layout, "cup_collar_1", meshes["cup_collar_1"]).ok
+    assert not overhang_check(layout, "cup_collar_1", meshes["cup_bowl_1"]).ok  # the bowl printed on its seam
+
+
+# --- cavity -------------------------------------------------------------------------------------------------------
+
+
+def grown(mesh: trimesh.Trimesh, centre_height: float, by_mm: float, radius: float) -> trimesh.Trimesh:
+    """Move what lies on a sphere about the dome's centre along its radius."""
+    offset = mesh.vertices - [0, 0, centre_height]
+    distance = np.linalg.norm(offset, axis=1)
+    on = np.abs(distance - radius) < 0.02
+    vertices = mesh.vertices.copy()
+    vertices[on] += by_mm * offset[on] / distance[on, None]
+    return trimesh.Trimesh(vertices, mesh.faces, process=False)
+
+
+def test_the_released_wall_is_t_and_a_wall_off_by_a_tenth_fails(released_mold):
+    layout, _, meshes = released_mold
+    assert wall_check(layout, meshes).value < 0.02
+    params = layout.params
+    name = "cup_bowl_2"
+    off = {**meshes, name: grown(meshes[name], params.centre_height_mm, 0.1, params.outer_radius_mm)}
+    check = wall_check(layout, off)
+    assert not check.ok and check.value == pytest.approx(0.1, abs=0.02)
+    thin = {**meshes, "core_key_1": grown(meshes["core_key_1"], params.centre_height_mm, 0.1, params.inner_radius_mm)}
+    assert wall_check(layout, thin).value == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_mold_that_is_missing_a_segment_has_no_wall(released_mold):
+    layout, _, meshes = released_mold
+    assert wall_check(layout, {k: m for k, m in meshes.items() if k != "cup_bowl_2"}).value == math.inf
+
+
+def test_the_cavity_balances_and_a_core_that_is_not_pressed_home_does_not(released_mold):
+    layout, _, meshes = released_mold
+    outside = box(1, 1, 1, at=(0, 0, -50))  # no TPU
+    closed = cavity_body(layout, meshes).volume()
+    params = layout.params
+    steps = np.linspace(params.flange_thickness_mm, params.tip_height_mm, 40001)
+    middles, dz = (steps[1:] + steps[:-1]) / 2, steps[1] - steps[0]
+    ramp = layout.neck_radius_mm + (middles - params.flange_thickness_mm) / math.tan(math.radians(layout.ramp_deg))
+    inner = np.array([min(r, params.inner_radius_at(z)) for r, z in zip(ramp, middles, strict=True)])
+    outer = np.array([params.outer_radius_at(z) for z in middles])
+    expected = math.pi * dz * (outer**2 - inner**2).sum()
+    expected -= 103 * math.pi * 0.6 / 6 * (3 * 2.0**2 + 0.6**2) * 0.95  # dents: caps on a flat, less its curvature
+    assert closed == pytest.approx(expected, rel=1e-3)
+    assert balance_check(layout, meshes, outside, closed).value < 1e-9
+    lifted = {
+        k: trimesh.Trimesh(m.vertices - [0, 0, 0.5 * k.startswith("core_")], m.faces, process=False)
+        for k, m in meshes.items()
+    }
+    assert not balance_check(layout, lifted, outside, closed).ok
+
+
+def test_a_leak_grows_with_the_cube_of_the_gap_and_fails_at_0_3_mm(released_mold):
+    layout = released_mold[0]
+    volume = 2e5
+    tight, wide = leak_check(layout, volume), leak_check(dataclasses.replace(layout, joint_clearance_mm=0.3), volume)
+    assert tight.ok and not wide.ok
+    assert wide.value / tight.value == pytest.approx((0.3 / 0.15) ** 3 * 6 / 7)  # a wide joint has a thicker wall
+    # closed form at 0.3 mm, SI: g^3 rho g h / (12 mu l) * joint length * time, over the pour
+    params = layout.params
+    head = 1240 * 9.81 * (params.tip_height_mm - 6.0) * 1e-3
+    flow = 0.3e-3**3 * head / (12 * 35 * 7e-3) * 3 * math.pi / 2 * 65e-3
+    assert wide.value == pytest.approx(flow * 2700 / (volume * 1e-9), rel=1e-9)
+
+
+def cast_block(*tools: Solid) -> trimesh.Trimesh:
+    """A round cast of 40 mm height above the flange's level, with something added."""
+    block = drill((0, 0), 30.0, 6.0, 46.0)
+    return tessellate(one_solid(block.fuse(*tools) if tools else block, "block"), 0.05)
+
+
+def test_air_is_trapped_where_the_cast_rises_into_a_pocket_of_the_mold(released_mold):
+    """The mold is poured with +z down: a pocket reaches toward lower z above the level of the vents."""
+    layout = released_mold[0]
+    assert trapped_air_check(layout, cast_block()).value == 0  # all its summits are at the vents
+    pockets = [Solid.make_sphere(6.0).translate((32 * math.cos(a), 32 * math.sin(a), 30.0)) for a in (0.3, 1.7, 4.0)]
+    for count in (1, 2, 3):
+        assert trapped_air_check(layout, cast_block(*pockets[:count])).value == count
+
+
+def test_air_is_trapped_under_a_flat_roof_and_in_a_ring(released_mold):
+    layout = released_mold[0]
+    brim = drill((0.0, 0.0), 36.0, 30.0, 40.0)  # its roof leads to the block, so it holds no air itself
+    assert trapped_air_check(layout, cast_block(brim)).value == 0
+    chimney = drill((33.0, 0.0), 1.5, 25.0, 31.0)
+    assert trapped_air_check(layout, cast_block(brim, chimney)).value == 1
+    ring = one_solid(drill((0.0, 0.0), 34.0, 25.0, 31.0).cut(drill((0.0, 0.0), 32.0, 24.0, 32.0)), "ring")
+    assert trapped_air_check(layout, cast_block(brim, ring)).value == 1
+
+
+def test_air_climbs_along_a_sloping_roof(released_mold):
+    layout = released_mold[0]
+    cone = Solid.make_cone(30.0, 40.0, 10.0).translate((0, 0, 20.0))  # its upper side (lower z) leads to the block
+    assert trapped_air_check(layout, cast_block(cone)).value == 0

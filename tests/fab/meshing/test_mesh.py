@@ -1,0 +1,110 @@
+"""Meshes: STL round trip, welding, chord tolerance and its order, manifold3d."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from build123d import Solid
+
+from cad.errors import EndcapError, FileError, GeometryError
+from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, weld, write_stl
+
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return tessellate(Solid.make_sphere(20.0), 0.1)
+
+
+def test_stl_is_read_back_and_written_again_byte_for_byte(ball, tmp_path):
+    write_stl(tmp_path / "a.stl", ball)
+    back = read_stl(tmp_path / "a.stl")
+    assert np.array_equal(back.vertices[back.faces], ball.vertices[ball.faces])
+    write_stl(tmp_path / "b.stl", back)
+    assert (tmp_path / "a.stl").read_bytes() == (tmp_path / "b.stl").read_bytes()
+
+
+def test_another_reader_agrees(ball, tmp_path):
+    write_stl(tmp_path / "a.stl", ball)
+    other = trimesh.load(tmp_path / "a.stl")
+    assert len(other.faces) == len(ball.faces)
+    assert other.volume == pytest.approx(ball.volume, rel=1e-6)
+    data = (tmp_path / "a.stl").read_bytes()
+    assert not data.startswith(b"solid")  # ascii readers go by this word
+    normal = np.frombuffer(data, "<f4", 3, 84)
+    assert normal == pytest.approx(ball.face_normals[0], abs=1e-4)
+
+
+@pytest.mark.parametrize("keep", [0, 50, 84, 84 + 50 * 3, -1])
+def test_a_cut_short_stl_is_refused(ball, tmp_path, keep):
+    write_stl(tmp_path / "a.stl", ball)
+    whole = (tmp_path / "a.stl").read_bytes()
+    (tmp_path / "a.stl").write_bytes(whole[:keep])
+    with pytest.raises(FileError, match=r"a\.stl: not a whole binary STL \(\d+ bytes\)") as caught:
+        read_stl(tmp_path / "a.stl")
+    assert isinstance(caught.value, EndcapError)
+
+
+def test_an_stl_with_a_false_count_is_refused(ball, tmp_path):
+    write_stl(tmp_path / "a.stl", ball)
+    data = bytearray((tmp_path / "a.stl").read_bytes())
+    data[80:84] = struct.pack("<I", len(ball.faces) + 1)
+    (tmp_path / "a.stl").write_bytes(bytes(data))
+    with pytest.raises(FileError):
+        read_stl(tmp_path / "a.stl")
+
+
+def test_weld_joins_equal_corners_and_only_those():
+    soup = TETRAHEDRON[FACES].reshape(-1, 3)
+    mesh = weld(soup, np.arange(12).reshape(-1, 3))
+    assert len(mesh.vertices) == 4 and mesh.is_watertight
+    assert mesh.volume == pytest.approx(1 / 6)
+    soup[0] += 1e-3  # one corner of one triangle moves: no weld, and so an open mesh
+    assert not weld(soup, np.arange(12).reshape(-1, 3)).is_watertight
+
+
+def test_weld_takes_minus_zero_for_zero():
+    soup = TETRAHEDRON[FACES].reshape(-1, 3)
+    soup[:6] = np.where(soup[:6] == 0, -0.0, soup[:6])
+    assert len(weld(soup, np.arange(12).reshape(-1, 3)).vertices) == 4
+
+
+def test_weld_drops_collapsed_and_cancelling_triangles():
+    flap = np.vstack([FACES, [[0, 0, 1]], [[0, 1, 4]], [[1, 0, 4]]])
+    mesh = weld(np.vstack([TETRAHEDRON, [[2.0, 2.0, 2.0]]]), flap)
+    assert len(mesh.faces) == 4 and mesh.is_watertight
+
+
+def test_tessellation_error_is_of_first_order_in_the_tolerance_and_one_sided():
+    """A chord's sagitta is the tolerance, and the volume between sphere and facets is in proportion to it."""
+    exact = 4 / 3 * math.pi * 20.0**3
+    tolerances = np.array([0.2, 0.1, 0.05, 0.025, 0.0125])
+    solid = Solid.make_sphere(20.0)
+    meshes = [tessellate(solid, tolerance, angle_rad=2.0) for tolerance in tolerances]
+    lack = np.array([1 - mesh.volume / exact for mesh in meshes])
+    assert (lack > 0).all()
+    slope = np.polyfit(np.log(tolerances), np.log(lack), 1)[0]
+    assert slope == pytest.approx(1.0, abs=0.1)
+    for mesh in meshes:
+        assert mesh.is_watertight
+        assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(20.0, abs=1e-5)
+
+
+def test_tessellation_is_repeatable_and_faces_outward():
+    solid = Solid.make_torus(20.0, 4.0)
+    first, second = tessellate(solid, 0.05), tessellate(solid, 0.05)
+    assert np.array_equal(first.vertices, second.vertices) and np.array_equal(first.faces, second.faces)
+    assert first.volume == pytest.approx(2 * math.pi**2 * 20 * 4**2, rel=0.01)
+
+
+def test_manifold_round_trip_keeps_the_volume_and_an_open_mesh_is_refused(ball):
+    assert from_manifold(to_manifold(ball)).volume == pytest.approx(ball.volume, rel=1e-9)
+    opened = trimesh.Trimesh(ball.vertices, ball.faces[1:], process=False)
+    with pytest.raises(GeometryError, match="not a closed manifold"):
+        to_manifold(opened)

@@ -1,0 +1,165 @@
+"""Coupons: gaps of the fit steps, gyroid on the bond specimens, planted faults, and the way back into the molds."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+import cad.coupons as coupons
+from cad.bought import bought_mm
+from cad.errors import ParameterError
+from cad.interface import POCKET_WIDTH_MM
+from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout
+from cad.params import EndcapParams
+from fab.checks.cavity import LEAK_RATIO, leak_check
+from fab.coupons.__main__ import coupon_bom, main
+from fab.coupons.checks import closed_share, coupon_checks, solid_checks
+from fab.coupons.mesh import with_gyroid
+from fab.meshing.gyroid import DENSITY
+from fab.meshing.mesh import tessellate
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return {part.name: part for part in coupons.coupon_parts()}
+
+
+@pytest.fixture(scope="module")
+def tensile(parts):
+    return with_gyroid(tessellate(parts["tensile_tpu"].solid), coupons.zones_mm()["tensile_tpu"])[0]
+
+
+def failed(checks) -> set[str]:
+    return {check.name for check in checks if not check.ok}
+
+
+def test_solids_have_their_closed_form_volumes(parts):
+    """Boxes and discs; a socket takes what of its disc lies below the seam that is cut back."""
+    for tray in coupons.TRAYS:
+        outer = (tray.length_mm + 8) * (tray.width_mm + 8) * (tray.depth_mm + 4)
+        hole = math.pi * 16 * 4 if tray.push_mm else 0.0
+        inside = tray.length_mm * tray.width_mm * tray.depth_mm
+        assert parts[tray.name].solid.volume == pytest.approx(outer - inside - hole, rel=1e-6)
+    tab = 16 * math.pi - segment(4.0, 2.48)  # the part of the disc above the seam is inside the handle
+    assert parts["fit_tab"].solid.volume == pytest.approx(8 * (12 * 12 + tab), rel=1e-6)
+    plate = 84 * 14.0
+    for k, gap in enumerate(coupons.CLEARANCES_MM):
+        radius, depth = 4.0 + gap, 2.48 - gap
+        socket = math.pi * radius**2 - segment(radius, depth)
+        plate -= 14 * gap + socket + (k + 1) * 1.2 * 1.0
+    assert parts["fit_plate"].solid.volume == pytest.approx(8 * plate, rel=1e-6)
+
+
+def segment(radius: float, distance: float) -> float:
+    """Area of a disc beyond a chord at a distance from its centre."""
+    return radius**2 * math.acos(distance / radius) - distance * math.sqrt(radius**2 - distance**2)
+
+
+def test_every_step_has_its_gap_and_a_shifted_tab_is_seen(parts):
+    assert failed(solid_checks(parts)) == set()
+    from build123d import Pos
+
+    moved = replace(parts["fit_tab"], solid=Pos(0, 0.1, 0) * parts["fit_tab"].solid)
+    assert {f"fit_plate.socket_{k}_gap_mm" for k in range(1, 7)} <= failed(solid_checks({**parts, "fit_tab": moved}))
+
+
+def test_specimens_are_the_papers(parts):
+    size = parts["tensile_plain_tpu"].solid.bounding_box().size
+    assert tuple(size) == pytest.approx((25, 25, 50))
+    low, high = coupons.zones_mm()["tensile_tpu"]
+    assert high[2] - low[2] == pytest.approx(25)  # interference
+    low, high = coupons.zones_mm()["peel_tpu"]
+    assert (high[0] - low[0], high[2]) == (pytest.approx(200), pytest.approx(25 - coupons.ARM_MM))
+    assert coupons.NUT_WIDTHS_MM[1] == POCKET_WIDTH_MM
+    assert min(coupons.NUT_WIDTHS_MM) > bought_mm("nut_m3", "across_flats")
+
+
+def test_gyroid_on_a_specimen(parts, tensile):
+    zone = coupons.zones_mm()["tensile_tpu"]
+    assert tensile.is_watertight
+    assert tensile.body_count == 1
+    extra = tensile.volume - parts["tensile_tpu"].solid.volume
+    assert extra / 25**3 == pytest.approx(DENSITY, rel=2e-3)
+    assert tensile.bounds == pytest.approx(np.array([[-12.5, -12.5, 0], [12.5, 12.5, 50]]), abs=1e-5)
+    assert 0.05 < closed_share(tensile, *zone) < 0.35
+    section = tensile.section(plane_origin=(0, 0, 37.3), plane_normal=(0, 0, 1)).to_2D()[0]
+    assert section.area / 625 == pytest.approx(DENSITY, rel=0.25)  # another way: a cut through the zone
+
+
+def test_a_closed_side_and_an_open_mesh_are_seen(parts, tensile, monkeypatch):
+    monkeypatch.setattr("fab.coupons.checks.zones_mm", lambda: {"tensile_tpu": coupons.zones_mm()["tensile_tpu"]})
+    only = {"tensile_tpu": parts["tensile_tpu"]}
+    assert failed(coupon_checks(only, {"tensile_tpu": tensile})) == set()
+    lid = trimesh.creation.box(extents=(25, 25, 1), transform=trimesh.transformations.translation_matrix((0, 0, 49.5)))
+    closed = trimesh.boolean.union([tensile, lid], engine="manifold")
+    assert {"tensile_tpu.closed_side_share", "tensile_tpu.density_error_ratio"} <= failed(
+        coupon_checks(only, {"tensile_tpu": closed})
+    )
+    torn = trimesh.Trimesh(tensile.vertices, tensile.faces[:-1], process=False)
+    assert "tensile_tpu.watertight" in failed(coupon_checks(only, {"tensile_tpu": torn}))
+
+
+def test_pours_balance():
+    """Silicone and TPU of a tensile specimen fill its tray, play included."""
+    volumes = {"tensile_tpu": 25**3 * (1 + DENSITY), "peel_tpu": 300 * 25 * 5.5 + 0.1 * 200 * 25 * 14}
+    lines = {line.item: line for line in coupon_bom({}, volumes, "Smooth-Sil 950", 1.24)}
+    wanted = 75.4 * 25.4 * 25 - volumes["tensile_tpu"]
+    assert lines["tensile_tray filled"].volume_mm3 == pytest.approx(wanted)
+    assert lines["tensile_tray filled"].mass_g == pytest.approx(1.24e-3 * wanted)
+    peel = lines["peel_tray filled"].volume_mm3
+    assert peel == pytest.approx(300.4 * 25.4 * 25 - volumes["peel_tpu"] - 99.8 * 25 * 14)
+
+
+def test_the_measured_step_goes_back_into_the_molds():
+    layout = MoldLayout(EndcapParams(130, 8), 0.20)
+    usual = MoldLayout(EndcapParams(130, 8))
+    assert layout.neck_radius_mm == pytest.approx(usual.neck_radius_mm - 0.05)
+    assert (usual.bowl_wall_mm, layout.bowl_wall_mm) == (6.0, pytest.approx(6.998, abs=1e-3))
+    pour_mm3 = 2.8e5  # of this shell
+    wider = replace(layout, joint_clearance_mm=0.25)
+    assert leak_check(layout, pour_mm3).value < LEAK_RATIO < leak_check(wider, pour_mm3).value
+    assert min(coupons.CLEARANCES_MM) == JOINT_CLEARANCE_RANGE_MM[0]
+    assert max(coupons.CLEARANCES_MM) == JOINT_CLEARANCE_RANGE_MM[1]
+    assert JOINT_CLEARANCE_MM in coupons.CLEARANCES_MM
+    for wrong in (0.04, 0.31, math.nan):
+        with pytest.raises(ParameterError, match=r"joint_clearance=.* outside 0\.05\.\.0\.3 mm"):
+            MoldLayout(EndcapParams(130, 8), wrong)
+
+
+def test_molds_command_takes_the_clearance(monkeypatch, tmp_path, capsys):
+    import fab.molds as molds
+
+    seen = []
+    monkeypatch.setattr(molds, "make_molds", lambda layout, exports, progress: seen.append(layout) or 0)
+    assert molds.main(["D=130", "T=8", "joint_clearance=0.20", f"exports={tmp_path}"]) == 0
+    assert seen[0].joint_clearance_mm == 0.20
+    assert molds.main(["joint_clearance=0.5"]) == 2
+    assert "joint_clearance=0.5 outside 0.05..0.3" in capsys.readouterr().err
+
+
+def test_bad_options(capsys, tmp_path):
+    assert main(["material=Butter", f"exports={tmp_path}"]) == 2
+    assert "Butter" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    assert json.dumps(coupons.CLEARANCES_MM) == "[0.05, 0.1, 0.15, 0.2, 0.25, 0.3]"
+
+
+def test_a_failed_check_leaves_nothing(monkeypatch, capsys, tmp_path):
+    import fab.coupons.checks
+    import fab.coupons.mesh
+    from fab.checks.check import Check
+
+    box = trimesh.creation.box(extents=(25, 25, 25))
+    monkeypatch.setattr(fab.coupons.mesh, "coupon_meshes", lambda parts: ({name: box for name in parts}, {}))
+    monkeypatch.setattr(
+        fab.coupons.checks, "solid_checks", lambda _: [Check("fit_plate.socket_3_gap_mm", 0.2, 0.1, 0.15)]
+    )
+    monkeypatch.setattr(fab.coupons.checks, "coupon_checks", lambda *_: [])
+    assert main([f"exports={tmp_path}"]) == 1
+    assert "fit_plate.socket_3_gap_mm = 0.2, wanted 0.1 .. 0.15" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

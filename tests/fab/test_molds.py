@@ -1,0 +1,285 @@
+"""The command line: one small design made twice, bad input, full disks, failing gates, interruption."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from fab import molds
+from fab.checks.check import Check
+from fab.command import parse_length, parse_options
+from fab.exports.writer import whole_folder
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = ("D=100", "T=8")
+
+
+def start(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "fab.molds", *words],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.rglob("*"))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The whole command twice: folders and what was printed."""
+    made = []
+    for k in range(2):
+        exports = tmp_path_factory.mktemp(f"exports{k}")
+        process = start(*SMALL, f"exports={exports}")
+        out, err = process.communicate()
+        assert process.returncode == 0, err
+        made.append((exports / "D100_T8", out, err))
+    return made
+
+
+@pytest.fixture(scope="module")
+def written(runs):
+    return runs[0][0], json.loads((runs[0][0] / "manifest.json").read_text())
+
+
+def test_the_command_says_one_line_and_is_quiet_without_a_terminal(runs):
+    for folder, out, err in runs:
+        assert err == ""
+        assert len(out.splitlines()) == 1 and str(folder) in out and "checks passed" in out
+
+
+def test_manifest_has_parameters_and_digest(written):
+    params = EndcapParams(100.0, 8.0)
+    assert written[1]["parameters"] == {"diameter_mm": 100.0, "wall_mm": 8.0}
+    assert written[1]["digest"] == params.digest
+
+
+def test_manifest_names_every_part_with_its_figures(written):
+    folder, manifest = written
+    parts = {part["name"]: part for part in manifest["parts"]}
+    mold = [f"cup_{half}_{k}" for half in ("bowl", "collar") for k in (1, 2, 3)]
+    mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wide") for k in (1, 2, 3)), "hanger"]
+    assert set(parts) == {*mold, "interface", "base", "ring_spacer", "shell", "led_ring", "camera"}
+    for name, part in parts.items():
+        assert part["role"] in ("printed", "cast", "bought") and part["quantity"] >= 1 and part["material"]
+        assert part["volume_mm3"]["solid"] > 0 and part["volume_mm3"]["mesh"] > 0
+        assert all(low < high for low, high in zip(*part["bounding_box_mm"], strict=True))
+        assert part["triangles"] > 0
+        if part["role"] == "bought":
+            assert part["files"] == {}
+            continue
+        assert part["watertight"] is True and part["self_intersections"] == 0
+        project = {f"{name}.3mf"} if part["role"] == "printed" else set()
+        assert set(part["files"]) == {f"{name}.stl", f"{name}.step"} | project
+        assert (folder / f"{name}.stl").stat().st_size == 84 + 50 * part["triangles"]
+
+
+def test_manifest_has_the_true_digest_of_every_file_and_there_are_no_others(written):
+    folder, manifest = written
+    digests = dict(manifest["files"])
+    for part in manifest["parts"]:
+        digests |= part["files"]
+    assert {"assembly.step", "assembly.glb", "exploded.png", "section.png", "parts.png"} <= set(manifest["files"])
+    assert set(digests) | {"manifest.json"} == {path.name for path in folder.iterdir()}
+    for name, digest in digests.items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest, name
+
+
+def test_manifest_has_every_check_with_its_number(written):
+    checks = {check["name"]: check for check in written[1]["checks"]}
+    assert len(checks) == len(written[1]["checks"]) > 200
+    assert all(check["ok"] is True for check in checks.values())
+    assert all(isinstance(check["value"], (int, float)) and check["limit"] for check in checks.values())
+    wanted = ["cavity.balance_error_ratio", "cavity.wall_error_mm", "cavity.air_traps", "cavity.leak_ratio"]
+    wanted += ["endcap.overlap_mm3", "mold.overlap_mm3", "bumps.count", "bumps.position_error_mm"]
+    wanted += [f"{name}.screw_axis_error_mm" for name in ("interface", "base", "hanger")]
+    for part in written[1]["parts"]:
+        name = part["name"]
+        if part["role"] != "bought":
+            wanted += [f"{name}.watertight", f"{name}.self_intersections", f"{name}.step_volume_error_ratio"]
+        if name.startswith(("core_", "cup_")):
+            wanted += [f"{name}.{what}" for what in ("way_out_penetration_mm", "way_out_gap_mm", "rim_strain")]
+    assert [name for name in wanted if name not in checks] == []
+
+
+def test_a_second_run_reproduces_every_mesh_and_the_manifest(runs):
+    first, second = runs[0][0], runs[1][0]
+    names = [*sorted(path.name for path in first.glob("*.stl")), "manifest.json"]
+    assert len(names) > 15
+    assert [n for n in names if (first / n).read_bytes() != (second / n).read_bytes()] == []
+
+
+# --- bad input ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["D=abc"], "D=abc is not a number"),
+        (["D=130mm"], "D=130mm is not a number: give millimetres without a unit"),
+        (["D=nan"], "diameter_mm=nan"),
+        (["T=inf"], "wall_mm=inf"),
+        (["D=-130"], "diameter_mm=-130"),
+        (["D=5.118"], "looks like inches"),
+        (["T=40"], "wall_mm=40 outside 6.5..13"),
+        (["T=0.3"], "wall_mm=0.3 outside 6.5..13"),
+        (["d=130"], "'d=130' is not an option"),
+        (["--fast"], "'--fast' is not an option"),
+        (["D"], "'D' is not an option"),
+        (["D="], "'D=' is not an option"),
+    ],
+)
+def test_bad_input_gets_one_line_status_2_and_no_files(words, expected, tmp_path, capsys):
+    exports = tmp_path / "exports"
+    assert molds.main([*words, f"exports={exports}"]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and len(err.splitlines()) == 1
+    assert err.startswith("make molds: ") and expected in err
+    assert not exports.exists()
+
+
+def test_an_exports_folder_that_cannot_be_made_gets_one_line_and_status_2(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    process = start(*SMALL, f"exports={tmp_path / 'file' / 'exports'}")
+    out, err = process.communicate()
+    assert process.returncode == 2 and out == "" and len(err.splitlines()) == 1
+    assert "exports=" in err and "Not a directory" in err and "exports=DIR" in err
+    assert left_in(tmp_path) == ["file"]
+
+
+def test_help_names_every_option_and_status(capsys):
+    with pytest.raises(SystemExit) as caught:
+        molds.main(["--help"])
+    assert caught.value.code == 0
+    text = capsys.readouterr().out
+    assert [word for word in ("D=130", "T=8", "exports=DIR", "exit status") if word not in text] == []
+
+
+def test_parsing():
+    assert parse_options(["T=6"], molds.COMMAND.defaults) == {**molds.COMMAND.defaults, "T": "6"}
+    assert parse_length("D", "130.5") == 130.5
+    with pytest.raises(ParameterError):
+        parse_length("D", "5 in")
+
+
+# --- whole or not at all ------------------------------------------------------------------------------------------
+
+
+def full_disk(*_args, **_kwargs):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+class Inline(Executor):
+    """Runs each call at once, in this process."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: Future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture
+def stub(monkeypatch):
+    """Everything after the design replaced by writers of one small file, and one gate that holds."""
+    design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
+    monkeypatch.setattr("fab.design.build_design", lambda *_: design)
+    monkeypatch.setattr("fab.exports.writer.write_meshes", lambda _, folder: (folder / "hanger.stl").write_text("s"))
+    monkeypatch.setattr("fab.exports.writer.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
+    monkeypatch.setattr("fab.exports.writer.picture_items", lambda _: ([], []))
+    monkeypatch.setattr(
+        "fab.exports.writer.write_pictures", lambda _, __, folder: (folder / "parts.png").write_text("png")
+    )
+    for name in ("write_solids", "write_assemblies"):
+        monkeypatch.setattr(f"fab.exports.writer.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
+    monkeypatch.setattr("fab.exports.writer.manifest", lambda *_: {})
+    monkeypatch.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])
+    monkeypatch.setattr(molds, "ProcessPoolExecutor", lambda *_args, **_kwargs: Inline())
+    return monkeypatch
+
+
+def test_the_stub_writes_when_nothing_fails(stub, tmp_path, capsys):
+    assert molds.main([f"exports={tmp_path}"]) == 0
+    assert sorted(os.listdir(tmp_path)) == ["D130_T8"]
+    assert "manifest.json" in left_in(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "writer", ["write_meshes", "write_3mf", "write_solids", "write_assemblies", "write_pictures", "write_manifest"]
+)
+def test_a_full_disk_gets_one_line_status_2_and_leaves_nothing(stub, writer, tmp_path, capsys):
+    stub.setattr(f"fab.exports.writer.{writer}", full_disk)
+    assert molds.main([f"exports={tmp_path}"]) == 2
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1 and "No space left on device" in err and "exports=DIR" in err
+    assert left_in(tmp_path) == []
+
+
+def test_a_failing_gate_names_the_check_and_leaves_nothing(stub, tmp_path, capsys):
+    stub.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 0.0, low=1), Check("a", 0.0)])
+    assert molds.main([f"exports={tmp_path}"]) == 1
+    err = capsys.readouterr().err
+    assert "shell.watertight = 0, wanted >= 1" in err and "1 of 2 checks failed" in err
+    assert left_in(tmp_path) == []
+
+
+def test_a_failing_run_keeps_what_an_earlier_one_wrote(stub, tmp_path):
+    assert molds.main([f"exports={tmp_path}"]) == 0
+    before = left_in(tmp_path)
+    stub.setattr("fab.exports.writer.write_pictures", full_disk)
+    assert molds.main([f"exports={tmp_path}"]) == 2
+    assert left_in(tmp_path) == before
+
+
+def test_interruption_leaves_nothing(stub, tmp_path, capsys):
+    def interrupted(*_):
+        signal.raise_signal(signal.SIGINT)
+
+    stub.setattr("fab.checks.gates.run_gates", interrupted)
+    assert molds.main([f"exports={tmp_path}"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert left_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("wait_s", [2.0, 8.0])  # while the CAD kernel is loaded, and while parts are made
+def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, wait_s):
+    process = start(*SMALL, f"exports={tmp_path}")
+    time.sleep(wait_s)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == "" and err == "make molds: interrupted; nothing was left behind\n"
+    assert left_in(tmp_path) == []
+
+
+def test_whole_folder_replaces_an_old_one_at_once(tmp_path):
+    final = tmp_path / "D"
+    for text in ("old", "new"):
+        with whole_folder(final) as folder:
+            (folder / text).write_text(text)
+    assert left_in(tmp_path) == ["D", "new"]
+    with pytest.raises(FileError, match="No space left"), whole_folder(final) as folder:
+        (folder / "half").write_text("half")
+        full_disk()
+    assert left_in(tmp_path) == ["D", "new"]

@@ -1,0 +1,276 @@
+"""From a folder of labelled frames to weights and a table, on pictures drawn and warped (no simulator)."""
+
+import csv
+import json
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from live_stand_in import stand_in
+
+from cad.dots import dot_pattern
+from cad.errors import ParameterError
+from cad.params import EndcapParams
+from sensing.camera.mount import mount, rotation_matrix
+from sensing.camera.nominal import nominal_lens, nominal_mount
+from sensing.live.core.config import CapConfig
+from sensing.live.core.pipeline import CapPipeline
+from sensing.records_labelled import COLUMNS, LabelledSet
+from sensing.sources.drawn import Drawing, draw_dots
+from sensing.sources.warp import Bump, Displacement, warp_image
+from sensing.tracking.zero import single_zero
+
+pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+from sensing import evaluate, train
+from sensing.learning.compliance import contact_axes, fit_compliance, turned_field
+from sensing.learning.contenders import Views, frame_keys, held_out
+from sensing.learning.marker_fields import PLAIN, MarkerSensor
+from sensing.learning.samples import VIEWS, read_samples, shared_between
+from sensing.learning.scores import score, table
+from sensing.learning.timeliness import filtered_score, lag_s
+
+DOTS = len(dot_pattern(EndcapParams(130, 8)))
+PHASES = ["approach", "touch", "load", "circle", "unload", "clear", "drag", "impact", "stand", "airborne"]
+
+
+def write_set(folder, paths, seed, diameter=130.0):
+    """A labelled set whose pictures shift with the force and spread with the push."""
+    (folder / "shards").mkdir(parents=True)
+    request = {"diameter_mm": diameter, "wall_mm": 8.0, "protocol": "static", "seed": seed}
+    (folder / "manifest.json").write_text(json.dumps({"format": 2, "phases": PHASES, "request": request}))
+    rng = np.random.default_rng(seed)
+    image = draw_dots(Drawing())[0]
+    reference = cv2.imencode(".jpg", image)[1]
+    for path in range(paths):
+        end = rng.uniform(-1, 1, 3) * [6, 6, 8] - [0, 0, 10]
+        forces = np.linspace(0, 1, 4)[:, None] * end
+        pictures = []
+        for f in forces:
+            bump = Bump((320.0, 240.0), (0.8 * f[0], 0.8 * f[1]), 90.0)
+            pictures.append(
+                cv2.imencode(".jpg", warp_image(image, Displacement((0.0, 0.0), -0.004 * f[2], bumps=(bump,))))[1]
+            )
+        n = len(forces)
+        rows = {name: np.zeros(n) for name in COLUMNS}
+        rows |= {
+            "path": np.full(n, path), "step": np.arange(n), "phase": np.array([0, 2, 2, 3]), "scene": np.full(n, -1),
+            "cap": np.full(n, -1), "time_s": np.arange(n) / 30, "force_n": forces, "torque_nm": np.zeros((n, 3)),
+            "contact": np.arange(n) > 0, "tilt_deg": np.full(n, 10.0 * path), "azimuth_deg": np.full(n, 3.0 * seed),
+            "friction": np.full(n, 0.5 + 0.01 * path), "reference": np.zeros(n, int),
+            "dots_mm": 0.02 * np.repeat(forces[:, None], DOTS, axis=1),
+            "dots_px": np.zeros((n, DOTS, 2)), "dots_visible": np.ones((n, DOTS), bool),
+            "jpeg": np.concatenate(pictures), "jpeg_end": np.cumsum([len(p) for p in pictures]),
+            "reference_jpeg": reference, "reference_jpeg_end": np.array([len(reference)]),
+        }  # fmt: skip
+        np.savez(folder / "shards" / f"{path:05d}.npz", **rows)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    base = tmp_path_factory.mktemp("sets")
+    return write_set(base / "train", 8, 1), write_set(base / "test", 3, 2)
+
+
+@pytest.fixture(scope="module")
+def weights(folders, tmp_path_factory):
+    out = tmp_path_factory.mktemp("weights") / "w.safetensors"
+    assert train.main([str(folders[0]), "--out", str(out), "--method", "dots", "--epochs", "30"]) == 0
+    return out
+
+
+def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
+    folder = write_set(tmp_path / "set", 2, 3)
+    first = read_samples(folder)
+    cache = folder / "fields_dots_16x16.npz"
+    stamp = cache.stat().st_mtime_ns
+    assert np.array_equal(read_samples(folder).fields, first.fields) and cache.stat().st_mtime_ns == stamp
+    assert len(first) == 8 and set(first.path) == {"static-3-0", "static-3-1"}
+    height_m = first.design.centre_height_mm / 1000
+    lever = np.cross([0, 0, -height_m], first.wrenches[:, :3])
+    assert np.allclose(first.wrenches[:, 3:], lever)  # labels about the endcap's origin, samples about the sphere's
+    (folder / "shards" / "00001.npz").unlink()
+    assert len(read_samples(folder)) == 4
+    cache.write_bytes(b"damaged")
+    assert len(read_samples(folder)) == 4
+
+
+@pytest.mark.parametrize("mounted", ["camera.json", "the nominal camera's file", "no file"])
+def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
+    """To the bit with the same camera; to 1e-6 px where one of them reads the nominal camera from a file."""
+    folder = write_set(tmp_path / "set", 2, 3)
+    design, camera = EndcapParams(130, 8), None
+    if mounted != "no file":
+        camera = folder / "camera.json"
+        turned = rotation_matrix([0.02, -0.01, 0.03])
+        turned_in = mount(nominal_lens(), (0.4, -0.3, design.camera_height_mm + 0.3), turned)
+        (turned_in if mounted == "camera.json" else nominal_mount(design)).save(camera)
+    trained = read_samples(folder)
+    cap = CapConfig("endcap_0", "test", camera=camera if mounted == "camera.json" else None)
+    pipe, live = None, []
+    for item in LabelledSet(folder).frames():
+        if item.frame.sequence == 0:
+            pipe = CapPipeline(cap, stand_in(), single_zero(item.reference))
+        live.append(pipe.update(item.frame).field.channels)
+    off = np.abs(np.array(live) - trained.fields).max()
+    assert off == 0 if mounted != "the nominal camera's file" else off < 1e-6
+    assert np.abs(trained.fields).max() > 1.0
+
+
+def test_train_then_evaluate(folders, weights, tmp_path, capsys):
+    out = tmp_path / "table.csv"
+    arguments = [str(folders[1]), "--weights", str(weights), "--train", str(folders[0]), "--csv", str(out)]
+    assert evaluate.main([*arguments, "--paper-epochs", "3"]) == 0
+    said = capsys.readouterr().out
+    for name in (
+        "ours, test",
+        "ridge, test",
+        "physics inverse, test",
+        "paper, test",
+        "ours + filter, test",
+        "predicted to now, test",
+    ):
+        assert name in said
+    rows = {row["name"]: row for row in csv.DictReader(out.open())}
+    assert float(rows["ours, test"]["rmse_fx_n"]) < 1.0 < float(rows["paper, test"]["rmse_fx_n"])
+    assert float(rows["ours, test"]["rest_n"]) < 0.3
+
+
+def test_leaks_and_bad_input_are_refused_in_one_line(folders, weights, tmp_path, capsys):
+    assert evaluate.main([str(folders[0]), "--weights", str(weights)]) == 2
+    assert "shares 8 paths, poses or pictures with the training (path static-1-0)" in capsys.readouterr().err
+    assert train.main([str(tmp_path), "--out", str(tmp_path / "w")]) == 2
+    assert train.main([str(folders[0]), "--out", str(tmp_path / "none" / "w")]) == 2
+    other = write_set(tmp_path / "other", 1, 5, diameter=140.0)
+    assert train.main([str(folders[0]), str(other), "--method", "dots", "--out", str(tmp_path / "w")]) == 2
+    assert "give folders of one design" in capsys.readouterr().err
+    assert evaluate.main([str(other), "--weights", str(weights)]) == 2
+    assert "weights of D130_T8, this endcap is D140_T8" in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["other"]
+
+
+def test_scores_of_known_errors():
+    truth = np.zeros((4, 6))
+    truth[:2, 2] = -2.0
+    told = truth + np.array([0.1, 0, 0, 0, 0, 0.01])
+    told[3, 2] = 0.5
+    covariance = np.tile(np.diag([0.01, 1, 1, 1, 1, 1e-6]), (4, 1, 1))
+    s = score(told, truth, np.array([True, True, False, False]), covariance)
+    assert s.rmse[0] == pytest.approx(0.1) and s.rmse[2] == pytest.approx(0.25) and s.mae[5] == pytest.approx(0.01)
+    assert s.mixed_mse == pytest.approx((0.01 * 4 + 0.25 + 1e-4 * 4) / 24)
+    assert s.precision == pytest.approx(2 / 3) and s.recall == 1.0 and s.rest_n == pytest.approx(np.hypot(0.1, 0.5))
+    assert s.direction_deg == pytest.approx(np.degrees(np.arctan(0.05)))
+    assert s.coverage == pytest.approx(5 / 6)
+    assert "0.2500" in table({"a": s})
+    with pytest.raises(ParameterError, match="never give them"):
+        score(told * np.nan, truth, np.ones(4, bool))
+
+
+def test_turning_a_field_turns_place_and_direction():
+    y, x = np.mgrid[-10:11, -10:11].astype(float)
+    field = np.stack([np.exp(-((x - 5) ** 2 + y**2) / 8), 0 * x])
+    told = turned_field(field, 90.0)  # from +x to +y
+    expected = np.stack([0 * x, np.exp(-(x**2 + (y - 5) ** 2) / 8)])
+    assert np.abs(told - expected).max() < 0.02
+
+
+def test_physics_inverse_finds_place_and_force_of_a_made_up_compliance(folders):
+    """Fields from an axisymmetric law at two tilts; the inverse is tried at other azimuths."""
+    from dataclasses import replace
+
+    base = read_samples(folders[0])
+    y, x = (np.mgrid[0:16, 0:16] + 0.5) / 8 - 1
+
+    def made(tilt, azimuth, local):
+        axes = contact_axes(tilt, azimuth)
+        px, py = np.sin(np.radians(tilt)) * np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))])
+        near = np.exp(-4 * ((x - px) ** 2 + (y - py) ** 2))
+        force = axes @ (local * [-1, 1, 1])
+        field = 5 * local[0] * near * np.stack([x - px, y - py]) + near * force[:2, None, None]
+        lever = axes[:, 0] * base.design.outer_radius_mm / 1000
+        return field, np.concatenate([force, np.cross(lever, force)])
+
+    rng = np.random.default_rng(0)
+    places = [
+        (tilt, rng.uniform(0, 360), rng.uniform(-1, 1, 3) * 3 + [8, 0, 0])
+        for tilt in (10, 20, 30, 40)
+        for _ in range(30)
+    ]
+    rows = [made(*place) for place in places]
+    n = len(rows)
+    samples = replace(
+        base, fields=np.array([r[0] for r in rows], np.float32), valid=np.ones((n, 16, 16), bool),
+        wrenches=np.array([r[1] for r in rows]), path=np.arange(n).astype(str), phase=np.full(n, "load"),
+        time_s=np.zeros(n), contact=np.ones(n, bool), tilt_deg=np.array([p[0] for p in places], float),
+        azimuth_deg=np.array([p[1] for p in places]), friction=np.ones(n),
+    )  # fmt: skip
+    fresh = [made(25.0, rng.uniform(0, 360), np.array([8.0, 2.0, -1.0])) for _ in range(20)]
+    told = fit_compliance(samples).predict(np.array([f.ravel() for f, _ in fresh]))
+    error = told - np.array([w for _, w in fresh])
+    assert np.sqrt((error[:, :3] ** 2).mean()) < 0.8 and np.sqrt((error[:, 3:] ** 2).mean()) < 0.05
+
+
+def test_marker_fields_follow_the_labels_and_stand_for_tracked_ones(folders):
+    """Dots that all move alike give that motion everywhere; scatter makes views of one run differ."""
+    design = EndcapParams(130, 8)
+    plain = MarkerSensor(design, (16, 16), PLAIN, np.random.default_rng(0))
+    moved = np.tile([0.0, 0.0, 0.4], (1, DOTS, 1))  # away from the camera: dots shrink toward the centre
+    field = plain.fields(moved)[0]
+    x = np.linspace(-1, 1, 16)
+    assert np.polyfit(x, field[0, 8], 1)[0] < -0.1 and np.polyfit(x, field[1, :, 8], 1)[0] < -0.1
+    assert np.abs(field + field[:, ::-1, ::-1]).max() < 0.03 and not plain.fields(0 * moved).any()
+    tip = plain._pixels(plain.rest_mm[:1] + np.array([0.4, 0.0, 0.0])) - plain._pixels(plain.rest_mm[:1])
+    shifted = plain.fields(np.tile([0.4, 0.0, 0.0], (1, DOTS, 1)))[0]
+    assert shifted[0, 7:9, 7:9].mean() == pytest.approx(tip[0, 0] * 200 / 480, rel=0.05)
+    marked, tracked = read_samples(folders[1], "markers"), read_samples(folders[1])
+    assert len(marked) == VIEWS * len(tracked) and marked.method == "dots"
+    assert set(frame_keys(marked)) == set(frame_keys(tracked))
+    views = marked.fields[marked.path == marked.path[0]]
+    assert np.abs(views[:4] - views[4:8]).max() > 0.01
+
+
+def test_what_is_held_out_is_on_no_other_side(folders):
+    views = Views(read_samples(folders[0]), markers=read_samples(folders[0], "markers"))
+    for what in ("random", "path", "pose"):
+        rest, held = held_out(views, what)
+        assert not set(frame_keys(rest.markers)) & set(frame_keys(held.dots))
+        assert len(rest.dots) + len(held.dots) == len(views.dots)
+    assert set(held_out(views, "pose")[1].dots.tilt_deg) == {30.0}
+    rest, held = held_out(views, "random")
+    assert shared_between(rest.dots, held.dots)  # the paper's split leaks, and the detector says so
+    assert not shared_between(*(part.dots for part in held_out(views, "path")))
+    with pytest.raises(ParameterError, match="0 frames of 32 held out"):
+        held_out(views, "friction")
+    with pytest.raises(ParameterError, match="choose from random, path"):
+        held_out(views, "sensor")
+
+
+def test_holdouts_are_told_for_every_model(folders, capsys):
+    assert evaluate.main(["--train", str(folders[0]), "--holdout", "path", "--paper-epochs", "2"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"{name}, leave out path" in said for name in ("ours", "ridge", "physics inverse", "paper"))
+    assert evaluate.main(["--holdout", "path"]) == 2
+    assert evaluate.main([]) == 2
+
+
+def test_lag_left_in_is_told_and_prediction_takes_it_out():
+    """The answers themselves are the truth here, so that all lag is the latency's. A run that stands still has none."""
+    time = np.arange(90) / 30
+    swing = np.outer(np.sin(4 * time), [5.0, 2.0, 8.0, 0.1, 0.2, 0.3])
+    test = SimpleNamespace(
+        inputs=np.zeros((180, 1)), wrenches=np.concatenate([swing, np.zeros((90, 6))]), time_s=np.tile(time, 2),
+        path=np.repeat(["a", "b"], 90), azimuth_deg=np.zeros(180), contact=np.ones(180, bool),
+    )  # fmt: skip
+    model = SimpleNamespace(predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1))))
+    assert filtered_score(model, test, 0.0).lag_s == pytest.approx(0.0, abs=0.003)
+    assert filtered_score(model, test, 0.06, predict=False).lag_s == pytest.approx(0.06, abs=0.008)
+    assert filtered_score(model, test, 0.06).lag_s == pytest.approx(0.0, abs=0.02)
+
+
+def test_lag_of_a_delayed_copy_is_its_delay():
+    time = np.arange(0, 2, 1 / 30)
+    assert lag_s(np.sin(5 * (time - 0.05)), np.sin(5 * time), time) == pytest.approx(0.05, abs=0.006)
+    assert lag_s(np.sin(5 * time), np.sin(5 * time), time) == pytest.approx(0.0, abs=0.003)

@@ -1,0 +1,171 @@
+"""Options, configurations and reference files that cannot be used: one line on stderr and exit status 2."""
+
+import io
+import json
+import threading
+import zipfile
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import cv2
+import numpy as np
+import pytest
+from live_program import program
+from live_stand_in import film, frames, stand_in
+
+from cad.errors import FileError, ParameterError, printable
+from sensing.live.cli import main
+from sensing.live.core.config import load_config
+from sensing.npz import read_npz
+from sensing.tracking.zero import load_zero, save_zero, single_zero
+
+
+@pytest.fixture(autouse=True)
+def stand_in_model(monkeypatch):
+    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+
+
+def refused(capsys, *arguments: str) -> str:
+    """The one line that the command says."""
+    assert main(list(arguments)) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("sensing.live: ") and said.count("\n") == 1 and said[:-1].isprintable()
+    return said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("--config e.toml --rate 60", "--rate has no effect with --config: set rate_hz of each [[cap]] in e.toml"),
+        ("--config e.toml --diameter 140", "set diameter_mm"),
+        ("--config e.toml --wall 9", "set wall_mm"),
+        ("--config e.toml --zero z.npz", "set zero"),
+        ("--config e.toml --exposure 3", "set exposure"),
+        ("--replay r.mcap --rate 60", "a recording holds its own"),
+        ("--diameter 140", "--diameter has no effect with the simulated robot"),
+        ("--camera 0 --speed 2", "--speed has no effect with --camera"),
+        ("--url http://127.0.0.1:1/ --exposure 3", "--exposure has no effect with --url"),
+        ("--photos d --no-page --port 80", "--port has no effect with --no-page"),
+        ("--replay r.mcap --check --record", "--record has no effect with --check"),
+        ("--photos d --seconds nan", "--seconds nan"),
+        ("--camera ²", "--camera ²: give numbers"),
+        ("--camera " + "9" * 400, "give numbers"),
+    ],
+)
+def test_an_option_that_would_be_ignored_or_is_no_number_is_refused(capsys, arguments, said):
+    assert said in refused(capsys, *arguments.split())
+
+
+CAP = '[[cap]]\nname = "a"\nsource = "0"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('method = "none such"\n' + CAP, "method='none such': choose dots, gelslim"),
+        (f"weight_n = {'9' * 400}\n" + CAP, "weight_n = 999"),
+        (f"weight_n = {'9' * 5000}\n" + CAP, "no TOML"),
+        ("a = " + "[" * 5000 + "]" * 5000 + "\n" + CAP, "no TOML"),
+        (CAP + f"T_robot_endcap = [[{'9' * 400}, 0, 0, 0]]\n", "T_robot_endcap"),
+        (CAP.replace('"0"', '"²"'), "²: no camera number"),
+        (CAP.replace('"0"', '"' + "9" * 400 + '"'), "no camera number"),
+        (CAP.replace('"0"', '"' + "x" * 5000 + '"'), "no camera number"),
+        (CAP.replace('"0"', '"a\\u0000b"'), "no camera number"),
+        (CAP.replace('"0"', '"http://127.0.0.1:1/"') + "exposure = 3.0\n", "exposure of a has no effect"),
+        (CAP + 'name2 = "\\u001b[2J"\n', "unknown key name2"),
+        ('"\\u001b[2J" = 1\n' + CAP, "unknown key \\x1b[2J"),
+    ],
+)  # fmt: skip
+def test_a_configuration_that_cannot_be_is_one_line(tmp_path, capsys, text, said):
+    path = tmp_path / "e.toml"
+    path.write_text(text)
+    assert said in refused(capsys, "--config", str(path), "--no-page")
+
+
+def test_a_method_that_is_left_empty_is_the_models_own(tmp_path):
+    path = tmp_path / "e.toml"
+    path.write_text('method = ""\n' + CAP)
+    assert load_config(path).method is None
+    path.write_text('method = "lk"\n' + CAP)
+    assert load_config(path).method == "lk"
+
+
+def npy(shape: tuple[int, ...], data: bytes = b"") -> bytes:
+    """An array file whose head claims a shape."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "|u1", "fortran_order": False, "shape": shape})
+    return head.getvalue() + data
+
+
+def png(width: int, height: int) -> bytes:
+    """The smallest picture with a head that claims another size."""
+    data = bytearray(cv2.imencode(".png", np.zeros((1, 1, 3), np.uint8))[1].tobytes())
+    data[16:24] = width.to_bytes(4, "big") + height.to_bytes(4, "big")
+    return bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("png", npy((1 << 40,))),  # a head without the bytes
+        ("png", npy((1 << 31,)) + bytes(1 << 27)),  # zeros pack to a thousandth
+        ("png", npy((0,))),
+        ("png", npy((len(png(1, 1)),), png(30000, 30000))),  # a picture of 2.7 GB
+        ("about", npy((3,), b"abc")),
+        ("about", b"no array"),
+        ("noise_px", npy((1 << 62, 1 << 62))),
+    ],
+)
+def test_a_reference_file_that_is_a_bomb_or_damaged_is_one_line(tmp_path, name, content):
+    path = tmp_path / "z.npz"
+    save_zero(single_zero(frames(film([0]))[0]), path)
+    with zipfile.ZipFile(path) as archive:
+        members = {entry: archive.read(entry) for entry in archive.namelist()} | {f"{name}.npy": content}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for entry, data in members.items():
+            archive.writestr(entry, data)
+    with pytest.raises(FileError, match=r"no reference file \(.+\): zero the sensor again") as caught:
+        load_zero(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path):
+    path = tmp_path / "b.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.npy", npy((1 << 24,), bytes(1 << 24)))
+    assert read_npz(path)["a"].size == 1 << 24
+    with pytest.raises(ValueError, match="bytes when unpacked, at most 1000 allowed"):
+        read_npz(path, most_bytes=1000)
+
+
+def test_an_error_never_carries_what_a_terminal_obeys():
+    error = ParameterError("a\x1b[2J\x07b\x9b1mc\u202ed\ne")
+    assert str(error) == "a\\x1b[2J\\x07b\\x9b1mc\\u202ed\ne"
+    assert printable("a\nb\r\x1b]0;title\x07") == "a\\nb\\r\\x1b]0;title\\x07"
+
+
+def test_control_characters_of_a_server_do_not_reach_the_terminal():
+    class Hostile(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.wfile.write(b"HTTP/1.0 404 \x1b[2J\x1b]0;owned\x07gone\r\n\r\n")
+
+        def log_message(self, *_):
+            """Quiet."""
+
+    server = HTTPServer(("127.0.0.1", 0), Hostile)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        with program("--url", f"http://127.0.0.1:{server.server_port}/", "--no-page", "--seconds", "1.5") as process:
+            told, errors = process.communicate(timeout=120)
+    finally:
+        server.shutdown()
+    assert "gone" in told and "\\x1b[2J" in told and process.returncode == 0
+    assert not any(ord(c) < 32 and c != "\n" for c in told + errors)
+
+
+def test_a_camera_file_that_nests_too_deep_is_one_line(tmp_path, capsys):
+    camera, config = tmp_path / "c.json", tmp_path / "e.toml"
+    camera.write_text("[" * 100_000)
+    picture = tmp_path / "0.jpg"
+    picture.write_bytes(film([0])[0])
+    config.write_text(f"[[cap]]\nname = 'a'\nsource = {json.dumps(str(picture))}\ncamera = 'c.json'\n")
+    assert "not a camera file" in refused(capsys, "--config", str(config), "--no-page")

@@ -1,0 +1,376 @@
+import io
+import json
+import threading
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from live_stand_in import LinearModel, dots, endless, film, frames, pipeline, stand_in, wait_for
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.live.cli import main
+from sensing.live.core.config import CapConfig, LiveConfig, load_config, save_config
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.feed import CameraFeed, FileFeed, Pace
+from sensing.live.core.model import live_model, load_model
+from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.reading import plain
+from sensing.live.core.robot import robot_state
+from sensing.live.core.stats import STAGES, WINDOW, CapStats
+from sensing.live.outputs.json_lines import JsonLines
+from sensing.live.outputs.terminal import cap_line, robot_line, summary
+from sensing.live.run import LiveRun, run_until_stopped
+from sensing.records import Frame, ShearField, Wrench
+from sensing.sources.newest import Health, SourceError
+from sensing.wrench.contact import ContactState
+
+
+@pytest.fixture(scope="module")
+def press() -> list[bytes]:
+    return film([0] * 12 + [0.3, 0.7, 1.0, 1.0, 0.7, 0.3] + [0] * 4)
+
+
+def readings(pipe: CapPipeline, given: list[Frame]) -> list:
+    return [pipe.update(frame) for frame in given]
+
+
+# --- configuration ---------------------------------------------------------------------------------------------
+def test_a_configuration_survives_the_file(tmp_path):
+    pose = np.eye(4)
+    pose[:3, 3] = 1.5, -2.0, 300.25
+    caps = (
+        CapConfig("left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, T_robot_endcap=pose),
+        CapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0, exposure=120.0),
+    )
+    config = LiveConfig(caps, "paper", tmp_path / "w.pth", "dis", 117.7)
+    save_config(config, tmp_path / "endcaps.toml")
+    again = load_config(tmp_path / "endcaps.toml")
+    assert [replace(a, T_robot_endcap=np.eye(4)).__repr__() for a in again.caps] == [
+        replace(c, T_robot_endcap=np.eye(4)).__repr__() for c in caps
+    ]
+    assert np.array_equal(again.caps[0].T_robot_endcap, pose)
+    assert (again.model, again.weights, again.method, again.weight_n) == ("paper", tmp_path / "w.pth", "dis", 117.7)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("caps = 3", "unknown key caps"),
+        ("[[cap]]\nname = 'a'", "without name or source"),
+        ("[[cap]]\nname = 'a'\nsource = 0", "source = 0"),
+        ("[[cap]]\nname = 'a b'\nsource = '0'", "name='a b'"),
+        ("[[cap]]\nname = 'a'\nsource = '0'\nT_robot_endcap = [[1,2],[3,4]]", "T_robot_endcap"),
+        ("[[cap]]\nname = 'a'\nsource = '0'\ncontact_on_n = 1\ncontact_off_n = 2", "contact_off_n=2"),
+        ("[[cap]]\nname = 'a'\nsource = '0'\n[[cap]]\nname = 'a'\nsource = '1'", "caps=a"),
+        ("[[cap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
+        ("model = 'best'\n[[cap]]\nname = 'a'\nsource = '0'", "model='best'"),
+        ("cap = 3", "no list of tables"),
+        ("weight_n = ", "no TOML"),
+    ],
+)
+def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, told, capsys):
+    path = tmp_path / "endcaps.toml"
+    path.write_text(text)
+    with pytest.raises((FileError, ParameterError), match=told.replace("[", r"\[")):
+        load_config(path)
+    assert main(["--config", str(path)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--camera", "front"],
+        ["--camera", "77"],
+        ["--video", "nowhere.avi"],
+        ["--photos", "nowhere"],
+        ["--url", "ftp://x"],
+        ["--config", "nowhere.toml"],
+        ["--video", "nowhere.avi", "--rate", "-1"],
+    ],
+)
+def test_bad_input_ends_with_one_line_and_status_2(arguments, capsys, monkeypatch):
+    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    assert main(arguments) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+# --- model -----------------------------------------------------------------------------------------------------
+def test_the_threshold_lies_above_what_the_model_answers_at_rest():
+    class Biased(LinearModel):
+        def estimate(self, field: ShearField) -> Wrench:
+            return Wrench(field.time_s, np.array([0.0, 0.0, -1.85]), np.zeros(3), "sphere")
+
+    model = live_model("biased", Biased())
+    assert model.rest_n == pytest.approx(1.85)
+    assert model.threshold().off_n > 1.85 and model.threshold(0.9, 0.4).on_n == 0.9
+
+
+def test_the_papers_model_asks_for_its_checkpoint():
+    with pytest.raises(FileError, match="--weights"):
+        load_model("paper", EndcapParams(130, 8))
+    with pytest.raises(ParameterError, match="choose"):
+        load_model("best", EndcapParams(130, 8))
+
+
+# --- pipeline --------------------------------------------------------------------------------------------------
+def test_a_press_becomes_a_wrench_and_a_contact_with_capture_times(press):
+    given = frames(press)
+    found = [r for r in readings(pipeline(), given) if r is not None]
+    assert [r.frame.time_s for r in found] == [f.time_s for f in given]
+    assert all(r.wrench.time_s == r.frame.time_s for r in found)
+    touching = [r.contact.touching for r in found]
+    assert touching == [False] * 12 + [True] * 6 + [False] * 4
+    assert found[14].contact.since_s == given[12].time_s
+    peak = found[15]
+    assert peak.wrench.frame == "endcap" and peak.estimate.force_n[0] > 5
+    lever_m = np.array([0, 0, EndcapParams(130, 8).centre_height_mm]) / 1000
+    torque = 0.01 * peak.estimate.force_n + np.cross(lever_m, peak.estimate.force_n)
+    assert peak.estimate.torque_nm == pytest.approx(torque, abs=1e-9)  # about the origin, not the sphere's centre
+    assert set(peak.stage_ms) >= {"decode", "track", "field", "wrench", "filter", "contact"}
+    assert found[0].drift.cause == "none"
+
+
+def test_after_a_restart_the_same_frames_give_the_same_bits(press):
+    given, pipe = frames(press), pipeline()
+    first = [r.wrench.force_n for r in readings(pipe, given)]
+    pipe.restart()
+    again = [r.wrench.force_n for r in readings(pipe, given)]
+    assert np.array_equal(first, again)
+    on = [r.wrench.force_n for r in readings(pipe, [replace(f, time_s=f.time_s + 1) for f in given])]
+    assert not np.array_equal(first[0], on[0])  # without one the filter and the tracker remember
+
+
+def test_zeroing_waits_for_rest_and_keeps_the_old_reference_when_touched(press):
+    pipe = pipeline(zero_frames=10)
+    rest = frames(press[:12] * 4)
+    assert pipe.update(rest[0]) is None and pipe.message.startswith("zeroing")
+    assert [pipe.update(f) for f in rest[1:10]] == [None] * 9
+    wait_for(lambda: pipe._prepared is not None)
+    first = pipe.update(rest[10])
+    assert first is not None and first.zero.frames == 10
+    pipe.request_zero()
+    moving = film([0, 0.5, 1.0, 0.5] * 3)
+    for k, jpeg in enumerate(moving[:10]):
+        pipe.update(Frame(200 + k / 30, k, "test", jpeg=jpeg, size=(640, 480)))
+    wait_for(lambda: pipe._prepared is not None)
+    later = pipe.update(Frame(201, 12, "test", jpeg=press[0], size=(640, 480)))
+    assert later.zero is first.zero and "not zeroed" in pipe.message
+
+
+@pytest.mark.parametrize("jump_s", [-3600.0, 7200.0])
+def test_a_clock_that_jumps_starts_the_filter_anew_and_says_so(press, jump_s):
+    pipe, given = pipeline(), frames(press)
+    before = readings(pipe, given[:15])[-1]
+    after = pipe.update(replace(given[15], time_s=given[15].time_s + jump_s))
+    assert "jumped" in pipe.message and after.epoch == before.epoch + 1
+    assert after.contact.touching and np.isfinite(after.wrench.force_n).all()
+
+
+def test_a_late_frame_is_passed_over(press):
+    pipe, given = pipeline(), frames(press)
+    readings(pipe, given[:5])
+    assert pipe.update(given[3]) is None and "late" in pipe.message
+    assert pipe.update(given[5]) is not None and pipe.message == ""
+
+
+@pytest.mark.parametrize("method", ["dots", "gelslim"])
+def test_a_size_change_and_a_corrupt_picture_are_told_and_survived(press, method):
+    import cv2
+
+    pipe = CapPipeline(CapConfig("endcap_0", "test"), stand_in(method), None, 0, 1)
+    given = frames(press)
+    readings(pipe, given[:3])
+    small = cv2.imencode(".jpg", np.full((240, 320, 3), 90, np.uint8))[1].tobytes()
+    assert pipe.update(replace(given[3], jpeg=small, size=(320, 240))) is None
+    assert "320x240" in pipe.message and "640x480" in pipe.message
+    assert pipe.update(replace(given[4], jpeg=b"\xff\xd8 no picture")) is None
+    assert "no readable picture" in pipe.message and pipe.faults == 2
+    assert pipe.update(given[5]) is not None and pipe.message == ""
+
+
+# --- figures ---------------------------------------------------------------------------------------------------
+def test_the_figures_are_those_of_the_last_readings():
+    rng, stats, made = np.random.default_rng(0), CapStats("endcap_0"), []
+    for number in range(WINDOW + 37):
+        ready_s = time.monotonic() - 0.01 * (WINDOW + 37 - number)
+        stages = {"decode": rng.uniform(), "track": rng.uniform()} | ({"drift": 5.0} if number % 30 == 0 else {})
+        made.append(SimpleNamespace(latency_ms=rng.uniform(1, 9), ready_s=ready_s, stage_ms=stages, dots=(1, 2)))
+        made[-1].captured_s, made[-1].drift = ready_s, None
+        stats.add(made[-1])
+    told = stats.health(Health(), "", 0, fresh=True)
+    latency = [reading.latency_ms for reading in made[-WINDOW:]]
+    assert told.frames == WINDOW + 37 and told.p50_ms == pytest.approx(np.median(latency))
+    assert told.p99_ms == sorted(latency)[round(0.99 * WINDOW)]
+    assert told.rate_hz == pytest.approx(100, abs=3)  # of the last two seconds, 10 ms apart
+    last = made[-STAGES:]
+    assert told.stage_ms["decode"] == pytest.approx(np.median([r.stage_ms["decode"] for r in last]))
+    assert told.stage_ms["drift"] == 5.0 and told.work_ms == pytest.approx(
+        np.median([sum(r.stage_ms.values()) for r in last])
+    )
+
+
+# --- engine ----------------------------------------------------------------------------------------------------
+def test_files_are_played_in_step_and_none_of_their_frames_is_lost(press):
+    given, got = frames(press), []
+
+    class Slow:
+        def put(self, reading):
+            got.append((reading.cap, reading.frame.sequence))
+            time.sleep(0.002)
+
+    pace = Pace(0)
+    caps = [LiveCap(FileFeed(lambda: given, pace), pipeline(f"endcap_{k}", k)) for k in range(2)]
+    with Engine(caps, [Slow()]) as engine:
+        assert engine.wait(20)
+    for k in range(2):
+        assert [n for cap, n in got if cap == f"endcap_{k}"] == list(range(len(given)))
+    assert all(h.status == "ended" and h.frames == len(given) for h in engine.health())
+
+
+def test_a_recording_is_played_at_its_own_pace():
+    given = [Frame(50 + k / 20, k, "test", jpeg=b"x") for k in range(8)]
+    feed = FileFeed(lambda: given)
+    begin, taken = time.monotonic(), []
+    feed.start(lambda: None)
+    while not feed.ended:
+        item = feed.take()
+        if item is None:
+            time.sleep(0.001)
+        else:
+            taken.append((item[1], time.monotonic()))
+    due = np.diff([due for due, _ in taken])
+    assert due == pytest.approx(0.05, abs=1e-6) and taken[0][0] >= begin
+    assert all(at >= due for due, at in taken)
+
+
+def test_a_camera_that_is_pulled_comes_back_and_the_others_go_on(press):
+    rest, opened = press[:12], []
+
+    def plugged():
+        opened.append(1)
+        if len(opened) == 2:
+            raise SourceError("/dev/video9: no such camera")
+        for count, frame in enumerate(endless(rest)()):
+            if len(opened) == 1 and count == 40:
+                raise SourceError("/dev/video9: no more frames: is it unplugged?")
+            yield frame
+
+    caps = [
+        LiveCap(CameraFeed(plugged), pipeline("endcap_0", 0)),
+        LiveCap(CameraFeed(endless(rest)), pipeline("endcap_1", 1)),
+    ]
+    said = set()
+    with Engine(caps) as engine:
+        wait_for(lambda: said.add(engine.health()[0].message) or len(opened) >= 3)
+        count = caps[1].stats.frames
+        frames_before = caps[0].stats.frames
+        wait_for(lambda: caps[0].stats.frames > frames_before + 5 and caps[1].stats.frames > count + 5)
+        assert any("unplugged" in m for m in said) and engine.health()[0].reopened == 2
+        assert caps[1].health.faults == 0
+
+
+def test_a_frozen_camera_is_told_by_name_and_clock(press):
+    cap = LiveCap(CameraFeed(endless(press[:1], 120)), pipeline())
+    with Engine([cap]) as engine:
+        wait_for(lambda: engine.health()[0].status == "frozen")
+        assert "same picture" in engine.health()[0].message
+
+
+def test_a_bug_in_one_cap_leaves_the_others_alone(press):
+    bad, good = pipeline("endcap_0", 0), pipeline("endcap_1", 1)
+
+    def broken(*_):
+        raise ZeroDivisionError("planted")
+
+    bad.model.estimator.estimate = broken
+    caps = [LiveCap(FileFeed(lambda: frames(press), Pace(0)), p) for p in (bad, good)]
+    with Engine(caps) as engine:
+        assert engine.wait(20)
+    told = engine.health()
+    assert told[0].frames == 0 and told[0].faults == len(press) and "planted" in told[0].message
+    assert told[1].frames == len(press)
+
+
+def test_a_slow_output_never_slows_the_loop(press):
+    class Stuck(JsonLines):
+        def write(self, reading):
+            release.wait(20)
+
+    release, cap = threading.Event(), LiveCap(CameraFeed(endless(press[:12], 200)), pipeline())
+    stuck = Stuck(io.StringIO())
+    stuck._queue = type(stuck._queue)(maxlen=5)
+    stuck.start()
+    with Engine([cap], [stuck]):
+        wait_for(lambda: stuck.dropped > 20)
+    assert cap.health.p50_ms < 100
+    release.set()
+    stuck.close()
+
+
+# --- robot -----------------------------------------------------------------------------------------------------
+def test_three_caps_carry_the_weight_in_the_robots_frame(press):
+    reading = readings(pipeline(), frames(press[:1]))[0]
+    rng, caps, held = np.random.default_rng(0), [], {}
+    for k in range(4):
+        axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        axes *= np.sign(np.linalg.det(axes))
+        pose = np.eye(4)
+        pose[:3, :3] = axes
+        caps.append(CapConfig(f"endcap_{k}", "0", T_robot_endcap=pose))
+        force = axes.T @ np.array([0, 0, 40.0]) if k < 3 else np.zeros(3)
+        wrench = Wrench(9.0, force, np.zeros(3), "endcap")
+        contact = ContactState(9.0, k < 3, 8.0 + k / 10, float(np.linalg.norm(force)), True)
+        held[f"endcap_{k}"] = replace(reading, wrench=wrench, contact=contact, captured_s=9.0)
+    state = robot_state(caps, held, 120.0, 9.1)
+    assert state.touching == ("endcap_0", "endcap_1", "endcap_2") and state.consistent
+    assert state.force_n == pytest.approx([0, 0, 120]) and state.since_s["endcap_2"] == pytest.approx(8.2)
+    assert robot_state(caps, held, 200.0, 9.1).consistent is False
+    assert robot_state(caps, held, 120.0, 30.0).unknown == tuple(c.name for c in caps)  # old readings say nothing
+    assert "consistent" in robot_line(state)
+
+
+# --- outputs ---------------------------------------------------------------------------------------------------
+def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
+    found = readings(pipeline(), frames(press))
+    stream = io.StringIO()
+    lines = JsonLines(stream)
+    lines.start()
+    for reading in found:
+        lines.put(reading)
+    lines.close()
+    told = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [t["sequence"] for t in told] == [r.frame.sequence for r in found]
+    assert told[15]["force_n"] == pytest.approx(found[15].wrench.force_n, abs=1e-5) and told[15]["contact"] is True
+    assert told[0]["centre_mm"] == [None] * 3  # no force, no place: null, not NaN
+
+    class Gone(io.StringIO):
+        def write(self, _):
+            raise BrokenPipeError(32, "Broken pipe")
+
+    gone = JsonLines(Gone())
+    gone.start()
+    gone.put(found[0])
+    gone.close()
+    assert gone.failed == "Broken pipe"
+
+
+def test_the_terminals_line_says_what_counts(press):
+    cap = LiveCap(FileFeed(lambda: frames(press[:16]), Pace(0)), pipeline())
+    with Engine([cap]) as engine:
+        engine.wait(20)
+    line = cap_line(cap.health, cap.stats.last)
+    assert "touch" in line and f"{dots()}/{dots()} dots" in line and f"{cap.stats.last.wrench.force_n[0]:+6.1f}" in line
+    assert "16 frames, 0 dropped" in summary([cap.health], 1.0)[1]
+    assert plain(cap.stats.last)["dots"] == dots() > 90
+
+
+def test_a_run_ends_with_its_sources_and_a_summary(press):
+    config = LiveConfig((CapConfig("endcap_0", "test"),))
+    run = LiveRun(config, [LiveCap(FileFeed(lambda: frames(press), Pace(0)), pipeline())])
+    stream = io.StringIO()
+    run_until_stopped(run, stream)
+    assert f"{len(press)} frames" in stream.getvalue().splitlines()[-1]

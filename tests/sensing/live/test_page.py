@@ -1,0 +1,327 @@
+import asyncio
+import contextlib
+import itertools
+import json
+import os
+import random
+import re
+import signal
+import socket
+import sys
+import threading
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from live_stand_in import dots, endless, film, pipeline, wait_for
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from cad.errors import ParameterError
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import CameraFeed
+from sensing.live.outputs.recording import Recording
+from sensing.live.run import LiveRun
+from sensing.live.web.link import parse_line, parse_request
+from sensing.live.web.page import PageServer
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "scripts"))
+from live_picture import CHROMIUM, Browser  # noqa: E402
+
+STATIC = ROOT / "sensing/live/web/static"
+
+
+class Site:
+    """A running page with what is behind it."""
+
+    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
+        pose = np.eye(4)
+        caps = []
+        for k in range(3):
+            pose[:3, 3] = 250 * np.cos(2.1 * k), 250 * np.sin(2.1 * k), 0
+            caps.append(CapConfig(f"endcap_{k}", "test", T_robot_endcap=pose))
+        pictures = film([0] * 4 + [0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5])
+        live = [LiveCap(CameraFeed(endless(pictures, 20)), pipeline(f"endcap_{k}", k)) for k in range(3)]
+        self.run = LiveRun(LiveConfig(tuple(caps), weight_n=30.0), live)
+        self.recording = Recording(self.run, folder)
+        self.server = PageServer(self.run, self.recording, host, 0)
+        self.url = self.server.url
+        self.folder = folder
+
+    def __enter__(self):
+        self.run.engine.__enter__()
+        self.server.start()
+        wait_for(lambda: len(self.run.latest.all()) == 3)
+        return self
+
+    def __exit__(self, *_):
+        self.server.close()
+        self.recording.stop()
+        self.run.engine.close()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    with Site(tmp_path_factory.mktemp("page")) as running:
+        yield running
+
+
+def fetch(url: str, **headers: str) -> tuple[int, bytes]:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=10) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read()
+
+
+def talk(site: Site, *messages: str, **options) -> list:
+    """Answers to messages: a text and, if there is a new picture, bytes, each."""
+
+    async def go():
+        got = []
+        async with connect(site.url.replace("http", "ws", 1) + "ws", **options) as websocket:
+            got.append(json.loads(await websocket.recv()))
+            for message in messages:
+                await websocket.send(message)
+                got.append(await asyncio.wait_for(websocket.recv(), 10))
+        return got
+
+    return asyncio.run(go())
+
+
+# --- what is shown ---------------------------------------------------------------------------------------------
+def test_the_socket_tells_names_then_numbers_then_a_picture(site):
+    hello, told, picture = talk(site, '{"do":"show","cap":1}', '{"do":"show","cap":1}')
+    assert [cap["name"] for cap in hello["hello"]] == ["endcap_0", "endcap_1", "endcap_2"]
+    told = json.loads(told)
+    assert len(told["caps"]) == 3 and told["selected"]["number"] == 1 and len(told["selected"]["dots"]) == dots()
+    assert len(told["caps"][0]["force_n"]) == 3 and told["caps"][0]["p50_ms"] > 0
+    assert picture[:2] == b"\xff\xd8"
+
+
+def test_buttons_zero_and_record(site):
+    epoch = site.run.engine.caps[2].pipeline.zero.digest
+    talk(site, '{"do":"record","cap":0}')
+    assert site.recording.on
+    wait_for(lambda: site.recording._recorder.frames > 5)
+    talk(site, '{"do":"record","cap":0}')
+    assert not site.recording.on and len(list(site.folder.glob("endcap_*.mcap"))) == 1
+    talk(site, '{"do":"zero","cap":2}')
+    wait_for(lambda: site.run.engine.caps[2].pipeline.zero.digest != epoch)
+
+
+def test_the_page_needs_nothing_but_this_server():
+    text = "".join((STATIC / name).read_text() for name in ("index.html", "page.js", "scene.js"))
+    assert re.findall(r"""(?:https?|wss?)://[\w.]+|//cdn|@import|url\(""", text) == []
+    named = set(re.findall(r'src="([^"]+)"', text))
+    assert named == {"scene.js", "page.js"}
+
+
+# --- who may see it --------------------------------------------------------------------------------------------
+def test_it_binds_to_loopback_and_answers_only_to_its_own_names(site):
+    port = int(site.url.split(":")[2].strip("/"))
+    assert site.server.address[0] == "127.0.0.1"
+    assert fetch(site.url)[0] == 200 and fetch(site.url, Host=f"localhost:{port}")[0] == 200
+    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1.evil.example", "", "[::1", "10.0.0.7"):
+        status, _ = fetch(site.url + "state.json", Host=host)
+        assert status in (400, 403), host  # a page of another name that points here (DNS rebinding)
+    with pytest.raises(InvalidStatus):
+        talk(site, origin="http://evil.example")
+    talk(site, origin=site.url.strip("/"))
+
+
+def test_on_another_address_it_wants_the_token(tmp_path):
+    with Site(tmp_path, "0.0.0.0") as open_site:
+        port = open_site.server.address[1]
+        base, token = f"http://127.0.0.1:{port}/", open_site.server.token
+        assert len(token) >= 20 and open_site.url.endswith(f"?token={token}")
+        for path in ("", "page.js", "state.json", "?token=", f"?token={token[:-1]}", "state.json?token=ä"):
+            assert fetch(base + urllib.parse.quote(path, safe="?=&/"))[0] == 403, path
+        status, _ = fetch(f"{base}?token={token}")
+        assert status == 200 and fetch(base + "state.json", Cookie=f"endcap_token={token}")[0] == 200
+        open_site.url = base
+        with pytest.raises(InvalidStatus):
+            talk(open_site)
+        talk(open_site, additional_headers={"Cookie": f"endcap_token={token}"})
+
+
+def test_no_path_reaches_a_file(site):
+    for path in (
+        "page.py", "../page.py", "%2e%2e/page.py", "static/page.js", "page.js/../../page.py", "..%2f..%2fetc/passwd",
+        "//etc/passwd", "etc/passwd", "page.js%00", "index.html", "state.json/x", "?file=/etc/passwd",
+    ):  # fmt: skip
+        status, body = fetch(site.url + path)
+        assert status in (400, 403, 404) or (path.startswith("?") and b"<title>Endcaps" in body), path
+        assert b"root:" not in body and b"def build_app" not in body
+
+
+# --- fuzz ------------------------------------------------------------------------------------------------------
+def test_what_is_no_request_is_none():
+    good = {("show", 0), ("zero", 2), ("record", 0), ("zero_all", 1)}
+    assert {parse_request(json.dumps({"do": d, "cap": c}), 3) for d, c in good} == good
+    rng = random.Random(0)
+    values = [None, True, -1, 3, 1.0, "0", "../../x", [], {}, 10**30, float("nan"), "show", "zero\n", "record "]
+    for do, cap in itertools.product(values, values):
+        if (do, cap) != ("show", 0):
+            assert parse_request(json.dumps({"do": do, "cap": cap}), 3) is None or do == "show"
+    for extra in ({"do": "record", "path": "/etc/x"}, {"do": "show", "cap": True}, [], "show", 7, None):
+        assert parse_request(json.dumps(extra), 3) is None
+    for _ in range(2000):
+        text = "".join(
+            chr(rng.choice((34, 123, 125, 91, 93, 58, 44, 48, 92, 100, 0, 8364))) for _ in range(rng.randrange(40))
+        )
+        assert parse_request(text, 3) is None or text == '{"do":"show"}'
+    assert parse_request("[" * 100_000, 3) is None
+
+
+def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_caps():
+    assert parse_line(b"look 0 2\n", 3) == ("look", [0, 2]) and parse_line(b"zero 1\n", 3) == ("zero", [1])
+    for line in (b"", b"\n", b"look\n", b"look 3\n", b"look -1\n", b"erase 0\n", b"zero 0x1\n", b"zero \xb2\n",
+                 b"record ../x\n", b"\xff\xfe 0\n", b"look 1.0\n", b"look 00000000001\n"):  # fmt: skip
+        assert parse_line(line, 3) is None, line
+
+
+def test_a_page_whose_process_dies_is_told_and_the_loop_goes_on(tmp_path):
+    with Site(tmp_path) as doomed:
+        talk(doomed, '{"do":"show","cap":0}')
+        os.kill(doomed.server.pid, signal.SIGKILL)
+        wait_for(lambda: "page: gone" in doomed.server.note)
+        count = doomed.run.engine.caps[0].stats.frames
+        wait_for(lambda: doomed.run.engine.caps[0].stats.frames > count + 3)
+
+
+def test_the_pages_process_ends_when_the_run_is_no_more(tmp_path):
+    with Site(tmp_path) as orphan:
+        talk(orphan)
+        orphan.server._link.shutdown(socket.SHUT_RDWR)  # as the kernel does for a killed run
+        assert orphan.server._process.wait(10) == 0
+
+
+def test_malformed_requests_and_messages_leave_the_page_and_the_loop_running(site):
+    rng = random.Random(1)
+    port = int(site.url.split(":")[2].strip("/"))
+    for kind in range(30):
+        with socket.create_connection(("127.0.0.1", port), timeout=5) as raw:
+            junk = bytes(rng.randrange(256) for _ in range(rng.randrange(1, 400)))
+            head = b"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            key = b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+            raw.sendall((junk, b"GET / HTTP/1.1\r\n" + junk, head + key + junk)[kind % 3])
+            if kind % 2:
+                raw.settimeout(0.2)
+                with contextlib.suppress(OSError):
+                    raw.recv(1000)
+    for text in ("", "{", '{"do":"show","cap":99}', '{"do":"erase"}', "\x00", "x" * 900, '{"do":' * 100):
+        with pytest.raises(ConnectionClosed):
+            talk(site, text)
+    with pytest.raises(ConnectionClosed):
+        talk(site, "x" * 100_000)  # longer than any request
+    count = site.run.engine.caps[0].stats.frames
+    wait_for(lambda: site.run.engine.caps[0].stats.frames > count + 5)
+    talk(site, '{"do":"show","cap":0}')
+    assert all(health.faults == 0 for health in site.run.engine.health())
+
+
+def test_a_viewer_that_stalls_or_vanishes_costs_nothing(site):
+    async def stall():
+        websocket = await connect(site.url.replace("http", "ws", 1) + "ws", max_queue=1)
+        for _ in range(5):
+            await websocket.send('{"do":"show","cap":0}')  # asks and never reads
+        await asyncio.sleep(1.0)
+        websocket.transport.abort()  # no goodbye
+
+    count, begin = site.run.engine.caps[0].stats.frames, time.monotonic()
+    thread = threading.Thread(target=lambda: asyncio.run(stall()))
+    thread.start()
+    thread.join()
+    rate = (site.run.engine.caps[0].stats.frames - count) / (time.monotonic() - begin)
+    assert rate > 3  # of 20: other work shares this computer
+    talk(site, '{"do":"show","cap":0}')
+
+
+def test_more_viewers_than_allowed_are_turned_away_and_room_comes_back(site):
+    async def many():
+        url = site.url.replace("http", "ws", 1) + "ws"
+        open_ones = [await connect(url) for _ in range(8)]
+        with pytest.raises(InvalidStatus):
+            await connect(url)
+        for websocket in open_ones:
+            await websocket.close()
+
+    asyncio.run(many())
+    wait_for(lambda: talk_quietly(site))
+
+
+def talk_quietly(site: Site) -> bool:
+    try:
+        return bool(talk(site))
+    except InvalidStatus:
+        return False
+
+
+def test_a_taken_port_is_refused_when_asked_for_and_avoided_when_not(site, tmp_path):
+    port = int(site.url.split(":")[2].strip("/"))
+    with pytest.raises(ParameterError, match=f"--port {port}"):
+        PageServer(site.run, site.recording, "127.0.0.1", port)
+    with pytest.raises(ParameterError, match="--host nowhere"):
+        PageServer(site.run, site.recording, "nowhere.invalid", 0)
+
+
+# --- for a while -----------------------------------------------------------------------------------------------
+def memory_mb() -> float:
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
+
+
+def test_a_short_soak_with_viewer_and_recordings_keeps_memory_flat(site):
+    """What an hour would show by hundreds of MB shows here by some: pictures, readings or messages that are kept."""
+
+    def work(rounds: int) -> float:
+        for _ in range(rounds):
+            site.recording.start()
+            frames = site.run.engine.caps[0].stats.frames
+            wait_for(lambda frames=frames: site.run.engine.caps[0].stats.frames > frames + 8)
+            talk(site, *['{"do":"show","cap":1}'] * 6)
+            site.recording.stop()
+        return memory_mb()
+
+    before, counts = work(4), [cap.stats.frames for cap in site.run.engine.caps]
+    after = work(12)
+    told = [cap.stats.frames - count for cap, count in zip(site.run.engine.caps, counts, strict=True)]
+    assert min(told) > 90 and after - before < 12  # 300 pictures of 47 kB alone would be 14 MB
+
+
+# --- in a browser ----------------------------------------------------------------------------------------------
+LOOK = """JSON.stringify({
+  drawn: window.drawn, lamps: document.querySelectorAll(".lamp.touch").length,
+  caps: document.querySelectorAll(".cap").length, health: document.getElementById("health").innerText,
+  wide: document.documentElement.scrollWidth, inner: window.innerWidth,
+  colours: [...document.querySelectorAll("canvas")].map((c) => {
+    const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data, s = new Set();
+    for (let k = 0; k < d.length; k += 4 * 97) s.add(d[k] << 16 | d[k + 1] << 8 | d[k + 2]);
+    return s.size; }),
+  others: performance.getEntriesByType("resource").map((e) => e.name).filter((n) => !n.startsWith(location.origin)),
+})"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this computer")
+@pytest.mark.parametrize("size", [(1400, 1150), (390, 844)], ids=["desk", "phone"])
+def test_the_page_draws_everything_in_a_browser(site, tmp_path, size):
+    browser = Browser(tmp_path, size)
+    try:
+        touching = "window.drawn > 5 && document.querySelectorAll('.lamp.touch').length > 0"
+        told, png = asyncio.run(browser.look(site.url, touching, LOOK))
+    finally:
+        browser.close()
+    told = json.loads(told)
+    assert told["caps"] == 3 and told["lamps"] >= 1 and told["others"] == []
+    assert len(told["colours"]) == 8 and min(told["colours"]) > 3  # image, scene and six plots are not blank
+    assert f"{dots()} of {dots()}" in told["health"] and told["wide"] <= told["inner"]
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert image.shape[:2] == (size[1], size[0]) and len(np.unique(image.reshape(-1, 3)[::53], axis=0)) > 100

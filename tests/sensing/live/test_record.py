@@ -1,0 +1,254 @@
+import io
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
+
+from cad.errors import FileError
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.feed import CameraFeed, FileFeed, Pace
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.recorder import TOPICS, Recorder
+from sensing.live.outputs.recording import Recording
+from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, replay_caps, verify
+from sensing.live.run import LiveRun
+
+CAPS = ("endcap_0", "endcap_1")
+
+
+@pytest.fixture(scope="module")
+def press() -> list[bytes]:
+    return film([0] * 3 + [0.3, 0.7, 1.0, 1.0, 0.7, 0.3] + [0] * 3)
+
+
+def config() -> LiveConfig:
+    return LiveConfig(tuple(CapConfig(name, "test", contact_on_n=2.0, contact_off_n=1.0) for name in CAPS))
+
+
+def a_run(press: list[bytes]) -> LiveRun:
+    caps = [LiveCap(CameraFeed(endless(press, 40), 4), pipeline(name, k)) for k, name in enumerate(CAPS)]
+    return LiveRun(config(), caps)
+
+
+@pytest.fixture(scope="module")
+def recorded(press, tmp_path_factory) -> Path:
+    """A recording that begins in the middle of a run and is zeroed anew on the way."""
+    path = tmp_path_factory.mktemp("mcap") / "run.mcap"
+    run = a_run(press)
+    recording = Recording(run, path.parent)
+    with run.engine:
+        wait_for(lambda: len(run.latest.all()) == 2)
+        recording.start(path)
+        wait_for(lambda: recording._recorder.frames > 30)
+        run.engine.caps[1].pipeline.request_zero()
+        wait_for(lambda: recording._recorder.frames > 70)
+        recording.stop()
+    assert "frames recorded" in recording.note and "lost" not in recording.note
+    return path
+
+
+def test_a_recording_computed_again_gives_the_same_bits(recorded):
+    found = read_config(recorded)
+    assert [cap.name for cap in found.caps] == list(CAPS) and found.caps[0].contact_on_n == 2.0
+    check = verify(recorded, found, lambda _: stand_in())
+    assert check.frames > 70 and check.different == 0 and check.end is None
+    zeros = [sum(r.zero is not None for r in recorded_frames(recorded, cap)) for cap in CAPS]
+    assert zeros == [1, 2]
+
+
+def test_frames_from_before_the_restart_are_left_out(press, tmp_path):
+    recorder = Recorder(tmp_path / "x.mcap", config(), {"endcap_0": 1}, lambda _: None)
+    recorder.start()
+    pipe = pipeline()
+    pipe.epoch = 0  # its first reference makes it 1
+    given = frames(press)
+    for frame in given[:6]:
+        recorder.put(pipe.update(frame))
+    pipe.request_restart()
+    for frame in given[6:]:
+        recorder.put(pipe.update(frame))
+    recorder.close()
+    found = list(recorded_frames(recorder.path, "endcap_0"))
+    assert [r.frame.sequence for r in found] == list(range(6, len(given)))
+    assert [r.zero is not None for r in found] == [True] + [False] * (len(given) - 7)
+
+
+def test_the_check_sees_a_bit_that_differs(recorded, monkeypatch):
+    told = recorded_wrenches(recorded, CAPS[0])
+    told[7] = np.nextafter(told[7], 9)
+    monkeypatch.setattr("sensing.live.replay.recorded_wrenches", lambda path, cap: told if cap == CAPS[0] else [])
+    assert verify(recorded, read_config(recorded), lambda _: stand_in()).different == 1
+
+
+def test_replay_through_the_engine_gives_the_recorded_wrenches(recorded):
+    found, got = read_config(recorded), {cap: [] for cap in CAPS}
+
+    class Sink:
+        def put(self, reading):
+            got[reading.cap].append(np.concatenate([reading.wrench.force_n, reading.wrench.torque_nm]))
+
+    caps = replay_caps(recorded, found, 0, lambda _: stand_in())
+    with Engine(caps, [Sink()]) as engine:
+        assert engine.wait(30)
+    for cap in CAPS:
+        assert np.array_equal(got[cap], recorded_wrenches(recorded, cap))
+
+
+def test_an_independent_reader_opens_the_recording(recorded):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with recorded.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        topics = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+        assert topics == {f"/{cap}/{t}": kind for cap in CAPS for t, kind in TOPICS.items()} | {
+            "/diagnostics": ros.DIAGNOSTICS
+        }
+        seen = {}
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            seen.setdefault(channel.topic, []).append((message, decoded))
+    told = recorded_wrenches(recorded, CAPS[0])
+    forces = [d.wrench.force.x for _, d in seen["/endcap_0/wrench/wrench_pred"]]
+    assert forces == [w[0] for w in told]
+    message, image = seen["/endcap_0/image/compressed"][0]
+    assert image.format == "jpeg" and bytes(image.data[:2]) == b"\xff\xd8"
+    stamp_s = image.header.stamp.sec + image.header.stamp.nanosec / 1e9
+    assert abs(stamp_s - time.time()) < 600 and stamp_s == pytest.approx(message.log_time / 1e9)
+    field = seen["/endcap_0/array/shear_vector"][0][1]
+    assert [d.size for d in field.layout.dim] == [2, 16, 16] and len(field.data) == 512
+    status = seen["/diagnostics"][-1][1].status
+    assert {s.name for s in status} == set(CAPS)
+
+
+def test_a_recording_never_replaces_a_file(tmp_path, press):
+    path = tmp_path / "there.mcap"
+    path.write_bytes(b"mine")
+    with pytest.raises(FileError, match="is there already"):
+        Recording(a_run(press), tmp_path).start(path)
+    assert path.read_bytes() == b"mine"
+
+
+class FullDisk(io.BytesIO):
+    """A disk with room for so many bytes."""
+
+    def __init__(self, room: int) -> None:
+        super().__init__()
+        self.room = room
+
+    def write(self, data):
+        if self.tell() + len(data) > self.room:
+            raise OSError(28, "No space left on device")
+        return super().write(data)
+
+    def close(self):
+        self.kept = self.getvalue()
+
+
+def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
+    disk = FullDisk(1_500_000)
+    run = a_run(press)
+    recorder = Recorder(tmp_path / "x.mcap", config(), dict.fromkeys(CAPS, 0), lambda _: None, stream=disk)
+    recorder.start()
+    run.engine.add_sink(recorder)
+    with run.engine:
+        wait_for(lambda: recorder.failed)
+        count = run.engine.caps[0].stats.frames
+        wait_for(lambda: run.engine.caps[0].stats.frames > count + 10)
+    assert "No space left" in recorder.note and "are kept" in recorder.note
+    wait_for(lambda: hasattr(disk, "kept"))
+    path = tmp_path / "kept.mcap"
+    path.write_bytes(disk.kept)
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames == recorder.kept > 5 and check.different == 0
+    assert re.search(r"cut at byte \d+", str(check.end))
+
+
+def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path):
+    class Slow(io.FileIO):
+        def write(self, data):
+            time.sleep(0.3)
+            return super().write(data)
+
+    run, path = a_run(press), tmp_path / "slow.mcap"
+    stream = Slow(path, "wb")
+    pipelines = {cap.name: cap.pipeline for cap in run.engine.caps}
+    recorder = Recorder(
+        path, config(), dict.fromkeys(CAPS, 0), lambda name: pipelines[name].request_restart(), stream=stream
+    )
+    recorder._queue = type(recorder._queue)(maxlen=6)
+    recorder.start()
+    run.engine.add_sink(recorder)
+    with run.engine:
+        wait_for(lambda: recorder.dropped > 10 and recorder.frames > 30)
+        run.engine.remove_sink(recorder)
+        recorder.close()
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames >= 25 and check.different == 0 and "lost to a slow disk" in recorder.note
+
+
+KILLED = """
+import sys
+from live_stand_in import endless, film, pipeline
+from pathlib import Path
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import CameraFeed
+from sensing.live.outputs.recording import Recording
+from sensing.live.run import LiveRun
+caps = [LiveCap(CameraFeed(endless(film([0, 0.5, 1.0]))), pipeline())]
+run = LiveRun(LiveConfig((CapConfig("endcap_0", "test"),)), caps)
+recording = Recording(run, Path.cwd())
+with run.engine:
+    recording.start(Path(sys.argv[1]))
+    while True:
+        print(recording._recorder.frames, flush=True)
+        __import__("time").sleep(0.05)
+"""
+
+
+def test_a_killed_run_leaves_a_file_that_replays(tmp_path):
+    path = tmp_path / "killed.mcap"
+    root = Path(__file__).resolve().parents[3]
+    environment = {**os.environ, "PYTHONPATH": f"{root / 'tests'}{os.pathsep}{root}"}
+    process = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, env=environment)
+    while int(process.stdout.readline()) < 40:
+        pass
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert check.frames > 20 and check.different == 0 and "cut at byte" in str(check.end)
+
+
+@pytest.mark.parametrize("content", [b"", b"no mcap at all", b"\x89MCAP0\r\n" + b"\xff" * 40])
+def test_what_is_no_recording_is_refused_in_one_line(tmp_path, content):
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=r"x\.mcap"):
+        read_config(path)
+
+
+def test_raw_pictures_are_recorded_without_loss(press, tmp_path):
+    import cv2
+
+    raw = [cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) for jpeg in press[:5]]
+    given = [
+        type(f)(f.time_s, f.sequence, f.source, image=image) for f, image in zip(frames(press[:5]), raw, strict=True)
+    ]
+    cap = LiveCap(FileFeed(lambda: given, Pace(0)), pipeline())
+    run = LiveRun(LiveConfig((CapConfig("endcap_0", "test"),)), [cap])
+    recording = Recording(run, tmp_path)
+    recording.start(tmp_path / "raw.mcap")
+    with run.engine:
+        assert run.engine.wait(20)
+    recording.stop()
+    again = [r.frame for r in recorded_frames(tmp_path / "raw.mcap", "endcap_0")]
+    assert all(np.array_equal(a.image, b.image) and a.time_s == b.time_s for a, b in zip(again, given, strict=True))

@@ -1,0 +1,132 @@
+import threading
+
+import numpy as np
+import pytest
+from live_stand_in import endless, film, pipeline, stand_in, wait_for
+
+from cad.errors import FileError, ParameterError
+from sensing import setup
+from sensing.live.core.config import CapConfig, LiveConfig, load_config
+from sensing.live.core.engine import LiveCap
+from sensing.live.core.feed import CameraFeed, FileFeed, Pace
+from sensing.live.demo.scene_server import mjpeg_server
+from sensing.live.endcap import Endcap, open_endcap
+from sensing.tracking.zero import load_zero
+
+
+class Hand:
+    """Cameras that show a press while the hand is on them."""
+
+    def __init__(self, count: int) -> None:
+        pictures = film([0] * 30 + [1.0] * 4)
+        self.rest, self.pressed = pictures[:30], pictures[30:]
+        self.on: int | None = None
+        self.count = count
+
+    def caps(self, config, models=None):
+        return [
+            LiveCap(CameraFeed(self.camera(k)), pipeline(cap.name, k, 10, cap.source))
+            for k, cap in enumerate(config.caps)
+        ]
+
+    def camera(self, number: int):
+        def source():
+            for count, frame in enumerate(endless(self.rest, 100)()):
+                pictures = self.pressed if self.on == number else self.rest
+                yield type(frame)(frame.time_s, count, "test", jpeg=pictures[count % len(pictures)], size=frame.size)
+
+        return source
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(setup, "REST_S", 1.0)
+    monkeypatch.setattr(setup, "TOUCH_S", 8.0)
+
+
+def config(count: int) -> LiveConfig:
+    return LiveConfig(tuple(CapConfig(f"camera_{k}", str(k)) for k in range(count)), weight_n=50.0)
+
+
+def test_caps_are_named_in_the_order_in_which_they_are_touched(tmp_path, monkeypatch, quick):
+    hand = Hand(2)
+    monkeypatch.setattr(setup, "open_caps", hand.caps)
+    touches = iter([None, 1, 0])
+
+    def ask(text):
+        hand.on = next(touches)
+        return ""
+
+    said = []
+    setup.set_up(config(2), tmp_path / "endcaps.toml", ask, lambda text: said.append(text) or "", lambda _: stand_in())
+    found = load_config(tmp_path / "endcaps.toml")
+    assert [(cap.name, cap.source) for cap in found.caps] == [("endcap_0", "1"), ("endcap_1", "0")]
+    assert found.weight_n == 50 and all(load_zero(cap.zero).sensor == cap.name for cap in found.caps)
+    assert all(0.2 <= cap.contact_on_n < 5 and cap.contact_off_n <= cap.contact_on_n for cap in found.caps)
+    assert "written" in said[-1]
+
+
+def test_a_touch_that_nobody_sees_writes_nothing(tmp_path, monkeypatch, quick):
+    monkeypatch.setattr(setup, "TOUCH_S", 0.3)
+    monkeypatch.setattr(setup, "open_caps", Hand(2).caps)
+    with pytest.raises(ParameterError, match="no camera saw a touch"):
+        setup.set_up(config(2), tmp_path / "endcaps.toml", lambda _: "", lambda _: "", lambda _: stand_in())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_configuration_that_is_there_is_kept(tmp_path):
+    (tmp_path / "endcaps.toml").write_text("mine")
+    with pytest.raises(FileError, match="is there already"):
+        setup.set_up(config(1), tmp_path / "endcaps.toml", lambda _: "")
+    assert setup.main(["--out", str(tmp_path / "endcaps.toml"), "--camera", "0"]) == 2
+
+
+# --- Python, network -------------------------------------------------------------------------------------------
+def test_a_stream_gives_a_wrench_for_every_frame_and_ends_with_the_file():
+    from live_stand_in import frames
+
+    given = frames(film([0] * 3 + [1.0] * 4 + [0] * 2))
+    with Endcap(LiveCap(FileFeed(lambda: given, Pace(0)), pipeline())) as endcap:
+        found = list(endcap.stream())
+        assert [w.time_s for w in found] == [f.time_s for f in given]
+        assert found[5].force_n[0] > 5 and not endcap.touching and endcap.health.frames == len(given)
+
+
+def test_a_stream_of_a_camera_ends_when_it_is_closed():
+    endcap = Endcap(LiveCap(CameraFeed(endless(film([0] * 6))), pipeline()))
+    with endcap:
+        stream = endcap.stream()
+        assert np.isfinite(next(stream).force_n).all()
+        threading.Timer(0.2, endcap.close).start()
+        assert len(list(stream)) < 1000
+
+
+def test_open_endcap_says_what_is_wrong(tmp_path):
+    with pytest.raises(FileError, match="nowhere"):
+        open_endcap("nowhere", model=stand_in())
+    (tmp_path / "a.jpg").write_bytes(film([0])[0])
+    with pytest.raises(FileError, match="no_zero"):
+        open_endcap(str(tmp_path), tmp_path / "no_zero.npz", model=stand_in())
+
+
+def test_two_cameras_over_http_reach_the_pipeline(monkeypatch):
+    pictures = film([0] * 4 + [1.0] * 8 + [0] * 4)
+    server = mjpeg_server(0, lambda number: endless(pictures, 30)())
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    from sensing.live.core.engine import Engine
+    from sensing.live.open_caps import open_caps
+
+    base = f"http://127.0.0.1:{server.server_port}"
+    caps = tuple(CapConfig(f"endcap_{k}", f"{base}/{k}") for k in (0, 2))
+    monkeypatch.setattr("sensing.live.open_caps.ZERO_FRAMES", 1)
+    live = open_caps(LiveConfig(caps), models=lambda _: stand_in())
+    touched = set()
+    with Engine(live) as engine:
+        wait_for(
+            lambda: (
+                [touched.add(c.name) for c in live if c.stats.last and c.stats.last.contact.touching]
+                and len(touched) == 2
+            )
+        )
+        assert all(h.faults == 0 for h in engine.health())
+    server.shutdown()

@@ -1,0 +1,104 @@
+"""What the data writer writes: frames with their labels, as asked for on the command line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from small_data import short_path, small_request
+
+from cad.dots import dot_pattern
+from sensing.camera.mount import MountedCamera
+from sensing.records_labelled import COLUMNS, LabelledSet
+from sensing.simulator.__main__ import main
+from sensing.simulator.dataset.frames import shard_arrays
+from sensing.simulator.press.press import Target
+from sensing.simulator.protocols.loading import Waypoint
+from sensing.simulator.solid.surface import turn_wrench
+
+pytestmark = pytest.mark.usefixtures("short_paths")
+
+
+def test_frames_are_their_states_turned_and_seen(small_set: Path) -> None:
+    data = LabelledSet(small_set)
+    frames = list(data.frames())
+    assert len(frames) == 12 and [f.path for f in frames] == [0] * 6 + [1] * 6
+    assert set(frames[0].labels) == set(COLUMNS)
+    camera = MountedCamera.load(small_set / "camera.json")
+    rest = np.load(small_set / "dots.npz")["dots_mm"]
+    assert len(rest) == len(dot_pattern(small_request().params))
+    for first, turned in zip(frames[0:3], frames[3:6], strict=True):
+        wrench = np.concatenate([first.wrench.force_n, first.wrench.torque_nm])
+        assert np.allclose(turn_wrench(wrench, 30.0)[:3], turned.wrench.force_n, atol=1e-9)
+        assert np.allclose(turn_wrench(wrench, 30.0)[3:], turned.wrench.torque_nm, atol=1e-9)
+        assert first.contact == (first.phase != "approach")
+    free, loaded = frames[0], frames[1]
+    seen = loaded.dots_visible & free.dots_visible
+    gap = np.linalg.norm(camera.project(rest) - free.dots_px, axis=1)[seen]
+    assert 0.3 < np.sqrt((gap**2).mean()) < 1.5  # the hand that painted scatters by 0.2 mm
+    told = camera.project(rest + loaded.dots_mm) - camera.project(rest)
+    drawn = loaded.dots_px - free.dots_px  # the ink rides on the surface: the scatter cancels
+    assert np.linalg.norm(told - drawn, axis=1)[seen].max() < 0.2 < 1.5 < np.linalg.norm(told, axis=1)[seen].max()
+    picture = cv2.imdecode(np.frombuffer(loaded.frame.jpeg or b"", np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (480, 640, 3)
+    ink = np.array([picture[round(y), round(x)].mean() for x, y in loaded.dots_px[seen][:30]])
+    assert np.median(ink) < 0.6 * np.median(picture)
+
+
+def test_pose_puts_plane_and_force_where_they_belong(small_set: Path) -> None:
+    """World z is the plane's normal: the force on the endcap along it is the normal force, and the dome touches z=0."""
+    for frame in LabelledSet(small_set).frames():
+        pose = frame.labels["T_world_endcap"]
+        assert (pose[:3, :3] @ frame.wrench.force_n)[2] == pytest.approx(frame.labels["normal_n"], abs=1e-9)
+        params = small_request().params
+        centre = pose @ [0, 0, params.centre_height_mm, 1]
+        assert centre[2] == pytest.approx(params.outer_radius_mm - frame.labels["depth_mm"])
+        assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
+
+
+def test_refused_states_are_listed_and_the_rest_stands() -> None:
+    points = (*short_path(0, 0, 1).waypoints[:2], Waypoint("load", Target(normal_n=-1.0)), Waypoint("clear", None, 1.0))
+    path = replace(short_path(0, 0, 1), waypoints=points)
+    arrays = shard_arrays(replace(small_request(), render="off"), [path])
+    assert arrays["step"].tolist() == [0, 1, 3]
+    assert "path 0 states 2..2: range: normal_n=-1" in str(arrays["refusals"][0])
+    assert arrays["surface_mm"].shape[0] == 3 and "jpeg" not in arrays
+
+
+def test_sensors_and_lamps_differ_as_asked() -> None:
+    request = small_request()
+    other = replace(request, sensor=3)
+    assert np.array_equal(request.mounted.T_camera_endcap[:3, :3], np.eye(3))
+    assert 0.1 < np.linalg.norm(other.mounted.pupil_endcap_mm - request.mounted.pupil_endcap_mm) < 3
+    assert request.light(0) == request.light(0) != request.light(1)
+    steady = replace(request, lamp="steady")
+    assert steady.light(0) == steady.light(1)
+
+
+def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    for arguments, words in (
+        (["--density", "lush"], "density='lush' is unknown"),
+        (["--protocol", "dance"], "protocol='dance' is unknown: choose one of static"),
+        (["--frames", "0"], "frames=0 outside"),
+        (["--tolerance", "0.5"], "tolerance=0.5 outside"),
+        (["--level", "4"], "level=4 is unknown: choose one of 1, 2"),
+        (["--silicone", "butter"], "silicone='butter' is not in cad/materials.csv"),
+        (["--wall", "1"], "wall_mm=1"),
+        (["--unpainted", "2"], "Paint.unpainted=2.0 outside"),
+        (["--workers", "0"], "workers=0 outside"),
+    ):
+        assert main(["data", "--out", str(tmp_path / "x"), *arguments]) == 2
+        error = capsys.readouterr().err
+        assert words in error and error.count("\n") == 1
+    assert not (tmp_path / "x").exists()
+    (tmp_path / "file").write_text("")
+    assert main(["data", "--out", str(tmp_path / "file"), "--frames", "1"]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_the_press_command_prints_a_certificate(capsys: pytest.CaptureFixture) -> None:
+    assert main(["press", "--density", "draft", "--normal", "5", "--tilt", "20"]) == 0
+    assert "certificate residual" in capsys.readouterr().out

@@ -1,0 +1,147 @@
+"""Writing a data set on one process, several, or a cluster; killed, interrupted, without space, grown and damaged."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from small_data import command, environment, group_lives, same, small_request
+
+from cad.errors import FileError, ParameterError
+from sensing.records_labelled import LabelledSet
+from sensing.simulator.dataset import writer as dataset
+from sensing.simulator.dataset.writer import shard_path, write_dataset
+
+pytestmark = pytest.mark.usefixtures("short_paths")
+
+
+def test_a_killed_run_goes_on_and_ends_the_same(small_set: Path, tmp_path: Path) -> None:
+    run = subprocess.run(command("kill", tmp_path), env=environment())
+    assert run.returncode == -signal.SIGKILL
+    assert shard_path(tmp_path, 0).exists() and not shard_path(tmp_path, 1).exists()
+    assert list(tmp_path.rglob("*.part"))  # killed while it wrote
+    assert len(list(LabelledSet(tmp_path).frames())) == 6
+    assert write_dataset(small_request(), tmp_path) == 1
+    assert same(tmp_path, small_set) and not list(tmp_path.rglob("*.part"))
+    assert write_dataset(small_request(), tmp_path) == 0
+
+
+def test_a_full_disk_is_one_line_and_what_was_written_stays(small_set: Path, tmp_path: Path) -> None:
+    run = subprocess.run(command("full", tmp_path), env=environment(), capture_output=True, text=True)
+    assert run.returncode == 2, run.stderr
+    assert run.stderr.count("\n") == 1 and "cannot be written (File too large)" in run.stderr
+    assert len(list(LabelledSet(tmp_path).frames())) == 6 and not list(tmp_path.rglob("*.part"))
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[subprocess.Popen]:
+    """A long run on two workers that has written its first shard; what is left of it in the end is killed."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    # a shell's background job ignores SIGINT, and its children inherit that: this one is in the foreground
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    run = subprocess.Popen(command("long", folder), env=environment(), **pipes, **hears)
+    deadline = time.monotonic() + 120
+    try:
+        while not list(folder.glob("shards/[0-9]*.npz")) and run.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        yield run
+    finally:
+        if group_lives(run.pid):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+
+
+def ends(run: subprocess.Popen) -> bool:
+    """Whether the command and its workers are all gone soon."""
+    deadline = time.monotonic() + 30
+    while group_lives(run.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not group_lives(run.pid)
+
+
+def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
+    """As a terminal sends it: to the command and to its workers alike."""
+    with running(tmp_path) as run:
+        os.killpg(run.pid, signal.SIGINT)
+        errors = run.communicate(timeout=60)[1]
+        assert run.returncode == 130, errors
+        assert errors == "stopped; run the same command again to go on\n"
+        assert list(LabelledSet(tmp_path).frames()) and not list(tmp_path.rglob("*.part"))
+        assert ends(run)
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_go_with_a_command_that_is_ended(tmp_path: Path, how: signal.Signals) -> None:
+    """It cannot end them itself then, and nobody told them."""
+    with running(tmp_path) as run:
+        os.kill(run.pid, how)
+        assert run.wait(timeout=30) == -how
+        assert ends(run)
+        assert list(LabelledSet(tmp_path).frames())
+
+
+def test_progress_is_for_terminals(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset._progress(1, 4, 0.0)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(time, "monotonic", lambda: 100.0)
+    dataset._progress(1, 4, 90.0)
+    assert capsys.readouterr().err == "\r1/4 shards, 30 s left "
+
+
+def test_a_corrupt_shard_is_named_and_made_again(
+    small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert write_dataset(small_request(), tmp_path) == 2
+    path = shard_path(tmp_path, 1)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF  # one byte of a picture
+    path.write_bytes(data)
+    with pytest.raises(FileError, match=r"00001\.npz: not a whole shard"):
+        list(LabelledSet(tmp_path).frames())
+    assert write_dataset(small_request(), tmp_path) == 1
+    assert "00001.npz: corrupt shard" in capsys.readouterr().err
+    assert same(tmp_path, small_set)
+
+
+def test_two_processes_give_the_same_shards(small_set: Path, tmp_path: Path) -> None:
+    assert write_dataset(small_request(), tmp_path, workers=2) == 2
+    assert same(tmp_path, small_set)
+
+
+def test_a_dask_cluster_gives_the_same_shards(small_set: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+    ) as cluster:
+        assert write_dataset(small_request(), tmp_path, scheduler=cluster.scheduler_address) == 2
+    assert same(tmp_path, small_set)
+
+
+def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(dataset, "CONNECT_S", 1)
+    with pytest.raises(ParameterError, match=r"no Dask scheduler answers there"):
+        write_dataset(small_request(), tmp_path, scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_set_grows_but_is_never_mixed(small_set: Path, tmp_path: Path) -> None:
+    request = small_request()
+    assert write_dataset(replace(request, frames=6), tmp_path) == 1
+    assert write_dataset(request, tmp_path) == 1
+    assert same(tmp_path, small_set)
+    with pytest.raises(FileError, match="holds a set made with seed=0"):
+        write_dataset(replace(request, seed=1), tmp_path)
+    with dataset._locked(tmp_path), pytest.raises(FileError, match="another run is writing"):
+        write_dataset(request, tmp_path)
+    (tmp_path / "manifest.json").write_text("{")
+    with pytest.raises(FileError, match="not the manifest"):
+        write_dataset(request, tmp_path)

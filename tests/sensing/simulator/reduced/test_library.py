@@ -1,0 +1,129 @@
+"""Level 4: fitted on a coarse mesh, judged on states of another path; ranges, fall-back, files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cad.errors import FileError, ParameterError
+from cad.materials import silicone
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Target
+from sensing.simulator.reduced import library_fit
+from sensing.simulator.reduced.library import Library, lagrange_terms, polynomial_terms
+from sensing.simulator.scene import Scene
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.surface import dot_directions
+
+GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()
+TILT, FRICTION = 25.0, 0.9
+RNG = np.random.default_rng(5)
+
+
+@pytest.fixture(scope="module")
+def exact() -> Simulator:
+    return Simulator(GEOMETRY, LAW, "draft", level=2)
+
+
+@pytest.fixture(scope="module")
+def library(exact: Simulator) -> Library:
+    return library_fit.fit(exact, library_fit.sample_tilt(exact, TILT, 34, 0, FRICTION), degree=3)
+
+
+@pytest.fixture(scope="module")
+def judge(exact: Simulator) -> list[library_fit.Sample]:
+    return library_fit.sample_tilt(exact, TILT, 8, 77, FRICTION)
+
+
+def errors(library: Library, judge: list[library_fit.Sample]) -> np.ndarray:
+    """Relative error of the surface field of each state."""
+    states = [sample.state for sample in judge]
+    normal = np.array([s.normal_n for s in states])
+    found = library.states(np.full(len(normal), TILT), normal, np.array([s.tangential_n for s in states]))
+    fields = library.fields(found.weights)
+    return np.array(
+        [np.linalg.norm(f - s.surface_mm) / np.linalg.norm(s.surface_mm) for f, s in zip(fields, states, strict=True)]
+    )
+
+
+def claimed(library: Library, judge: list[library_fit.Sample]) -> np.ndarray:
+    """Error estimate of each state."""
+    normal = np.array([s.state.normal_n for s in judge])
+    pull = np.array([s.state.tangential_n for s in judge])
+    return library.states(np.full(len(normal), TILT), normal, pull).error_estimate
+
+
+def test_unseen_states_are_met_and_a_planted_fault_is_seen(library: Library, judge: list[library_fit.Sample]) -> None:
+    wrong = errors(library, judge)
+    assert wrong.mean() < 0.05
+    assert 0.5 < wrong.mean() / claimed(library, judge).mean() < 2  # the stated error is of the right size
+    assert errors(replace(library, even=1.1 * library.even), judge).mean() > 0.09
+    assert errors(replace(library, odd=-library.odd), judge).mean() > 0.1  # lateral forces the wrong way round
+
+
+def test_wrench_follows_from_the_forces_asked_for(library: Library, judge: list[library_fit.Sample]) -> None:
+    state = judge[3].state
+    found = library.states([TILT], [state.normal_n], [state.tangential_n])
+    assert np.allclose(found.wrench[0, :3], state.wrench[:3], atol=1e-6)
+    assert np.abs(found.wrench[0, 3:] - state.wrench[3:]).max() < 0.05 * 65 * state.normal_n
+    assert found.depth_mm[0] == pytest.approx(state.depth_mm, rel=0.1)
+
+
+def test_the_mirror_image_is_the_mirrored_field(library: Library, exact: Simulator) -> None:
+    one, other = (library.states([TILT], [20.0], [[3.0, side]]) for side in (4.0, -4.0))
+    directions = dot_directions(GEOMETRY)
+    here = exact.surface.sampler(directions).sample(library.fields(one.weights)[0])
+    there = exact.surface.sampler(directions * [1, -1, 1]).sample(library.fields(other.weights)[0])
+    assert np.abs(here - there * [1, -1, 1]).max() < 1e-9 * np.abs(here).max()
+    assert one.wrench[0, 3] == pytest.approx(-other.wrench[0, 3])
+
+
+def test_out_of_range_goes_to_level_2(library: Library) -> None:
+    simulator = Simulator(GEOMETRY, LAW, "draft", level=4, library=library)
+    scene = Scene(Indenter(TILT), FRICTION)
+    inside, beyond = Target(10.0, tangential_n=(1.0, 0.0)), Target(45.0, tangential_n=(1.0, 0.0))
+    assert [s.level for s in simulator.follow(scene, [inside])] == [4]
+    found = list(simulator.follow(scene, [inside, beyond]))[-1]
+    assert found.level in (1, 2) and found.certificate is not None
+    assert not library.inside(np.array([TILT + 1, TILT]), np.full(2, 10.0), np.array([[0, 0], [9.0, 0]])).any()
+    many = simulator.bulk(np.full(3, TILT), np.array([5.0, 10.0, 0.5]), np.zeros((3, 2)), FRICTION)
+    assert many.level[:2].tolist() == [4, 4] and many.level[2] in (1, 2)
+    assert np.isfinite(many.marker_mm).all() and many.error_estimate[0] > many.error_estimate[2]
+
+
+def test_an_estimate_over_the_limit_falls_back(library: Library) -> None:
+    vague = replace(library, even_below=2 * library.even)
+    simulator = Simulator(GEOMETRY, LAW, "draft", level=4, library=vague)
+    state = next(iter(simulator.follow(Scene(Indenter(TILT), FRICTION), [Target(10.0, tangential_n=(1.0, 0.0))])))
+    assert state.level in (1, 2)
+
+
+def test_a_library_survives_its_file_and_others_are_refused(
+    library: Library, exact: Simulator, judge: list[library_fit.Sample], tmp_path: Path
+) -> None:
+    path = tmp_path / "library.npz"
+    library.save(path)
+    again = Library.load(path)
+    assert np.array_equal(again.even, library.even) and np.array_equal(again.modes, library.modes)
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(FileError, match="not a library"):
+        Library.load(path)
+    with pytest.raises(ParameterError, match="library of the shell"):
+        Simulator(shell_geometry(130, 9), LAW, "draft", level=4, library=library)
+    with pytest.raises(ParameterError, match="library=None"):
+        Simulator(GEOMETRY, LAW, "draft", level=4)
+    with pytest.raises(ParameterError, match=r"states=3 at tilt 25 under"):
+        library_fit.fit(exact, judge[:3])
+
+
+def test_terms_are_the_polynomials_they_name() -> None:
+    x = RNG.uniform(-1, 1, (7, 3))
+    powers = np.array([[0, 0, 0], [3, 0, 2], [1, 4, 0]])
+    exact = np.stack(
+        [np.ones(7), np.cos(3 * np.arccos(x[:, 0])) * np.cos(2 * np.arccos(x[:, 2])),
+         x[:, 0] * np.cos(4 * np.arccos(x[:, 1]))], axis=1)  # fmt: skip
+    assert np.allclose(polynomial_terms(powers, x), exact)
+    nodes = np.array([0.0, 1.0, 4.0])
+    assert np.allclose(lagrange_terms(nodes, x[:, 0]) @ nodes**2, x[:, 0] ** 2)

@@ -1,0 +1,73 @@
+"""The one door to the levels: same answers whatever mesh half or level gives them."""
+
+import numpy as np
+import pytest
+
+from cad.errors import ParameterError
+from cad.materials import silicone
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.state import Refusal
+from sensing.simulator.scene import Scene
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.surface import turn_wrench
+
+GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()
+SCENE = Scene(Indenter(tilt_deg=25), friction=0.6)
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Simulator:
+    return Simulator(GEOMETRY, LAW, "draft", level=1)
+
+
+def test_half_and_whole_mesh_give_one_surface(simulator: Simulator) -> None:
+    tiny = 1e-9  # leaves the mirror plane, so the whole mesh is used
+    of_half = list(simulator.follow(SCENE, [Target(normal_n=8.0)]))[-1]
+    of_whole = list(simulator.follow(SCENE, [Target(normal_n=8.0, shift_mm=(0.0, tiny))]))[-1]
+    size = np.abs(of_half.surface_mm).max()
+    assert np.abs(of_half.surface_mm - of_whole.surface_mm).max() < 1e-6 * size
+    assert np.allclose(of_half.wrench, of_whole.wrench, atol=1e-5 * 8 * 65)
+    assert of_half.patch_mm2 == pytest.approx(of_whole.patch_mm2, rel=1e-9)
+    assert of_half.patch is not None and of_half.patch.pressure @ of_half.patch.area > 7.9
+
+
+def test_a_tangential_force_is_met_and_its_wrench_agrees(simulator: Simulator) -> None:
+    target = Target(normal_n=10.0, tangential_n=(2.0, -1.5))
+    state = list(simulator.follow(SCENE, [Target(normal_n=10.0), target]))[-1]
+    assert state.tangential_n == pytest.approx((2.0, -1.5), abs=0.02)
+    frame = SCENE.indenter.frame()
+    force = frame @ [-state.normal_n, *state.tangential_n]
+    assert np.allclose(state.wrench[:3], force)
+    with pytest.raises(Refusal, match=r"^range: tangential_n=\(7\.0, 0\.0\) outside 5\.82 N"):
+        list(simulator.follow(SCENE, [Target(normal_n=10.0, tangential_n=(7.0, 0.0))]))
+
+
+def test_a_turned_contact_turns_markers_and_wrench(simulator: Simulator) -> None:
+    state = list(simulator.follow(SCENE, [Target(normal_n=6.0)]))[-1]
+    still, turned = simulator.markers(state), simulator.markers(state, 180.0)
+    assert still.shape == turned.shape and not np.allclose(still, turned)
+    largest = [np.linalg.norm(field, axis=1).max() for field in (still, turned)]
+    assert largest[0] == pytest.approx(largest[1], rel=0.1)  # dots lie elsewhere against the contact
+    assert np.allclose(turn_wrench(state.wrench, 180.0)[:3], state.wrench[:3] * [-1, -1, 1], atol=1e-9)
+
+
+def test_levels_agree_and_say_which_answered(simulator: Simulator) -> None:
+    fast = Simulator(GEOMETRY, LAW, "draft", level=2)
+    path = [Target(normal_n=n) for n in (4.0, 7.0, 9.0)]
+    exact, found = list(simulator.follow(SCENE, path)), list(fast.follow(SCENE, path))
+    assert {state.level for state in exact} == {1}
+    assert found[-1].level == 2 and 0 < found[-1].error_estimate < fast.tolerance
+    wrong = found[-1].surface_mm - exact[-1].surface_mm
+    assert np.sqrt((wrong**2).mean()) < 1e-3 * np.sqrt((exact[-1].surface_mm ** 2).mean())
+
+
+def test_bad_requests_are_refused() -> None:
+    with pytest.raises(ParameterError, match="level=7 is unknown: choose one of 1, 2, 3, 4"):
+        Simulator(GEOMETRY, LAW, level=7)
+    with pytest.raises(ParameterError, match=r"tolerance=0\.5 outside"):
+        Simulator(GEOMETRY, LAW, tolerance=0.5)
+    press = Press(Simulator(GEOMETRY, LAW, "draft")._shell.model(True), Indenter(), 0.5)
+    with pytest.raises(Refusal, match=r"^path: .*levels\.Simulator"):
+        press.advance(press.start(), Target(normal_n=1.0, tangential_n=(0.1, 0.0)))

@@ -1,0 +1,32 @@
+"""The verification report: its sections in their order, whenever each was written."""
+
+from pathlib import Path
+
+import pytest
+
+from sensing.simulator.verification import report as verify
+
+REPORT = Path(__file__).parents[4] / "docs" / "verification.md"
+
+
+def test_the_report_is_in_order() -> None:
+    titles = list(verify._read(REPORT))
+    assert titles == sorted(titles, key=verify._place)
+
+
+def test_renewing_one_section_keeps_the_others_and_the_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = REPORT.read_text(encoding="utf-8")
+    (tmp_path / "verification.md").write_text(known, encoding="utf-8")
+    before = verify._read(tmp_path / "verification.md")
+    monkeypatch.setitem(verify.SECTIONS, "solid", lambda _: "## The solid\n\nanew\n")
+    assert verify.main(["--out", str(tmp_path), "--only", "solid"]) == 0
+    after = verify._read(tmp_path / "verification.md")
+    assert list(after) == sorted(before, key=verify._place)
+    assert after["## The solid"].startswith("\nanew\n")
+    assert all(after[title] == body for title, body in before.items() if title != "## The solid")
+
+
+def test_a_section_without_a_place_is_a_fault() -> None:
+    with pytest.raises(ValueError):
+        verify._place("## Something else")
+    assert verify._place("## Hard cases, part 2 of 12") < verify._place("## Hard cases, part 10 of 12")

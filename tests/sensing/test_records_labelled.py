@@ -1,0 +1,158 @@
+"""Reader and exporter of labelled frames, on a folder made by hand, without the simulator."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from sensing.export_dataset import export_dataset, main
+from sensing.learning.authors_dataset import read_authors_dataset
+from sensing.records_labelled import COLUMNS, FORMAT, LabelledSet
+
+ROOT = Path(__file__).resolve().parents[2]
+MANIFEST = {
+    "format": FORMAT, "phases": ["approach", "load"], "request": {"diameter_mm": 130.0, "wall_mm": 8.0}
+}  # fmt: skip
+SHIFT_PX = 4  # of the loaded pictures, at 480 rows: 200 / 480 of it in the field's unit
+
+
+def picture(shift_px: int) -> bytes:
+    noise = np.random.default_rng(0).normal(0, 1, (480, 640)).astype(np.float32)
+    gray = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 6), None, 20, 230, cv2.NORM_MINMAX)
+    rolled = np.roll(gray.astype(np.uint8), shift_px, axis=1)
+    return cv2.imencode(".jpg", cv2.merge([rolled] * 3), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+
+
+@pytest.fixture()
+def folder(tmp_path: Path) -> Path:
+    """Ten paths of two frames, in two shards."""
+    (tmp_path / "shards").mkdir()
+    (tmp_path / "manifest.json").write_text(json.dumps(MANIFEST))
+    for shard in range(2):
+        path = np.repeat(np.arange(5) + 5 * shard, 2)
+        columns = {name: np.zeros(10) for name in COLUMNS}
+        columns |= {"path": path, "phase": np.tile([0, 1], 5), "step": np.tile([0, 1], 5), "scene": np.full(10, -1)}
+        columns |= {"contact": np.tile([False, True], 5), "reference": np.zeros(10, int)}
+        columns |= {"force_n": np.arange(30.0).reshape(10, 3), "torque_nm": np.ones((10, 3)) * [0.1, 0.2, 0.3]}
+        columns |= {"dots_mm": np.zeros((10, 3, 3)), "dots_px": np.zeros((10, 3, 2)), "dots_visible": np.ones((10, 3))}
+        both = [picture(0), picture(SHIFT_PX)]
+        data, ends = b"".join(both * 5), np.cumsum([len(p) for p in both * 5])
+        columns |= {"jpeg": np.frombuffer(data, np.uint8), "jpeg_end": ends}
+        columns |= {"reference_jpeg": np.frombuffer(both[0], np.uint8), "reference_jpeg_end": np.array([len(both[0])])}
+        np.savez(tmp_path / "shards" / f"{shard:05d}.npz", **columns)
+    return tmp_path
+
+
+def test_frames_come_back_with_their_labels(folder: Path) -> None:
+    frames = list(LabelledSet(folder).frames())
+    assert len(frames) == 20 and [f.path for f in frames[::2]] == list(range(10))
+    assert frames[1].phase == "load" and frames[1].contact and not frames[0].contact
+    assert frames[3].wrench.force_n.tolist() == [9, 10, 11]
+    assert frames[1].frame.jpeg == picture(SHIFT_PX) and frames[1].reference.jpeg == picture(0)
+    assert [f.path for f in LabelledSet(folder).frames({7})] == [7, 7]
+
+
+def test_a_split_keeps_paths_and_scenes_whole(folder: Path) -> None:
+    data = LabelledSet(folder)
+    train, test = data.split(0.3, seed=1)
+    assert len(test) == 3 and len(train) == 7 and not train & test
+    assert data.split(0.3, seed=1) == (train, test) != data.split(0.3, seed=2)
+    for file in data.shards:
+        arrays = dict(np.load(file))
+        np.savez(file, **{**arrays, "scene": arrays["path"] // 2})
+    train, test = data.split(0.4, seed=1)
+    assert {p // 2 for p in train} & {p // 2 for p in test} == set() and len(test) == 4
+    with pytest.raises(ParameterError, match="share=2 outside"):
+        data.split(2, seed=0)
+
+
+def test_bad_folders_are_named(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    data = LabelledSet(folder)
+    with pytest.raises(ParameterError, match="column='mass' is none of"):
+        data.column("mass")
+    file = folder / "shards" / "00001.npz"
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(FileError, match=r"00001\.npz: not a whole shard"):
+        list(data.frames())
+    np.savez(file, **{name: np.zeros(1) for name in COLUMNS})
+    with pytest.raises(FileError, match="holds no pictures"):
+        list(data.frames())
+    with pytest.raises(FileError, match="cannot read"):
+        LabelledSet(tmp_path_factory.mktemp("empty"))
+    (folder / "manifest.json").write_text(json.dumps({"format": 1}))
+    with pytest.raises(FileError, match="format 1, need 2"):
+        LabelledSet(folder)
+
+
+def test_reading_does_not_load_the_simulator() -> None:
+    code = "import sensing.records_labelled, sys; print([m for m in sys.modules if 'simulator' in m or m == 'numba'])"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+def test_the_authors_format_comes_back_through_its_reader(folder: Path, tmp_path: Path) -> None:
+    """Sign and origin by hand: what the endcap does to the plane, about the sphere's centre (38.37 mm up)."""
+    out = tmp_path / "authors" / "set"
+    assert export_dataset(LabelledSet(folder), out) == 20
+    back = read_authors_dataset(out)
+    assert back.fields.shape == (20, 2, 30, 30) and back.fields.dtype == np.float32
+    fx, fy, fz, arm_m = 9.0, 10.0, 11.0, 1e-3 * EndcapParams(130, 8).centre_height_mm
+    about_centre = [0.1 + arm_m * fy, 0.2 - arm_m * fx, 0.3]
+    assert back.wrenches[3] == pytest.approx([-fx, -fy, -fz, *(-t for t in about_centre)], rel=1e-6)
+    still, moved = back.fields[:2]
+    assert np.abs(still).max() < 0.05
+    assert np.median(moved[0]) == pytest.approx(SHIFT_PX * 200 / 480, rel=0.05) and abs(np.median(moved[1])) < 0.05
+    with (out / "index.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["path"] for row in rows[::2]] == list("0123456789") and rows[1]["phase"] == "load"
+    assert export_dataset(LabelledSet(folder), tmp_path / "few", {7}) == 2
+
+
+def test_an_export_that_fails_is_one_line_and_leaves_nothing(folder: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "out"
+
+    def refused(data: Path, words: str) -> None:
+        assert main(["--data", str(data), "--out", str(out)]) == 2
+        error = capsys.readouterr().err
+        assert words in error and error.count("\n") == 1
+
+    refused(tmp_path / "none", "manifest.json: cannot read")
+    (folder / "manifest.json").write_text(json.dumps({**MANIFEST, "request": {}}))
+    refused(folder, "no design in it")
+    (folder / "manifest.json").write_text(json.dumps(MANIFEST))
+    with full_disk():
+        refused(folder, "cannot be written (No space left on device)")
+    file = folder / "shards" / "00001.npz"
+    file.write_bytes(file.read_bytes()[:-100])
+    refused(folder, "00001.npz: not a whole shard")
+    assert not list(tmp_path.glob("out*"))
+    out.write_text("")
+    refused(folder, "not an empty folder")
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """The fourth array finds no space."""
+    plain, calls = np.save, []
+
+    def save(path: Path, array: np.ndarray) -> None:
+        calls.append(path)
+        if len(calls) == 4:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        plain(path, array)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(np, "save", save)
+        yield

@@ -7,6 +7,7 @@ of both is estimated from the residuals. Lengths in mm, pixels in px; parameters
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,13 +73,13 @@ class Problem:
             scatter: of the dots against the assumed one; None to estimate it.
         """
         start = np.where(self.sigma > 0, camera_vector(near), self.mean)
-        whiten = self._whitening(near, points)
+        whiten = self.whitening(near, points)
         factor, fit = scatter or 1.0, None
         if not (self.sigma > 0).any():
             return self._exact(points, pixels, whiten / factor, factor)
         for _ in range(1 if scatter else 3):
             fit = self._solve(start, points, pixels, whiten / factor)
-            residual = np.einsum("nab,nb->na", whiten, self._project(fit[0], points) - pixels)
+            residual = np.einsum("nab,nb->na", whiten, self.project(fit[0], points) - pixels)
             lost = min(0.5, np.count_nonzero(self.sigma > 0) / residual.size)
             if scatter is None:
                 spread = 1.4826 * float(np.median(np.abs(residual))) / np.sqrt(1 - lost)
@@ -97,7 +98,7 @@ class Problem:
         def residual(values: Array) -> Array:
             vector = start.copy()
             vector[free] = values
-            error = np.einsum("nab,nb->na", whiten, self._project(vector, points) - pixels)
+            error = np.einsum("nab,nb->na", whiten, self.project(vector, points) - pixels)
             return np.concatenate([error.ravel(), ((vector - self.mean) / width)[known]])
 
         def loss(squared: Array) -> Array:  # Huber-like for the dots, plain squares for the prior
@@ -111,7 +112,7 @@ class Problem:
         found = least_squares(residual, start[free], x_scale=STEP[free], loss=loss, f_scale=OUTLIER, max_nfev=200)
         vector, covariance = start.copy(), np.zeros((len(start), len(start)))
         vector[free] = found.x
-        jacobian = _numeric_jacobian(residual, found.x, STEP[free])
+        jacobian = numeric_jacobian(residual, found.x, STEP[free])
         information = jacobian.T @ jacobian
         covariance[np.ix_(free, free)] = np.linalg.inv(information)
         flat = np.count_nonzero(np.isinf(self.sigma[POSE])) * np.log(np.sqrt(2 * np.pi) / np.pi)  # azimuth, +-90 degrees
@@ -120,12 +121,12 @@ class Problem:
 
     def _exact(self, points: Array, pixels: Array, whiten: Array, scatter: float) -> Fit:
         """The start camera itself."""
-        residual = np.einsum("nab,nb->na", whiten, self._project(self.mean, points) - pixels)
+        residual = np.einsum("nab,nb->na", whiten, self.project(self.mean, points) - pixels)
         cost = OUTLIER**2 * (np.sqrt(1 + (residual / OUTLIER) ** 2) - 1).sum()
         none = np.zeros((len(self.mean), len(self.mean)))
         return Fit(self.start, self.mean, none, self.sigma, scatter, float(-cost))
 
-    def _whitening(self, mounted: MountedCamera, points: Array) -> Array:
+    def whitening(self, mounted: MountedCamera, points: Array) -> Array:
         """(n, 2, 2) inverse roots of the dots' assumed covariances in the picture."""
         camera_points = mounted.to_camera(points)
         by_point = mounted.camera.jacobians(camera_points)[0] @ mounted.T_camera_endcap[:3, :3]
@@ -141,7 +142,7 @@ class Problem:
         system = np.column_stack([2 * points, np.ones(len(points))])
         return np.linalg.lstsq(system, (points**2).sum(1), rcond=None)[0][:3]
 
-    def _project(self, vector: Array, points: Array) -> Array:
+    def project(self, vector: Array, points: Array) -> Array:
         """Projection without the checks of FisheyeCamera: the solver may pass through lenses that fold."""
         camera = self.start.camera
         x, y, z = ((points - vector[8:11]) @ rotation_of(vector).T).T
@@ -151,8 +152,8 @@ class Problem:
         return np.stack([scale * x + vector[1], camera.fy_px / camera.fx_px * scale * y + vector[2]], -1)
 
 
-def _numeric_jacobian(function, at: Array, scale: Array) -> Array:  # type: ignore[no-untyped-def]
-    """(m, n) central differences."""
+def numeric_jacobian(function: Callable[[Array], Array], at: Array, scale: Array) -> Array:
+    """(m, n) derivatives of an (m,) function of (n,) numbers by central differences; ``scale``: their typical sizes."""
     step = 1e-4 * scale
     columns = [(function(at + e) - function(at - e)) / (2 * h) for e, h in zip(np.diag(step), step, strict=True)]
     return np.stack(columns, axis=1)

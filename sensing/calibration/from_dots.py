@@ -125,7 +125,8 @@ def most_probable(
 ) -> tuple[Fit, dict[str, float]]:
     """The fit of the most probable hypothesis, and all probabilities, largest first.
 
-    What separates it from the others goes into its covariance as far as the choice is open.
+    What separates it from the others goes into its covariance as far as the choice is open; a camera as designed gets
+    the covariance of one that is merely mounted otherwise, because the photo cannot rule out less than that.
 
     Args:
         widest: fit of the last hypothesis, which sets the scatter. start: the nominal camera.
@@ -141,7 +142,7 @@ def most_probable(
     weight /= weight.sum()
     order = np.argsort(-weight, kind="stable")
     best = solved[order[0]]
-    covariance = best.covariance.copy()
+    covariance = (solved[1] if HYPOTHESES[order[0]].exact else best).covariance.copy()
     for other in order[1:]:
         apart = solved[other].vector - best.vector
         covariance += weight[other] * np.outer(apart, apart)

@@ -19,6 +19,7 @@ from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
 from sensing.decode import FrameError
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
+from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import CapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import CapReading
@@ -66,7 +67,8 @@ class CapPipeline:
         self._camera = None if cap.camera is None else MountedCamera.load(cap.camera)
         self._threshold = model.threshold(cap.contact_on_n, cap.contact_off_n)
         self._method: FieldMethod | None = None
-        self._prepared: tuple[Zero, FieldMethod] | EndcapError | None = None
+        self._check: CameraCheck | None = None
+        self._prepared: tuple[Zero, FieldMethod, CameraCheck | None] | EndcapError | None = None
         self._collected: list[Frame] | None = [] if zero is None and zero_frames > 0 else None
         self._preparing: threading.Thread | None = None
         self._restart_wanted, self._stopped = False, False
@@ -102,7 +104,8 @@ class CapPipeline:
         Raises:
             EndcapError: a reference without dots, or one that cannot be decoded.
         """
-        self._use(zero, self._build(zero))
+        method = self._build(zero)
+        self._use(zero, method, self._checked(method))
 
     def request_zero(self) -> None:
         """Take a new reference from the next frames; the old one serves until then, and stays if the cap is touched."""
@@ -147,9 +150,19 @@ class CapPipeline:
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
-    def _use(self, zero: Zero, method: FieldMethod) -> None:
-        self.zero, self._method, self.message = zero, method, ""
+    def _checked(self, method: FieldMethod) -> CameraCheck | None:
+        """Whether the camera fits the reference; None for methods that know no camera."""
+        if not isinstance(method, ModelInput):
+            return None
+        return CameraCheck(self.cap, method, self.model.estimator, self._camera)
+
+    def _use(self, zero: Zero, method: FieldMethod, check: CameraCheck | None) -> None:
+        self.zero, self._method, self._check, self.message = zero, method, check, self._note(check)
         self._begin()
+
+    @staticmethod
+    def _note(check: CameraCheck | None) -> str:
+        return "" if check is None else check.message
 
     # --- zero ------------------------------------------------------------------------------------------------
     def _collect(self, frame: Frame) -> None:
@@ -174,7 +187,8 @@ class CapPipeline:
                     return
                 single = self.zero_frames == 1
                 zero = single_zero(frames[0], self.cap.name) if single else take_zero(frames, self.cap.name)
-                self._prepared = (zero, self._build(zero))
+                method = self._build(zero)
+                self._prepared = (zero, method, self._checked(method))
         except EndcapError as error:
             self._prepared = error
 
@@ -201,7 +215,7 @@ class CapPipeline:
             self.restart()
             self.message = f"the clock of the frames jumped by {step:+.1f} s: started anew"
         elif self.message.startswith("a frame came late"):
-            self.message = ""
+            self.message = self._note(self._check)
         self._last_s = time_s
         return True
 
@@ -210,6 +224,8 @@ class CapPipeline:
         self._require_size(frame)
         tracks, field, gray = self._field(frame, watch)
         estimate = self.model.estimator.estimate(field)
+        if self._check is not None and tracks is not None:
+            estimate = self._check.applied(estimate, tracks)
         watch.lap("wrench")
         smooth = self._filter.update(estimate)
         watch.lap("filter")
@@ -222,7 +238,7 @@ class CapPipeline:
             watch.lap("drift")
         self._count += 1
         if not self.message.startswith(("zeroing", "not zeroed", "the clock")):
-            self.message = ""
+            self.message = self._note(self._check)
         return CapReading(
             self.cap.name, self.number, frame, tracks, field, self._told(estimate), self._told(smooth), contact, centre,
             self._drift, self.zero, self.epoch, captured_s, time.monotonic(), watch.stages,

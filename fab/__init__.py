@@ -1,1 +1,5 @@
 """From solids to files that can be printed: meshes, checks, pictures, exports."""
+
+from cad.extras import explain_missing_libraries
+
+explain_missing_libraries()

@@ -1,7 +1,11 @@
 """How wrong the models are on frames they have never seen: ``python -m sensing.evaluate --help``.
 
+    python -m sensing.evaluate exports/test                       # the weights that ship, by tilt and load
     python -m sensing.evaluate exports/test --weights weights.safetensors --train exports/data --csv table.csv
     python -m sensing.evaluate --train exports/data --holdout pose friction path random
+
+Our answers are those of :class:`sensing.live.core.pipeline.CapPipeline`, frame by frame, as a user runs it: once with
+the ``camera.json`` that lies beside the frames (where one does), once without; each with tables by tilt and load.
 
 With ``--train`` the comparisons are fitted to the same loading paths: ridge, physics inverse, and the paper's model on
 its own field with its own recipe. With ``--holdout`` all models are fitted anew to a part of the training data and
@@ -22,10 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
+from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
+from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
-from sensing.learning.samples import Samples, read_samples, shared_between
+from sensing.learning.samples import Samples, shared_between
 from sensing.learning.scores import Score, score, table
 from sensing.learning.timeliness import LATENCY_S, filtered_score
+from sensing.live.core.model import LiveModel, live_model
+from sensing.records_labelled import LabelledSet
 from sensing.whole_file import replace_file
 from sensing.wrench.model import WrenchModel, load_wrench_model
 
@@ -44,11 +52,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
         if options.holdout and not options.train:
             raise ParameterError("--holdout parts the training data: give them with --train")
-        scores = evaluate(options.test, options.weights, options.train, options.paper_epochs) if options.test else {}
+        scores: dict[str, Score] = {}
+        by_cell: dict[str, list[Cell]] = {}
+        if options.test:
+            scores, by_cell = evaluate(options.test, options.weights, options.train, options.paper_epochs)
         scores |= cross_validate(options.train, options.holdout, options.paper_epochs, options.seed)
         print(table(scores))
+        for name, found in by_cell.items():
+            print(f"\n{name}, by tilt of first contact and true force\n{cell_tables(found)}")
         if options.csv:
             _write_csv(options.csv, scores)
+        if options.cells_csv and by_cell:
+            replace_file(options.cells_csv, cells_csv(by_cell))
     except EndcapError as error:
         print(f"sensing.evaluate: {error}", file=sys.stderr)
         return 2
@@ -60,8 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def evaluate(
     tests: Sequence[Path], weights: Path | None, train: Sequence[Path] = (), paper_epochs: int = 100
-) -> dict[str, Score]:
-    """Scores by "model, what" on test folders; the comparisons only with training data.
+) -> tuple[dict[str, Score], dict[str, list[Cell]]]:
+    """(scores by "model, what" on test folders, ours also by tilt and load); comparisons only with training data.
 
     Args:
         tests: folders. weights: file, or None for those that ship. train: folders the comparisons are fitted to.
@@ -69,25 +84,26 @@ def evaluate(
     Raises:
         ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
     """
-    model = load_wrench_model(read_samples(tests[0]).design, weights)
+    model = load_wrench_model(LabelledSet(tests[0]).params, weights)
+    live = live_model("evaluated", model, model.shape)
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=model.shape) if train else None
-    if training is None:
-        answers: dict[str, Answer] = {
-            "ours": lambda test: (*model.predict(test.dots.inputs), model.out_of_range(test.dots.inputs))
-        }
-    else:
-        answers = fitted(training, model, paper_epochs)
+    comparisons = {} if training is None else fitted(training, model, paper_epochs)
     found: dict[str, Score] = {}
+    tables: dict[str, list[Cell]] = {}
     for folder in tests:
         test = read_views([folder], released, markers=False, shape=model.shape)
         _refuse_leaks(model, None if training is None else training.dots, test.dots)
+        ours = _through_live(LabelledSet(folder), live)
+        tables |= {f"{name}, {Path(folder).name}": cells(told) for name, told in ours.items()}
+        answers: dict[str, Answer] = {name: _answer(told) for name, told in ours.items()}
+        answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
         found |= _scores(answers, test, Path(folder).name)
         if np.isin(test.dots.phase, MOVING).any():
             for name, latency, predict in (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False)):
                 told = filtered_score(model, test.dots, latency, predict=predict)
                 found[f"ours + {name}, {Path(folder).name}"] = told
-    return found
+    return found, tables
 
 
 def cross_validate(
@@ -107,6 +123,18 @@ def cross_validate(
         ours = fit(rest.markers, FitConfig(epochs=HOLDOUT_EPOCHS, seed=seed), pictures=rest.dots)
         found |= _scores(fitted(rest, ours, paper_epochs, seed), held, f"leave out {what}")
     return found
+
+
+def _through_live(data: LabelledSet, model: LiveModel) -> dict[str, LiveAnswers]:
+    """Answers of the live pipeline, with the camera that lies beside the frames and as a user without one runs it."""
+    camera = data.folder / "camera.json"
+    found = {"ours": live_answers(data, model, camera)} if camera.exists() else {}
+    name = "ours, no camera.json" if found else "ours"
+    return found | {name: live_answers(data, model, None)}
+
+
+def _answer(given: LiveAnswers) -> Answer:
+    return lambda test: (given.value, given.covariance, given.flagged)
 
 
 def _scores(answers: dict[str, Answer], test: Views, name: str) -> dict[str, Score]:
@@ -171,6 +199,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is held out (0)")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write all numbers")
+    parser.add_argument("--cells-csv", type=Path, metavar="FILE", help="write ours by tilt and load")
     return parser
 
 

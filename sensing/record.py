@@ -8,6 +8,11 @@ Begin untouched: the first frames (``--rest``) give the reference picture and th
 the force goes back to rest a new loading path begins, and paths are what training and test never share. ``mount.json``
 holds ``T_endcap_ft`` (4 x 4, mm) and ``reads`` (1: the sensor carries the endcap; -1: the endcap presses on the
 sensor), see :mod:`sensing.frames`. Running again with the same folder goes on. Times are seconds of one clock.
+
+A CSV file has a line of names and one sample a line: time_s (s, on the clock of the frames; that of a video or a folder
+begins at 0), fx_n, fy_n, fz_n (N), tx_nm, ty_nm, tz_nm (N m), in the sensor's own axes. Forces over 2000 N and torques
+over 200 N m are refused as wrong units. Of a NetFT, the rate of its counter and half its answer time, taken for the
+delay on the network, are found out and printed; a label is off by what is wrong with it, and by the camera's own delay.
 """
 
 from __future__ import annotations
@@ -29,6 +34,7 @@ from cad.params import EndcapParams
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.recording.folder import Recording
 from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
+from sensing.recording.progress import Progress
 from sensing.recording.synchronise import SLOP_S, Synchroniser
 from sensing.records import Frame
 from sensing.sources.choose import open_frames
@@ -51,8 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        stream = CsvFt(options.ft_csv) if options.ft_csv else NetFt(options.netft, options.port, options.counts_n,
-                                                                    options.counts_nm)  # fmt: skip
+        stream = CsvFt(options.ft_csv) if options.ft_csv else NetFt(
+            options.netft, options.port, options.counts_n, options.counts_nm, options.ft_rate, options.ft_delay
+        )  # fmt: skip
         params = EndcapParams(options.diameter, options.wall)
         recording = Recording(options.out, params, read_mount(options.mount))
         with open_frames(options.source) as frames:
@@ -67,7 +74,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "
         f"without a force within {options.slop:g} s, {result.faulty} faulty packets"
     )
-    return 0
+    if stream.note:
+        print(stream.note)
+    if not result.written:
+        print(
+            f"sensing.record: nothing was written: {options.rest} untouched frames with a force, then those to "
+            "learn from, are needed; do frames and forces have the same clock?",
+            file=sys.stderr,
+        )
+    return 0 if result.written else 1
 
 
 def record(
@@ -88,30 +103,32 @@ def record(
     waiting: deque[Frame] = deque()
     rest: list[Frame] = []
     readings: list[Any] = []
-    written = unpaired = 0
-    with stream:
+    with stream, Progress(rest_frames) as progress:
         try:
-            for count, frame in enumerate(islice(frames, most), 1):
+            for frame in islice(frames, most):
                 for sample in stream.arrived():
                     synchroniser.add(sample)
+                    progress.samples += 1
                 waiting.append(frame)
+                progress.frames += 1
                 while waiting and (synchroniser.covers(waiting[0].time_s) or len(waiting) > MOST_WAITING):
                     frame = waiting.popleft()
                     reading = synchroniser.at(frame.time_s)
                     if reading is None:
-                        unpaired += 1
+                        progress.unpaired += 1
                     elif len(rest) < rest_frames:
                         rest.append(frame)
                         readings.append(reading)
+                        progress.rest += 1
                         if len(rest) == rest_frames:
                             recording.begin(take_zero(rest, recording.name), np.mean(readings, axis=0))
                     else:
-                        recording.add(frame, reading)
-                        written += 1
-                _progress(count, unpaired)
+                        progress.force_n = recording.add(frame, reading)
+                        progress.written += 1
+                progress.waiting = len(waiting)
         finally:
             recording.flush()
-    return RecordResult(written, unpaired + len(waiting), stream.faulty)
+    return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty)
 
 
 def read_mount(path: Path) -> FtMount:
@@ -125,16 +142,11 @@ def read_mount(path: Path) -> FtMount:
         return FtMount(np.array(found["T_endcap_ft"], float), int(found["reads"]))
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror}): give the sensor's mounting") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise FileError(
             f'{path}: no mounting ({error}): needs {{"T_endcap_ft": 4x4 rigid transform in mm, "reads": {ACTION} or '
             f"{REACTION}}}"
         ) from error
-
-
-def _progress(count: int, unpaired: int) -> None:
-    if sys.stderr.isatty() and count % 10 == 0:
-        print(f"\r{count} frames, {unpaired} without a force ", end="", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -153,6 +165,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--rest", type=int, default=REST_FRAMES, metavar="N", help=f"untouched frames ({REST_FRAMES})")
     parser.add_argument("--frames", type=int, metavar="N", help="stop after so many")
     parser.add_argument("--port", type=int, default=49152, metavar="N", help="of the NetFT (49152)")
+    parser.add_argument("--ft-rate", type=float, metavar="HZ", help="counts a second of the NetFT (found out)")
+    parser.add_argument("--ft-delay", type=float, metavar="S", help="network delay of a sample (half the answer time)")
     parser.add_argument("--counts-n", type=float, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")
     parser.add_argument("--counts-nm", type=float, default=COUNTS, metavar="N", help="NetFT counts per N m (1e6)")
     return parser

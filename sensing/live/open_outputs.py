@@ -45,6 +45,7 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     if options.rerun:
         _add_rerun(run, outputs)
     if not options.no_page:
+        from sensing.live.web.access import qr_code
         from sensing.live.web.page import PageServer
 
         page = PageServer(run, recording, options.host, options.port)
@@ -52,6 +53,8 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         outputs.callback(lambda: page.close(min(run.patience_s, 3.0)))
         run.notes.append(lambda: page.note)
         lines.write(f"page: {page.url}\n")
+        if page.token and lines.isatty():
+            lines.write(qr_code(page.url))
     outputs.callback(recording.stop)  # the file is closed first
 
 

@@ -74,8 +74,8 @@ class Recording:
         self._reference, self._tare = _jpeg(zero.image), np.asarray(tare, float)
         self._path, self._touching = self.paths, False
 
-    def add(self, frame: Frame, reading: NDArray[np.float64]) -> None:
-        """One frame and what the sensor read at its capture time (6,)."""
+    def add(self, frame: Frame, reading: NDArray[np.float64]) -> float:
+        """One frame and what the sensor read at its capture time (6,); returns the force, N."""
         if self._start_s is None:
             self._start_s = frame.time_s
         mount = FtMount(self._mount.T_endcap_ft, self._mount.reads, self._tare)
@@ -93,6 +93,7 @@ class Recording:
         self._pictures.append(frame.jpeg if frame.jpeg else _jpeg(frame.image))
         if len(self._rows) >= SHARD_FRAMES:
             self.flush()
+        return force
 
     def flush(self) -> None:
         """Write what has been added.

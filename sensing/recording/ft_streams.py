@@ -8,8 +8,13 @@ Notes:
     NetFT raw data transfer (ATI Net F/T manual 9620-05-NET FT, "UDP interface using RDT"): a request of 8 bytes
     (0x1234, command 2 to stream or 0 to stop, count 0 for ever) to port 49152; replies of 36 bytes (RDT sequence,
     F/T sequence, status, then six signed counts), all big endian. Counts per N and N m are those of the unit's
-    configuration page, one million by default. F/T sequence counts at the unit's own rate: sample times follow it,
-    fitted to the arrivals, so that network jitter does not shift them.
+    configuration page, one million by default. What the F/T sequence counts differs between units (internal ticks, or
+    the samples sent), so its rate is found out: :mod:`sensing.recording.sequence_clock`. Samples with an error in the
+    status word (manual, "System status code") are dropped and counted.
+
+    How long a sample was on its way cannot be seen from its arrival. Half the time between the request and the first
+    reply is taken for it, which is exact where both ways take equally long and the unit answers at once; ``delay_s``
+    sets it where it is known better.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ import csv
 import socket
 import struct
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,15 +33,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
+from sensing.recording.sequence_clock import SequenceClock
 
 PORT = 49152
 REQUEST, REPLY = struct.Struct(">HHI"), struct.Struct(">III6i")
 MAGIC, STREAM, STOP = 0x1234, 2, 0
 COUNTS = 1e6  # per N and per N m
 BUFFER_BYTES = 1 << 22  # a slow frame must not cost samples
-RATE_HZ = 7000.0  # of the unit's internal sequence, as delivered
 CSV_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-EARLIEST_SHARE = 0.001  # by which the clock fit creeps forward a sample, so that drift is followed
+MOST_N, MOST_NM = 2000.0, 200.0  # E: beyond what any endcap survives; counts per N that are wrong give such numbers
+IGNORED_STATUS = 1 << 16  # a threshold that the user has set on the unit's page was crossed
+STATUS_WORDS = {  # bits of the system status code
+    30: "CPU or RAM", 29: "digital board", 28: "analog board", 27: "serial link", 26: "program memory",
+    25: "configuration", 24: "settings", 23: "settings do not fit the calibration", 22: "network", 17: "saturated",
+}  # fmt: skip
+SO_TIMESTAMPNS = 35  # Linux: the kernel says when a packet came, however late it is read
 
 
 class StreamError(EndcapError):
@@ -55,8 +67,12 @@ class NetFt:
     """An ATI NetFT that streams while the context is open.
 
     Args:
-        host, port: of the unit. counts_per_n, counts_per_nm: of its configuration. rate_hz: of its F/T sequence.
+        host, port: of the unit. counts_per_n, counts_per_nm: of its configuration. rate_hz: of its F/T sequence; None
+            to find it out. delay_s: of a sample on its way; None to take half the answer time.
         timeout_s: silence after which the unit counts as gone. clock: monotonic seconds.
+
+    Attributes:
+        faulty: packets of another size, and samples with an error. errors: samples by what the unit said was wrong.
 
     Raises:
         StreamError: the unit cannot be reached.
@@ -64,19 +80,23 @@ class NetFt:
 
     def __init__(
         self, host: str, port: int = PORT, counts_per_n: float = COUNTS, counts_per_nm: float = COUNTS,
-        rate_hz: float = RATE_HZ, timeout_s: float = 2.0, clock: Callable[[], float] = time.monotonic,
+        rate_hz: float | None = None, delay_s: float | None = None, timeout_s: float = 2.0,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         for name, value in (("counts_per_n", counts_per_n), ("counts_per_nm", counts_per_nm), ("rate_hz", rate_hz)):
-            if not 0 < value < np.inf:
+            if value is not None and not 0 < value < np.inf:
                 raise ParameterError(f"{name}={value:g}: must be positive, see the unit's page", name=name, value=value)
         self.name = f"netft {host}:{port}"
-        self._address, self._timeout_s, self._clock, self._rate_hz = (host, port), timeout_s, clock, rate_hz
+        if delay_s is not None and not 0 <= delay_s <= 1:
+            raise ParameterError(f"delay_s={delay_s:g} outside 0..1 s", name="delay_s", value=delay_s)
+        self._address, self._timeout_s, self._clock = (host, port), timeout_s, clock
+        self._times, self._delay_s = SequenceClock(rate_hz, delay_s or 0.0), delay_s
         self._counts = np.array([counts_per_n] * 3 + [counts_per_nm] * 3)
         self._socket: socket.socket | None = None
-        self._offset_s: float | None = None
-        self._heard_s = 0.0
-        self._first: int | None = None
+        self._asked_s, self._heard_s, self._good_s = 0.0, 0.0, 0.0
+        self._first: tuple[int, int] | None = None
         self.faulty = 0
+        self.errors: Counter[str] = Counter()
 
     def __enter__(self) -> NetFt:
         try:
@@ -84,10 +104,13 @@ class NetFt:
             self._socket.connect(self._address)  # so that only this unit's packets are taken
             self._socket.setblocking(False)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+            with contextlib.suppress(OSError):  # elsewhere than on Linux, a packet counts as come when it is read
+                self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+            self._asked_s = self._clock()
             self._socket.send(REQUEST.pack(MAGIC, STREAM, 0))
         except OSError as error:
             raise StreamError(f"{self.name}: {error.strerror or error}: check address and network") from None
-        self._heard_s = self._clock()
+        self._heard_s = self._good_s = self._clock()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -96,61 +119,110 @@ class NetFt:
                 self._socket.send(REQUEST.pack(MAGIC, STOP, 0))
             self._socket.close()
 
+    @property
+    def note(self) -> str:
+        """Rate and delay as they were found, and what the unit complained of."""
+        rate = self._times.rate_hz
+        said = f"{self.name}: {'unknown' if rate is None else f'{rate:.0f}'} counts a second, "
+        said += f"{1e3 * self._times.delay_s:.1f} ms on the way"
+        wrong = ", ".join(f"{count} samples: {word}" for word, count in self.errors.most_common())
+        return said + (f"; dropped {wrong}" if wrong else "")
+
     def arrived(self) -> Iterator[FtSample]:
         """The samples that have arrived since the last call; packets of another size are counted and dropped.
 
         Raises:
-            StreamError: nothing for ``timeout_s``.
+            StreamError: nothing, or nothing but errors, for ``timeout_s``; a force that cannot be.
+            RateError: the rate that was given is not that of the unit.
         """
         assert self._socket is not None
-        while True:
-            try:
-                data = self._socket.recv(4096)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                raise StreamError(f"{self.name}: {error.strerror or error}: is the unit on?") from None
-            now = self._clock()
+        while (packet := self._receive()) is not None:
+            data, came_s = packet
             if len(data) != REPLY.size:
                 self.faulty += 1
                 continue
-            self._heard_s = now
-            _, sequence, status, *counts = REPLY.unpack(data)
-            yield FtSample(self._stamped(sequence, now), np.array(counts) / self._counts, status)
-        if self._clock() - self._heard_s > self._timeout_s:
+            self._heard_s = came_s
+            sent, sequence, status, *counts = REPLY.unpack(data)
+            if status & ~IGNORED_STATUS:
+                self._complain(status)
+                continue
+            self._good_s = came_s
+            wrench = np.array(counts) / self._counts
+            _require_possible(self.name, wrench, "are the counts per N and N m those of the unit's page?", StreamError)
+            yield FtSample(self._stamped(sent, sequence, came_s), wrench, status)
+        now = self._clock()
+        if now - self._heard_s > self._timeout_s:
             raise StreamError(f"{self.name}: silent for {self._timeout_s:g} s: check power, cable and firewall")
+        if now - self._good_s > self._timeout_s:
+            said = ", ".join(self.errors)
+            raise StreamError(
+                f"{self.name}: nothing but errors for {self._timeout_s:g} s ({said}): see the unit's page"
+            )
 
-    def _stamped(self, sequence: int, now: float) -> float:
-        """Arrival time without the network's jitter: the earliest packet was delayed least."""
+    def _receive(self) -> tuple[bytes, float] | None:
+        """(packet, when it came); None if none is there."""
+        assert self._socket is not None
+        try:
+            data, extra, _, _ = self._socket.recvmsg(4096, 64)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            raise StreamError(f"{self.name}: {error.strerror or error}: is the unit on?") from None
+        now = self._clock()
+        for level, kind, content in extra:
+            if self._clock is time.monotonic and (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS):
+                seconds, nanoseconds = struct.unpack("qq", content[:16])
+                waited = time.time() - seconds - nanoseconds * 1e-9
+                return data, now - (waited if 0 <= waited < self._timeout_s else 0.0)
+        return data, now
+
+    def _complain(self, status: int) -> None:
+        self.faulty += 1
+        words = [word for bit, word in STATUS_WORDS.items() if status >> bit & 1]
+        self.errors[" and ".join(words) or f"status {status:#010x}"] += 1
+
+    def _stamped(self, sent: int, sequence: int, came_s: float) -> float:
+        """When a sample was taken; a unit whose F/T sequence stands still is followed by its count of packets."""
         if self._first is None:
-            self._first = sequence
-        ticks = ((sequence - self._first) & 0xFFFFFFFF) / self._rate_hz
-        late = now - ticks
-        if self._offset_s is None or late < self._offset_s:
-            self._offset_s = late
-        self._offset_s += EARLIEST_SHARE * (late - self._offset_s)
-        return ticks + self._offset_s
+            self._first = sent, sequence
+            if self._delay_s is None:
+                self._times.delay_s = max(0.0, min(came_s - self._asked_s, self._timeout_s)) / 2
+        stands = sequence == self._first[1] and sent != self._first[0]
+        return self._times.stamp(sent if stands else sequence, came_s)
 
 
 class CsvFt:
     """A file with the columns :data:`CSV_COLUMNS`, times on the clock of the frames; all of it has arrived at once.
 
+    Comma-separated UTF-8, with or without the byte-order mark that Excel writes; one line of names, then one sample a
+    line: ``time_s`` in s, ``fx_n``, ``fy_n``, ``fz_n`` in N, ``tx_nm``, ``ty_nm``, ``tz_nm`` in N m, in the sensor's
+    own axes. Other columns are ignored; their order is free.
+
     Raises:
-        FileError: missing, without one of the columns, or with a row that is not finite numbers.
+        FileError: missing, empty, without one of the columns, or with a row that is not finite or possible numbers.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.name, self.faulty = str(path), 0
         try:
-            with Path(path).open(newline="", encoding="utf-8") as stream:
+            with Path(path).open(newline="", encoding="utf-8-sig") as stream:
                 reader = csv.DictReader(stream)
-                missing = set(CSV_COLUMNS) - set(reader.fieldnames or ())
+                missing = [name for name in CSV_COLUMNS if name not in (reader.fieldnames or ())]
                 if missing:
-                    raise FileError(f"{path}: no column {', '.join(sorted(missing))}: needs {', '.join(CSV_COLUMNS)}")
+                    raise FileError(
+                        f"{path}: no column {', '.join(missing)}: needs {', '.join(CSV_COLUMNS)}, separated by commas"
+                    )
                 rows = [self._numbers(row, number) for number, row in enumerate(reader, 2)]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise FileError(f"{path}: cannot read ({error}): give a CSV file of force/torque samples") from error
+        if not rows:
+            raise FileError(f"{path}: no sample in it: record the sensor, or give another file")
         self._rows = rows
+
+    @property
+    def note(self) -> str:
+        """Nothing to tell."""
+        return ""
 
     def __enter__(self) -> CsvFt:
         return self
@@ -170,5 +242,13 @@ class CsvFt:
         except (TypeError, ValueError):
             values = np.full(7, np.nan)
         if not np.isfinite(values).all():
-            raise FileError(f"{self.name} line {line}: not seven finite numbers: mend or drop the row")
+            raise FileError(f"{self.name} line {line}: not seven finite numbers: fix or drop the row")
+        _require_possible(f"{self.name} line {line}", values[1:], "is it in N and N m?", FileError)
         return values
+
+
+def _require_possible(place: str, wrench: NDArray[np.float64], question: str, kind: type[EndcapError]) -> None:
+    """No force or torque that would have destroyed the endcap: it is a wrong unit."""
+    for name, value, most in zip(CSV_COLUMNS[1:], wrench, [MOST_N] * 3 + [MOST_NM] * 3, strict=True):
+        if abs(value) > most:
+            raise kind(f"{place}: {name}={value:.6g} outside {-most:g}..{most:g}: {question}")

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cad.errors import EndcapError
 from sensing.records import Image
+from sensing.tracking.nearest import nearest_other
 
 DIAMETER_SHARE = 0.037  # E: a dot's diameter over the picture's short side (18 of 480 px on the released photos)
 CONTRAST = 0.13  # E: least darkness against the surroundings; the palest painted dots of the photos have 0.2
@@ -119,12 +119,11 @@ def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float6
 def _apart(blobs: NDArray[np.float64], usual: float) -> NDArray[np.float64]:
     """Blobs without those that crowd another: of two too close, the one whose size is less usual is no dot."""
     while len(blobs) > 3:
-        distance, other = cKDTree(blobs[:, :2]).query(blobs[:, :2], k=2)
-        nearest = distance[:, 1]
+        nearest, other = nearest_other(blobs[:, :2])
         close = np.flatnonzero(nearest < CROWDED * np.median(nearest))
         if len(close) == 0:
             break
-        pair = np.unique(np.concatenate([close, other[close, 1]]))
+        pair = np.unique(np.concatenate([close, other[close]]))
         odd = np.abs(np.log(blobs[pair, 2] / usual)) + blobs[pair, 3]
         blobs = np.delete(blobs, pair[int(odd.argmax())], axis=0)
     return blobs

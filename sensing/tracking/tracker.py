@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cad.errors import ParameterError
 from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
@@ -23,6 +22,7 @@ from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
 from sensing.tracking.field_kernels import judge_dots, stretch_at_dots
 from sensing.tracking.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
+from sensing.tracking.nearest import nearest_other
 from sensing.tracking.patch_kernels import smooth_into, smoothed
 from sensing.tracking.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
 from sensing.tracking.recovery import WideSearch
@@ -255,5 +255,5 @@ def _spacing(position: NDArray[np.float64], fallback: float) -> NDArray[np.float
     """(N,) distance to the nearest other dot; ``fallback`` for a lone one or for coincident ones."""
     if len(position) < 2:
         return np.full(len(position), fallback)
-    nearest = cKDTree(position).query(position, k=2)[0][:, 1]
+    nearest, _ = nearest_other(position)
     return np.where(nearest > 1.0, nearest, fallback)

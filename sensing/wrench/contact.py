@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
+from sensing.wrench.quantiles import binomial_quantile, chi_square_quantile
 
 CONFIDENCE = 0.95
 TAIL = 0.10  # share of the samples that counts as tail
@@ -156,7 +156,7 @@ def autocorrelation_time(series: NDArray[np.float64]) -> float:
 
 def _allowed_exceedances(independent: float, rate: float) -> int:
     """Most samples over the threshold that still prove the rate; -1 if none would not prove it."""
-    return int(stats.binom.ppf(1 - CONFIDENCE, int(independent), rate)) - 1
+    return binomial_quantile(1 - CONFIDENCE, int(independent), rate) - 1
 
 
 def _exponential_tail(norm: NDArray[np.float64], independent: float, rate: float) -> float:
@@ -164,5 +164,5 @@ def _exponential_tail(norm: NDArray[np.float64], independent: float, rate: float
     excess = norm[norm > start] - start
     mean = float(excess.mean()) if len(excess) else 0.0
     count = independent * TAIL
-    upper = mean * 2 * count / float(stats.chi2.ppf(1 - CONFIDENCE, 2 * count))
+    upper = mean * 2 * count / chi_square_quantile(1 - CONFIDENCE, 2 * count)
     return start + upper * float(np.log(TAIL / rate))

@@ -26,14 +26,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.kernels import ahead, believe, correct, mixture
+from sensing.wrench.quantiles import chi_square_quantile
 
 Array = NDArray[np.float64]
-MANEUVER_NIS = float(stats.chi2.isf(1e-5, 6))  # innovation beyond this: the motion changed faster than the model
+MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # innovation beyond this: the motion changed faster than the model
 TINY = 1e-12
 LEAST_BELIEF = 1e-3  # what a motion keeps, so that it can come back within some frames
 ARM_M = 0.07  # E: about R, by which torques about the sphere's centre go with forces on the dome

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import secrets
 import socket
 import subprocess
 import sys
@@ -26,6 +25,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.decode import decode_bgr
 from sensing.live.core.reading import CapReading
 from sensing.live.outputs.recording import Recording
+from sensing.live.web.access import page_address, page_token
 from sensing.live.web.link import DETAIL, HELLO, LONGEST_LINE, PICTURE, STATE, is_loopback, message, parse_line
 from sensing.live.web.state import detail, hello, state
 
@@ -52,12 +52,10 @@ class PageServer:
 
     def __init__(self, run: LiveRun, recording: Recording, host: str = "127.0.0.1", port: int | None = None) -> None:
         self._run, self._recording = run, recording
-        self.token = "" if is_loopback(host) else secrets.token_urlsafe(16)
+        self.token = "" if is_loopback(host) else page_token()
         self._socket = _listen(host, port)
         self.address: tuple[str, int] = self._socket.getsockname()[:2]
-        every = host in ("0.0.0.0", "::")  # what another computer types is this one's name
-        shown = socket.gethostname() if every else f"[{host}]" if ":" in host else host
-        self.url = f"http://{shown}:{self.address[1]}/" + (f"?token={self.token}" if self.token else "")
+        self.url = page_address(host, self.address[1], self.token)
         self._link, self._theirs = socket.socketpair()
         self._process: subprocess.Popen[bytes] | None = None
         self._sent: dict[int, tuple[int, int]] = {}

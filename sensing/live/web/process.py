@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -32,13 +32,22 @@ MOST_VIEWERS = 8
 FASTEST_S = 0.04  # between looks at the run, of all viewers together
 MESSAGE_BYTES = 1024  # largest message from a viewer
 NICE = 5  # the loop goes first
-COOKIE = "endcap_token"
+COOKIE = "endcap_token_{}"  # a browser sends a cookie to all ports of a host
 HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; style-src 'self' 'unsafe-inline'",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; style-src 'self' 'unsafe-inline'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",  # a click in another page must not press a button here
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+LOCKED = """\
+<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Endcaps: locked</title>
+<style>body {{ font: 18px/1.5 system-ui, sans-serif; max-width: 34em; margin: 3em auto; padding: 1em; }}</style></head>
+<body><h1>This page is locked</h1><p>{}</p></body></html>
+"""
 STATIC = {
     "/": ("index.html", "text/html"),
     "/page.js": ("page.js", "text/javascript"),
@@ -58,7 +67,7 @@ async def _serve(listening: socket.socket, link: socket.socket) -> None:
     run = Link(*await asyncio.open_connection(sock=link))
     await run.begin()
     config = uvicorn.Config(
-        build_app(run), log_level="critical", ws_max_size=MESSAGE_BYTES, lifespan="off",
+        build_app(run, listening.getsockname()[1]), log_level="critical", ws_max_size=MESSAGE_BYTES, lifespan="off",
         timeout_graceful_shutdown=1, server_header=False, ws_max_queue=4, limit_concurrency=64,
     )  # fmt: skip
     server = uvicorn.Server(config)
@@ -142,29 +151,29 @@ class Link:
         return kind, cap, await self._reader.readexactly(length)
 
 
-def build_app(run: Link) -> Starlette:
-    """The application."""
-    viewers = _Viewers()
+def build_app(run: Link, port: int) -> Starlette:
+    """The application, as it is served on a port."""
+    viewers, cookie = _Viewers(), COOKIE.format(port)
 
     async def file(request: Request) -> Response:
-        refusal = _refusal(request, run.token)
+        refusal = _refusal(request, run.token, cookie)
         if refusal:
-            return PlainTextResponse(refusal, 403, HEADERS)
+            return HTMLResponse(LOCKED.format(refusal), 403, HEADERS)
         name, kind = STATIC[request.url.path]
         text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
         response = Response(text, media_type=kind, headers=HEADERS)
         if run.token:
-            response.set_cookie(COOKIE, run.token, httponly=True, samesite="strict")
+            response.set_cookie(cookie, run.token, httponly=True, samesite="strict")
         return response
 
     async def told(request: Request) -> Response:
-        refusal = _refusal(request, run.token)
+        refusal = _refusal(request, run.token, cookie)
         if refusal:
             return PlainTextResponse(refusal, 403, HEADERS)
         return Response(await run.look(0), media_type="application/json", headers=HEADERS)
 
     async def socket_(websocket: WebSocket) -> None:
-        if _refusal(websocket, run.token) or not _same_origin(websocket) or viewers.count >= MOST_VIEWERS:
+        if _refusal(websocket, run.token, cookie) or not _same_origin(websocket) or viewers.count >= MOST_VIEWERS:
             await websocket.close(1008)
             return
         await websocket.accept()
@@ -203,15 +212,22 @@ async def _answer(websocket: WebSocket, run: Link) -> None:
             await websocket.send_bytes(jpeg)
 
 
-def _refusal(connection: HTTPConnection, token: str) -> str:
-    """Why a request is refused; empty if it is not."""
+def _refusal(connection: HTTPConnection, token: str, cookie: str) -> str:
+    """Why a request is refused, and what to do; empty if it is not."""
     if token:
-        given = connection.query_params.get("token") or connection.cookies.get(COOKIE) or ""
-        if not secrets.compare_digest(given.encode(), token.encode()):
-            return "the address with its token is printed where sensing.live was started"
-        return ""
+        given = connection.query_params.get("token") or connection.cookies.get(cookie) or ""
+        if secrets.compare_digest(given.encode(), token.encode()):
+            return ""
+        known = "The token in this address is not that of the run." if given else "This address has no token."
+        return (
+            f"{known} Open the whole address that was printed where sensing.live was started (it ends in ?token=...), "
+            "or scan the QR code beside it."
+        )
     host = _host(connection.headers.get("host", ""))
-    return "" if is_loopback(host) else "this page is for the computer that it runs on"
+    return "" if is_loopback(host) else (
+        "It is shown on the computer that it runs on only. To see it on another device, start sensing.live there with "
+        "--host 0.0.0.0 and open the address that it prints."
+    )  # fmt: skip
 
 
 def _same_origin(connection: HTTPConnection) -> bool:

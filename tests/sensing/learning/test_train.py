@@ -121,8 +121,9 @@ def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
 
 
 def test_train_then_evaluate(folders, weights, tmp_path, capsys):
-    out = tmp_path / "table.csv"
+    out, by_cell = tmp_path / "table.csv", tmp_path / "cells.csv"
     arguments = [str(folders[1]), "--weights", str(weights), "--train", str(folders[0]), "--csv", str(out)]
+    arguments += ["--cells-csv", str(by_cell)]
     assert evaluate.main([*arguments, "--paper-epochs", "3"]) == 0
     said = capsys.readouterr().out
     for name in (
@@ -134,6 +135,9 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
         "predicted to now, test",
     ):
         assert name in said
+    assert "RMSE of fz N, tilt" in said and "15 to 25 deg" in said
+    found = list(csv.DictReader(by_cell.open()))
+    assert sum(int(row["frames"]) for row in found) == 9 and {row["name"] for row in found} == {"ours, test"}
     rows = {row["name"]: row for row in csv.DictReader(out.open())}
     assert float(rows["ours, test"]["rmse_fx_n"]) < 1.0 < float(rows["paper, test"]["rmse_fx_n"])
     assert float(rows["ours, test"]["rest_n"]) < 0.3

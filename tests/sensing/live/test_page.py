@@ -28,6 +28,7 @@ from sensing.live.core.engine import LiveCap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun
+from sensing.live.web.access import page_address, page_token, qr_code
 from sensing.live.web.link import parse_line, parse_request
 from sensing.live.web.page import PageServer
 
@@ -137,19 +138,65 @@ def test_it_binds_to_loopback_and_answers_only_to_its_own_names(site):
     talk(site, origin=site.url.strip("/"))
 
 
-def test_on_another_address_it_wants_the_token(tmp_path):
+@pytest.fixture
+def own_settings(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path / "config" / "endcap-toolkit" / "page_token"
+
+
+def test_on_another_address_it_wants_the_token(tmp_path, own_settings):
     with Site(tmp_path, "0.0.0.0") as open_site:
         port = open_site.server.address[1]
         base, token = f"http://127.0.0.1:{port}/", open_site.server.token
-        assert len(token) >= 20 and open_site.url.endswith(f"?token={token}")
+        assert len(token) >= 20 and open_site.url.endswith(f":{port}/?token={token}")
         for path in ("", "page.js", "state.json", "?token=", f"?token={token[:-1]}", "state.json?token=ä"):
             assert fetch(base + urllib.parse.quote(path, safe="?=&/"))[0] == 403, path
         status, _ = fetch(f"{base}?token={token}")
-        assert status == 200 and fetch(base + "state.json", Cookie=f"endcap_token={token}")[0] == 200
+        cookie = {"Cookie": f"endcap_token_{port}={token}"}
+        assert status == 200 and fetch(base + "state.json", **cookie)[0] == 200
+        assert fetch(base + "state.json", Cookie=f"endcap_token_{port + 1}={token}")[0] == 403  # another run's
+        status, told = fetch(base + "?token=wrong")
+        assert b"<h1>This page is locked</h1>" in told and b"is not that of the run" in told
+        assert b"has no token" in fetch(base)[1] and b"QR code" in fetch(base)[1]
         open_site.url = base
         with pytest.raises(InvalidStatus):
             talk(open_site)
-        talk(open_site, additional_headers={"Cookie": f"endcap_token={token}"})
+        talk(open_site, additional_headers=cookie)
+
+
+def test_the_token_stays_and_is_for_its_owner_alone(own_settings):
+    token = page_token()
+    assert own_settings.stat().st_mode & 0o777 == 0o600 and own_settings.read_text().strip() == token
+    assert page_token() == token
+    own_settings.chmod(0o644)  # others have read it
+    assert page_token() != token and own_settings.stat().st_mode & 0o777 == 0o600
+    for content in ("", "short", "x" * 500, "\x1b[2J" * 9):
+        own_settings.write_text(content)
+        token = page_token()
+        assert re.fullmatch(r"[\w-]{22,}", token) and page_token() == token
+    own_settings.unlink()
+    os.mkfifo(own_settings, 0o600)  # nothing waits for it
+    assert len(page_token()) >= 22
+    assert [path.name for path in own_settings.parent.iterdir()] == ["page_token"]
+
+
+def test_the_printed_address_can_be_reached_from_another_device_and_its_code_read():
+    shown = urllib.parse.urlsplit(page_address("0.0.0.0", 8008, "t" * 22)).hostname
+    assert shown not in ("0.0.0.0", "127.0.0.1", "localhost", None)
+    assert page_address("::1", 80, "") == "http://[::1]:80/"
+    address = page_address("192.168.1.23", 8008, "AbCdEfGhIjKlMnOpQrStUv")
+    lines = [re.sub(r"\x1b\[[\d;]*m", "", line) for line in qr_code(address).splitlines()]
+    upper = np.array([[c in "█▀" for c in line] for line in lines])
+    lower = np.array([[c in "█▄" for c in line] for line in lines])
+    picture = np.stack([upper, lower], axis=1).reshape(-1, len(lines[0])).astype(np.uint8) * 255
+    picture = np.kron(picture, np.ones((8, 8), np.uint8))
+    assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == address
+
+
+def test_no_other_page_can_frame_this_one(site):
+    with urllib.request.urlopen(site.url) as answer:
+        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        assert answer.headers["X-Frame-Options"] == "DENY"
 
 
 def test_no_path_reaches_a_file(site):

@@ -1,0 +1,122 @@
+"""What to install when a library is missing: one line with the command, instead of a traceback (standard library only).
+
+The libraries come in groups, the extras of ``pyproject.toml``. A command whose library is missing ends with
+
+    endcap live: numba is not installed: run pip install 'endcap-toolkit[live]'
+
+and status 2. The packages ``fab`` and ``sensing`` call :func:`explain_missing_libraries` when they are
+imported; it acts only where Python was started as ``python -m fab...`` or ``python -m sensing...``: an import from a
+program, a notebook or a test raises ModuleNotFoundError as usual.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from traceback import walk_tb
+from types import TracebackType
+
+DISTRIBUTION = "endcap-toolkit"
+KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build123d brings one without VTK
+SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}
+
+_CAD = ("cad",)
+_PICTURES = ("live", "sensing", "simulate", "train", "cluster", "onnx", "download")
+_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download")
+EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that bring it
+    **dict.fromkeys(("OCP", "build123d", "cadquery", "vtkmodules", "pymeshlab", "typst", "embreex"), _CAD),
+    **dict.fromkeys(("PIL", "gerbonara", "lxml", "manifold3d", "networkx", "shapely", "skimage", "trimesh"), _CAD),
+    **dict.fromkeys(("cv2", "numba", "safetensors"), _PICTURES),
+    **dict.fromkeys(("starlette", "uvicorn", "websockets", "mcap", "rosbags", "cyclonedds"), ("live",)),
+    **dict.fromkeys(("scipy", "matplotlib"), (*_CAD, *_NUMERICS)),
+    "joblib": ("simulate", "cluster"),
+    "torch": ("train", "onnx", "download"),
+    **dict.fromkeys(("dask", "distributed"), ("cluster",)),
+    **dict.fromkeys(("onnx", "onnxruntime"), ("onnx",)),
+    "huggingface_hub": ("download",),
+}
+EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's module decides; "" is the rest
+    "fab": "cad",
+    "sensing": "sensing",
+    "sensing.live": "live",
+    "sensing.live.demo": "simulate",
+    "sensing.setup": "live",
+    "sensing.simulator": "simulate",
+    "sensing.train": "train",
+    "sensing.evaluate": "train",
+    "sensing.wrench_onnx": "onnx",
+}
+
+
+def install_command(*extras: str) -> str:
+    """The command that installs extras, for example ``pip install 'endcap-toolkit[live]'``."""
+    return f"pip install '{DISTRIBUTION}[{','.join(extras)}]'"
+
+
+def extra_of_command(module: str) -> str:
+    """The extra that a command's module needs; empty for a module that is not a command of ours."""
+    parts = module.split(".")
+    prefixes = (".".join(parts[:count]) for count in range(len(parts), 0, -1))
+    return next((EXTRA_OF_COMMAND[prefix] for prefix in prefixes if prefix in EXTRA_OF_COMMAND), "")
+
+
+def explain(error: ImportError, command: str) -> str | None:
+    """One line on what is missing and how to install it.
+
+    Args:
+        error: what an import raised.
+        command: module of the command that was started, for example ``sensing.live``.
+
+    Returns:
+        The line, or ``None`` where the cause is something else (an error of our own, a library that no extra brings).
+    """
+    for library, package in SYSTEM_LIBRARIES.items():
+        if library in str(error):
+            return f"the system library {library} is missing: run apt-get install {package}, or your system's command"
+    name = error.name or ""
+    missing = name.split(".")[0]
+    if missing == "OCP" and find_spec("OCP") is not None:
+        return f"{name} is not in the CAD kernel that was installed last: run {KERNEL_COMMAND}"
+    if not isinstance(error, ModuleNotFoundError) or missing not in EXTRAS_OF_MODULE:
+        return None
+    extras = EXTRAS_OF_MODULE[missing]
+    wanted = (extra_of_command(command), *map(extra_of_command, _importers(error)))
+    return f"{missing} is not installed: run {install_command(next((e for e in wanted if e in extras), extras[0]))}"
+
+
+def explain_missing_libraries() -> None:
+    """Make a command that was started with ``python -m`` end with one line where a library is missing."""
+    command = started_module(sys.orig_argv)
+    if not extra_of_command(command):
+        return
+    before = sys.excepthook
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        line = explain(error, command) if isinstance(error, ImportError) else None
+        if line is None:
+            before(kind, error, trace)
+            return
+        print(f"{command}: {line}", file=sys.stderr)
+        raise SystemExit(2)  # what a hook raises decides on the exit status
+
+    sys.excepthook = hook
+
+
+def started_module(argv: Sequence[str]) -> str:
+    """The module of ``python [options] -m MODULE ...``; empty where Python was started otherwise."""
+    words = iter(argv[1:])
+    for word in words:
+        if word == "-m":
+            return next(words, "")
+        if word in ("-c", "-") or not word.startswith("-"):
+            return ""
+        if word in ("-W", "-X"):  # the options of Python that take a word of their own
+            next(words, "")
+    return ""
+
+
+def _importers(error: BaseException) -> list[str]:
+    """Modules through which the import went, the last first."""
+    frames = [frame for frame, _ in walk_tb(error.__traceback__)]
+    return [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]

@@ -1,0 +1,1 @@
+"""Errors of wrench models, measured through the pipeline that users run."""

@@ -1,0 +1,103 @@
+"""Errors by tilt and load: one mean hides the corner in which a model fails."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.evaluation.live_answers import LiveAnswers
+from sensing.learning.scores import AXES
+
+TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
+LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force
+QUANTITIES = {"fz N": (2,), "fx N": (0,), "fy N": (1,), "torque N m": (3, 4, 5)}  # columns, root mean square over them
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Errors of the frames in contact within one range of tilt and of load.
+
+    Attributes:
+        tilt_deg, load_n: (from, to); NaN tilts where the set does not state them.
+        frames: how many. rmse, bias: (6,) by axis, N and N m.
+        coverage: fraction of axes within 1.96 standard deviations. flagged: fraction of frames with a flag.
+    """
+
+    tilt_deg: tuple[float, float]
+    load_n: tuple[float, float]
+    frames: int
+    rmse: NDArray[np.float64]
+    bias: NDArray[np.float64]
+    coverage: float
+    flagged: float
+
+    def row(self) -> dict[str, float]:
+        """Flat, for CSV."""
+        flat = {"tilt_from_deg": self.tilt_deg[0], "tilt_to_deg": self.tilt_deg[1]}
+        flat |= {"load_from_n": self.load_n[0], "load_to_n": self.load_n[1], "frames": self.frames}
+        flat |= {f"rmse_{axis}": float(v) for axis, v in zip(AXES, self.rmse, strict=True)}
+        flat |= {f"bias_{axis}": float(v) for axis, v in zip(AXES, self.bias, strict=True)}
+        return flat | {"coverage": self.coverage, "flagged": self.flagged}
+
+
+def cells(answers: LiveAnswers) -> list[Cell]:
+    """All cells that hold a frame in contact, by tilt, then load; frames of unknown tilt come last."""
+    touching = answers.take(answers.contact)
+    load = np.linalg.norm(touching.truth[:, :3], axis=1)
+    found = []
+    for tilt, rows in _tilts(touching.tilt_deg):
+        for low, high in pairwise(LOADS_N):
+            inside = rows & (load >= low) & (load < high)
+            if inside.any():
+                found.append(_cell(touching.take(inside), tilt, (low, high)))
+    return found
+
+
+def cell_tables(found: list[Cell]) -> str:
+    """Plain text: for each quantity a table, tilts down and loads across; a dash where no frame is."""
+    tilts, loads = (list(dict.fromkeys(getattr(c, name) for c in found)) for name in ("tilt_deg", "load_n"))
+    loads.sort()
+    lines = []
+    for name, columns in QUANTITIES.items():
+        head = f"{'RMSE of ' + name + ', tilt':<26}"
+        lines.append(head + "".join(f"{f'{low:g} to {high:g} N':>13}" for low, high in loads))
+        for tilt in tilts:
+            values = {
+                c.load_n: float(np.sqrt((c.rmse[list(columns)] ** 2).mean())) for c in found if c.tilt_deg == tilt
+            }
+            label = "unknown" if np.isnan(tilt[0]) else f"{tilt[0]:g} to {tilt[1]:g} deg"
+            lines.append(
+                f"{label:>25} " + "".join(f"{values[n]:13.4f}" if n in values else f"{'-':>13}" for n in loads)
+            )
+    return "\n".join(lines)
+
+
+def cells_csv(named: dict[str, list[Cell]]) -> bytes:
+    """All cells of several evaluations as CSV."""
+    rows = [{"name": name, **cell.row()} for name, found in named.items() for cell in found]
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    return stream.getvalue().encode()
+
+
+def _tilts(tilt_deg: NDArray[np.float64]) -> Iterator[tuple[tuple[float, float], NDArray[np.bool_]]]:
+    for low, high in pairwise(TILTS_DEG):
+        yield (low, high), (tilt_deg >= low) & (tilt_deg < high)
+    yield (np.nan, np.nan), np.isnan(tilt_deg)
+
+
+def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[float, float]) -> Cell:
+    error = answers.value - answers.truth
+    sigma = np.sqrt(np.diagonal(answers.covariance, axis1=1, axis2=2))
+    return Cell(
+        tilt_deg, load_n, len(error), np.sqrt((error**2).mean(axis=0)), error.mean(axis=0),
+        float((np.abs(error) <= 1.959964 * sigma).mean()), float(answers.flagged.mean()),
+    )  # fmt: skip

@@ -1,0 +1,94 @@
+"""What the live pipeline answers on labelled frames: the object that users run, on the frames that are published.
+
+    answers = live_answers(LabelledSet("exports/test"), load_model("default", params), camera=None)
+    answers.value - answers.truth
+
+Every loading path starts a pipeline of its own, zeroed on the path's untouched picture. Wrenches on the endcap about
+the sphere's centre, N and N m.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError
+from cad.params import EndcapParams
+from sensing.frames import T_sphere_endcap, wrench_adjoint
+from sensing.live.core.config import CapConfig
+from sensing.live.core.model import LiveModel
+from sensing.live.core.pipeline import CapPipeline
+from sensing.records_labelled import LabelledFrame, LabelledSet
+from sensing.tracking.zero import single_zero
+
+Array = NDArray[np.float64]
+SHORTEST_S = 1e-6  # states labelled with one time follow one another by this
+
+
+@dataclass(frozen=True)
+class LiveAnswers:
+    """Answers of single frames (the filter comes after them), in the order of the set.
+
+    Attributes:
+        value, truth: (N, 6) wrenches. covariance: (N, 6, 6).
+        flagged: (N,) bool, True where the answer came with any flag.
+        tilt_deg: (N,) polar angle of first contact, NaN where unknown.
+        contact: (N,) bool.
+    """
+
+    value: Array
+    truth: Array
+    covariance: Array
+    flagged: NDArray[np.bool_]
+    tilt_deg: Array
+    contact: NDArray[np.bool_]
+
+    def take(self, rows: NDArray) -> LiveAnswers:
+        """Some of the answers, by index or mask."""
+        return LiveAnswers(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+
+
+def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> LiveAnswers:
+    """Run all frames of a set through :class:`sensing.live.core.pipeline.CapPipeline`.
+
+    Args:
+        data: labelled frames with pictures.
+        model: of the set's design.
+        camera: file of the calibrated camera; None for a user without one.
+
+    Raises:
+        FileError: no frames, or a frame that the pipeline cannot use (its message is passed on).
+    """
+    design = data.params
+    to_sphere = wrench_adjoint(T_sphere_endcap(design))
+    rows: list[tuple[Array, Array, Array, bool, float, bool]] = []
+    pipeline, run, last_s = None, None, float("-inf")
+    for item in data.frames():
+        now = (item.path, str(item.labels["azimuth_deg"]))
+        if pipeline is None or now != run:  # a new run: another reference, or the contact jumps
+            pipeline, run, last_s = _pipeline(design, model, item, camera), now, float("-inf")
+        last_s = max(item.frame.time_s, last_s + SHORTEST_S)
+        reading = pipeline.update(replace(item.frame, time_s=last_s))
+        if reading is None:
+            raise FileError(f"{item.frame.source}: no answer on frame {item.frame.sequence}: {pipeline.message}")
+        estimate = reading.estimate
+        rows.append((
+            to_sphere @ np.concatenate([estimate.force_n, estimate.torque_nm]),
+            to_sphere @ np.concatenate([item.wrench.force_n, item.wrench.torque_nm]),
+            to_sphere @ estimate.covariance @ to_sphere.T,
+            bool(estimate.flags), float(item.labels["tilt_deg"]), item.contact,
+        ))  # fmt: skip
+        if sys.stderr.isatty() and len(rows) % 50 == 0:
+            print(f"\r{data.folder}: {len(rows)} frames through the pipeline", end="", file=sys.stderr)
+    if not rows:
+        raise FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
+    return LiveAnswers(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _pipeline(design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None) -> CapPipeline:
+    config = CapConfig("evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera)
+    return CapPipeline(config, model, single_zero(item.reference))

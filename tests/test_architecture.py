@@ -37,7 +37,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
-    "evaluation": {"camera", "learning", "live.core", "tracking", "wrench"},  # models through the live pipeline
+    "evaluation": {"calibration", "camera", "learning", "live.core", "tracking", "wrench"},  # models through the live pipeline
     "": {
         "calibration",
         "camera",

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+from numpy.typing import NDArray
 
 from sensing.calibration.prior import MountPrior
 from sensing.camera.model import Array, radial
@@ -22,6 +22,7 @@ STEP = np.array([100, 10, 10, 0.1, 0.05, 0.05, 0.05, 0.1, 1, 1, 3.0])  # typical
 PAINT_MM = 0.2  # scatter of the ink's centre on the dome (M: with the finder's 0.3 mm, 1 px on the photos)
 FINDER_PX = 0.45  # of a found centre at 480 rows (M: rendered frames, 0.3 at the tip to 0.6 at the rim)
 OUTLIER = 1.5  # residuals beyond so many deviations (smears, clipped dots) count linearly instead of squared
+MOST_STEPS = 50
 LEAST_SCATTER = 0.05  # dots of a drawing scatter less than painted ones, but rounding is no evidence
 
 
@@ -101,28 +102,19 @@ class Problem:
             error = np.einsum("nab,nb->na", whiten, self.project(vector, points) - pixels)
             return np.concatenate([error.ravel(), ((vector - self.mean) / width)[known]])
 
-        def loss(squared: Array) -> Array:  # Huber-like for the dots, plain squares for the prior
-            count, rho = 2 * len(points), np.empty((3, squared.size))
-            z = squared[:count]
-            root = np.sqrt(1 + z)
-            rho[:, :count] = 2 * (root - 1), 1 / root, -0.5 * root**-3
-            rho[0, count:], rho[1, count:], rho[2, count:] = squared[count:], 1.0, 0.0
-            return rho
-
-        found = least_squares(residual, start[free], x_scale=STEP[free], loss=loss, f_scale=OUTLIER, max_nfev=200)
+        squared = np.arange(2 * len(points) + np.count_nonzero(known)) >= 2 * len(points)  # the prior: no outliers
+        values, cost, information = minimise(residual, start[free], STEP[free], squared)
         vector, covariance = start.copy(), np.zeros((len(start), len(start)))
-        vector[free] = found.x
-        jacobian = numeric_jacobian(residual, found.x, STEP[free])
-        information = jacobian.T @ jacobian
+        vector[free] = values
         covariance[np.ix_(free, free)] = np.linalg.inv(information)
         flat = np.count_nonzero(np.isinf(self.sigma[POSE])) * np.log(np.sqrt(2 * np.pi) / np.pi)  # azimuth, +-90 degrees
         log_prior = flat - np.log(self.sigma[known]).sum()
-        return vector, covariance, float(log_prior - found.cost - 0.5 * np.linalg.slogdet(information)[1])
+        return vector, covariance, float(log_prior - cost - 0.5 * np.linalg.slogdet(information)[1])
 
     def _exact(self, points: Array, pixels: Array, whiten: Array, scatter: float) -> Fit:
         """The start camera itself."""
         residual = np.einsum("nab,nb->na", whiten, self.project(self.mean, points) - pixels)
-        cost = OUTLIER**2 * (np.sqrt(1 + (residual / OUTLIER) ** 2) - 1).sum()
+        cost = _cost(residual.ravel(), np.zeros(residual.size, bool))
         none = np.zeros((len(self.mean), len(self.mean)))
         return Fit(self.start, self.mean, none, self.sigma, scatter, float(-cost))
 
@@ -150,6 +142,46 @@ class Problem:
         r = radial(np.arctan2(rho, z), np.array([vector[3], vector[4], *camera.k[2:]]))[0]
         scale = vector[0] * r / np.maximum(rho, 1e-12)
         return np.stack([scale * x + vector[1], camera.fy_px / camera.fx_px * scale * y + vector[2]], -1)
+
+
+def minimise(
+    residual: Callable[[Array], Array], start: Array, scale: Array, squared: NDArray[np.bool_]
+) -> tuple[Array, float, Array]:
+    """Least squares that count outliers linearly (Levenberg and Marquardt's steps, reweighted).
+
+    Args:
+        residual: (n,) numbers to (m,) residuals in deviations. start: (n,). scale: (n,) typical sizes.
+        squared: (m,) residuals that count squared however large.
+
+    Returns:
+        (numbers, cost, information (n, n)): the information is that of plain least squares at the minimum.
+    """
+    at, error, damping = start, residual(start), 1e-3
+    cost = _cost(error, squared)
+    for _ in range(MOST_STEPS):
+        J = numeric_jacobian(residual, at, scale) * scale
+        weight = np.where(squared, 1.0, 1 / np.sqrt(1 + (error / OUTLIER) ** 2))
+        normal, slope = (J.T * weight) @ J, (J.T * weight) @ error
+        while damping < 1e9:
+            step = -scale * np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
+            new = residual(at + step)
+            lower = _cost(new, squared)
+            if lower <= cost:
+                break
+            damping *= 10
+        else:
+            break
+        gained, at, error, cost, damping = cost - lower, at + step, new, lower, max(damping / 10, 1e-9)
+        if gained <= 1e-10 * (1 + cost):
+            break
+    J = numeric_jacobian(residual, at, scale)
+    return at, cost, J.T @ J
+
+
+def _cost(residual: Array, squared: NDArray[np.bool_]) -> float:
+    """Half the sum of squares, of dots in Huber's smooth form: linear beyond :data:`OUTLIER`."""
+    smooth = OUTLIER**2 * (np.sqrt(1 + (residual / OUTLIER) ** 2) - 1)
+    return float(np.where(squared, residual**2 / 2, smooth).sum())
 
 
 def numeric_jacobian(function: Callable[[Array], Array], at: Array, scale: Array) -> Array:

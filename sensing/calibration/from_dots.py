@@ -142,7 +142,9 @@ def most_probable(
     weight /= weight.sum()
     order = np.argsort(-weight, kind="stable")
     best = solved[order[0]]
-    covariance = (solved[1] if HYPOTHESES[order[0]].exact else best).covariance.copy()
+    if HYPOTHESES[order[0]].exact:
+        best = replace(best, covariance=solved[1].covariance, prior_deviation=solved[1].prior_deviation)
+    covariance = best.covariance.copy()
     for other in order[1:]:
         apart = solved[other].vector - best.vector
         covariance += weight[other] * np.outer(apart, apart)

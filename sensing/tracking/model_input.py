@@ -92,7 +92,7 @@ class ModelInput:
         """(2 H W, 2 n) small displacements of the :attr:`known` dots to the field, were this the camera built in.
 
         Displacements and field: all x, then all y. What changes with the camera is where the dots sit in the nominal
-        view and how a pixel there is stretched; the tracker and its dots stay. NaN where a dot leaves the view.
+        view and how a pixel there is stretched; the tracker and its dots stay. All NaN where a dot leaves the view.
         """
         assumed, self._camera = self._camera, camera
         try:
@@ -101,6 +101,8 @@ class ModelInput:
             slopes = [(self.seen(pixels + e) - self.seen(pixels - e)) / (2 * step) for e in step * np.eye(2)]
         finally:
             self._camera = assumed
+        if not (np.isfinite(place).all() and np.isfinite(slopes).all()):
+            return np.full((2 * self._operator.reached.size, 2 * len(place)), np.nan)
         to_cells = displacement_to_cells(place, self._size, self._operator.shape).T * (CROP_PX / min(self._size))
         return np.block([[to_cells * slope[:, axis] for slope in slopes] for axis in (0, 1)])
 

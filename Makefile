@@ -6,7 +6,26 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-.PHONY: help setup molds slice sheet ring coupons data train evaluate live test check bench clean
+FAB := molds molds-help slice sheet ring coupons
+GOALS := help setup $(FAB) data train evaluate live test check bench clean clean-all
+.PHONY: $(GOALS)
+
+# Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
+STRANGE := $(filter-out $(GOALS),$(foreach goal,$(MAKECMDGOALS),$(if $(findstring /,$(goal)),,$(goal))))
+$(if $(STRANGE),$(error $(STRANGE): not a target (`make help` lists them); give sizes by name: make molds D=150 T=9))
+TAKES_data := N D T WORKERS OPTIONS
+TAKES_train := WORKERS
+TAKES_evaluate := WORKERS OPTIONS
+TAKES_live := OPTIONS
+TAKES_clean-all := SURE
+TAKEN := PYTHON VENV $(foreach goal,$(MAKECMDGOALS),$(TAKES_$(goal)))
+TYPED := $(foreach name,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $(name)))),$(name)))
+UNTAKEN := $(if $(filter $(FAB),$(MAKECMDGOALS)),,$(filter-out $(TAKEN),$(TYPED)))
+$(if $(UNTAKEN),$(error $(UNTAKEN): not a variable of `make $(MAKECMDGOALS)`, which takes $(strip $(TAKEN)); capitals count))
+$(if $(filter data,$(MAKECMDGOALS)),$(if $(D),$(if $(T),,$(error D without T: give both, as in make data D=150 T=9)),\
+  $(if $(T),$(error T without D: give both, as in make data D=150 T=9))))
+# fab's commands read the variables themselves, as they were typed, out of MAKEFLAGS: no shell comes between.
+ASKED := --make-variables
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -15,27 +34,27 @@ help: ## this list
 setup: $(VENV)/all.stamp ## virtual environment with everything
 
 molds: $(VENV)/fab.stamp ## print and cast files of one endcap: make molds D=130 T=8
-	@$(BIN)/python -m fab.molds $(MAKEOVERRIDES)
+	@$(BIN)/python -m fab.molds $(ASKED)
 
 slice: $(VENV)/fab.stamp ## slicer projects, sliced and measured: make slice D=130 T=8
 	@sh scripts/slicer.sh
-	@$(BIN)/python -m fab.slice $(MAKEOVERRIDES)
+	@$(BIN)/python -m fab.slice $(ASKED)
 
 sheet: $(VENV)/fab.stamp ## build sheet as HTML and PDF, BOM and recipe: make sheet D=130 T=8
-	@$(BIN)/python -m fab.build_sheet $(MAKEOVERRIDES)
+	@$(BIN)/python -m fab.build_sheet $(ASKED)
 
 molds-help: $(VENV)/fab.stamp
 	@$(BIN)/python -m fab.molds --help
 
 ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light on the dome
-	@$(BIN)/python -m fab.led_ring $(MAKEOVERRIDES)
+	@$(BIN)/python -m fab.led_ring $(ASKED)
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
-	@$(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' $(if $(N),--frames '$(N)') $(if $(D),--diameter '$(D)') $(if $(T),--wall '$(T)') $(OPTIONS)
+	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(if $(D),--diameter "$$D" --wall "$$T") $(OPTIONS)
 
 WRENCH := exports/wrench_train/small.safetensors
 WRENCH_DATA := exports/wrench_train exports/wrench_motion
-SIMULATE = $(BIN)/python -m sensing.simulator data --workers '$(or $(WORKERS),2)' --tolerance 1e-3
+SIMULATE = $(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" --tolerance 1e-3
 train: $(WRENCH) ## a small wrench model of your own: simulated frames, then weights (minutes)
 
 evaluate: $(WRENCH) ## its errors and those of the comparisons, on motions it has never seen
@@ -51,7 +70,7 @@ live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camer
 	@$(BIN)/python -m sensing.live $(OPTIONS)
 
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
-	@$(BIN)/python -m fab.coupons $(MAKEOVERRIDES)
+	@$(BIN)/python -m fab.coupons $(ASKED)
 
 test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
@@ -65,10 +84,19 @@ check: $(VENV)/all.stamp ## lint and types
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/
 	@for script in bench/bench_*.py; do echo $$script; $(BIN)/python $$script || exit 1; done
 
-clean: ## remove everything that was generated
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find exports -mindepth 1 ! -name README.md -delete
-	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+define REMOVE_BUILT
+@test ! -e $(VENV)/fab.stamp || rm -rf $(VENV)
+@rm -rf build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+endef
+
+clean: ## remove what one command makes again; recordings, data, weights and files of your own stay
+	@$(PYTHON) -m fab.clean
+	$(REMOVE_BUILT)
+
+clean-all: ## everything in exports/ too, files of your own included: make clean-all SURE=yes
+	@$(PYTHON) -m fab.clean --all $(if $(filter yes,$(SURE)),--sure)
+	$(REMOVE_BUILT)
 
 $(VENV)/bin/python:
 	@sh scripts/system_libraries.sh

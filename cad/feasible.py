@@ -121,7 +121,7 @@ def require_feasible(diameter_mm: float, wall_mm: float) -> None:
         reason = pick(limits, key=limits.__getitem__)
         raise ParameterError(
             f"wall_mm={wall_mm:g} outside {_inward(low, 1):g}..{_inward(high, -1):g} at D={diameter_mm:g}: {reason}; "
-            f"nearest valid choice D={diameter_mm:g} T={_nearest_wall(diameter_mm, wall_mm):g}",
+            f"nearest valid choice D={diameter_mm:g} T={nearest_wall_mm(diameter_mm, wall_mm):g}",
             name="wall_mm",
             value=wall_mm,
         )
@@ -162,11 +162,12 @@ def _diameter_message(diameter_mm: float, wall_mm: float) -> str:
     hint = f" ({diameter_mm:g} looks like inches: {inches:g} mm)" if smallest <= inches <= largest else ""
     return (
         f"diameter_mm={diameter_mm:g} outside {_inward(smallest, 1):g}..{largest:g}{hint}: {reason}; "
-        f"nearest valid choice D={nearest:g} T={_nearest_wall(nearest, wall_mm):g}"
+        f"nearest valid choice D={nearest:g} T={nearest_wall_mm(nearest, wall_mm):g}"
     )
 
 
-def _nearest_wall(diameter_mm: float, wall_mm: float) -> float:
+def nearest_wall_mm(diameter_mm: float, wall_mm: float) -> float:
+    """Wall that can be made at a diameter, nearest to a wanted one (limits rounded inward to 0.01 mm)."""
     low, high = wall_range_mm(diameter_mm)
     return min(max(wall_mm, _inward(low, 1)), _inward(high, -1))
 

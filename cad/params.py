@@ -20,6 +20,7 @@ import math
 from dataclasses import asdict, dataclass
 
 from cad import feasible, scaling
+from cad.plain_numbers import plain
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class EndcapParams:
     @property
     def label(self) -> str:
         """Name of the design and of its export folder, for example ``D130_T8``."""
-        return f"D{self.diameter_mm:g}_T{self.wall_mm:g}"
+        return f"D{plain(self.diameter_mm)}_T{plain(self.wall_mm)}"
 
     @property
     def digest(self) -> str:

@@ -1,4 +1,8 @@
-"""Progress of a command, for people who look at a terminal."""
+"""Progress of a command: a line a step with its seconds.
+
+On a terminal the running step stands on the last line until it is done; elsewhere (a file, a pipe, a log) each step is
+one plain line when it is done.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,21 @@ import time
 
 
 class Progress:
-    """One line for each step on a terminal; silent elsewhere."""
+    """Lines on standard error, so that what a command prints as its result stays apart."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
-        self._shown = sys.stderr.isatty()
+        self._step: str | None = None
+        self._since = self._start
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._finish()
+        elif self._step is not None and sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)  # the step was not done
 
     @property
     def seconds(self) -> float:
@@ -19,11 +33,15 @@ class Progress:
         return time.monotonic() - self._start
 
     def __call__(self, step: str) -> None:
-        """Announce a step."""
-        if self._shown:
-            print(f"\r\033[K[{self.seconds:5.1f} s] {step}", end="", file=sys.stderr, flush=True)
+        """Begin a step; the one before it is done."""
+        self._finish()
+        self._step, self._since = step, time.monotonic()
+        if sys.stderr.isatty():
+            print(f"  ...    {step}", end="", file=sys.stderr, flush=True)
 
-    def end(self) -> None:
-        """Clear the line."""
-        if self._shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+    def _finish(self) -> None:
+        if self._step is None:
+            return
+        begin = "\r\033[K" if sys.stderr.isatty() else ""
+        print(f"{begin}{time.monotonic() - self._since:6.1f} s {self._step}", file=sys.stderr, flush=True)
+        self._step = None

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-BOTTOM = {f"cad.{name}" for name in ("errors", "extras", "scaling", "feasible", "params", "dots")}
+BOTTOM = {f"cad.{name}" for name in ("errors", "extras", "plain_numbers", "scaling", "feasible", "params", "dots")}
 PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
 }  # standard library only, too

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cad.errors import FileError
-from cad.materials import DEFAULT_SILICONE, silicones
-from cad.params import EndcapParams
+from cad.materials import silicones
 from fab.checks.check import require_passed
-from fab.command import EXPORTS, Command, parse_design
+from fab.command import VARIANT_DEFAULTS, Command, parse_variant
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
+from fab.variant import Variant
 
 if TYPE_CHECKING:
     from fab.build_sheet.data import SheetData
@@ -22,12 +23,14 @@ if TYPE_CHECKING:
     from fab.slice.projects import Export
 
 FOLDER = "sheet"
+RECORD = "sheet.json"
 FIGURES = 6
 HELP = """\
 options, as NAME=VALUE:
-  D=130 T=8        the design; `make molds` with the same numbers must have run, `make slice` should have
-  exports=DIR      folder that holds D130_T8/ (default: exports/)
+  D=130 T=8        the design; `make molds` with the same options must have run, `make slice` should have
+  joint_clearance=0.15   its variant
   material=NAME    silicone: {materials}
+  exports=DIR      folder that holds D130_T8/ (default: exports/)
 
 Writes D130_T8/sheet/: build_sheet.html, build_sheet.pdf, bom.csv and sheet.json, whole, after every gate has held.
 exit status: 0 written; 1 a gate failed; 2 bad input or no export; 130 interrupted
@@ -38,23 +41,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     command = Command(
         "make sheet",
-        "[D=MM] [T=MM] [exports=DIR] [material=NAME]",
+        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR]",
         "Write the build sheet of an exported endcap.",
         HELP.format(materials=", ".join(silicones())),
-        {"D": "130", "T": "8", "exports": EXPORTS, "material": DEFAULT_SILICONE},
+        VARIANT_DEFAULTS,
     )
-    return command.run(
-        argv, lambda options, _: make_sheet(parse_design(options), Path(options["exports"]), options["material"])
-    )
+    return command.run(argv, lambda options, _: make_sheet(parse_variant(options), Path(options["exports"])))
 
 
-def make_sheet(params: EndcapParams, exports: Path, material: str = DEFAULT_SILICONE) -> int:
+def make_sheet(variant: Variant, exports: Path) -> int:
     """Write the build sheet.
 
     Args:
-        params: the two numbers.
-        exports: folder that holds ``params.label``.
-        material: a silicone of ``cad/materials.csv``.
+        variant: what was exported.
+        exports: folder that holds ``variant.label``.
 
     Returns:
         0.
@@ -62,38 +62,34 @@ def make_sheet(params: EndcapParams, exports: Path, material: str = DEFAULT_SILI
     Raises:
         ChecksFailedError: a screw does not clamp, a line is missing, or the pot life is too short.
         FileError: no export, or a file cannot be read or written.
-        ParameterError: an unknown material.
     """
-    from cad.materials import silicone
     from fab.bom import bom_csv
     from fab.build_sheet.content import build_document
     from fab.build_sheet.html import write_html
     from fab.build_sheet.pdf import write_pdf
-    from fab.exports.writer import whole_folder
     from fab.slice.projects import read_export
 
-    silicone(material)
-    export = read_export(params, exports)
+    export = read_export(variant, exports)
     sliced = read_slices(export)
-    progress = Progress()
-    try:
-        with whole_folder(export.folder / FOLDER) as folder, tempfile.TemporaryDirectory(prefix="sheet-") as scratch:
-            data, own = _collect(export, sliced, material, Path(scratch), progress)
-            document = build_document(data)
-            progress("HTML and PDF")
-            write_html(document, folder / "build_sheet.html")
-            write_pdf(document, folder / "build_sheet.pdf")
-            (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
-            (folder / "sheet.json").write_text(json.dumps(own, indent=1) + "\n", encoding="utf-8")
-    finally:
-        progress.end()
+    with (
+        Progress() as progress,
+        whole_folder(export.folder / FOLDER, RECORD) as folder,
+        tempfile.TemporaryDirectory(prefix="sheet-") as scratch,
+    ):
+        data, own = _collect(export, sliced, Path(scratch), progress)
+        document = build_document(data)
+        progress("HTML and PDF")
+        write_html(document, folder / "build_sheet.html")
+        write_pdf(document, folder / "build_sheet.pdf")
+        (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
+        write_record(folder, RECORD, own)
     note = "" if sliced else " (without print times: run make slice)"
     print(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
 
 
 def read_slices(export: Export) -> dict[str, Any] | None:
-    """What ``make slice`` wrote for this export, or ``None``.
+    """What ``make slice`` wrote for this export; ``None`` where it has not run since ``make molds`` did.
 
     Raises:
         FileError: it is there but cannot be read, or belongs to another design.
@@ -101,7 +97,7 @@ def read_slices(export: Export) -> dict[str, Any] | None:
     path = export.folder / "slice" / "slice.json"
     if not path.exists():
         return None
-    again = f"run `make slice D={export.params.diameter_mm:g} T={export.params.wall_mm:g}` again"
+    again = f"run `make slice {export.variant.words}` again"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         matches = record["digest"] == export.params.digest
@@ -110,11 +106,11 @@ def read_slices(export: Export) -> dict[str, Any] | None:
         raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
     if not matches:
         raise FileError(f"{path}: belongs to another design: {again}")
-    return dict(record)
+    return dict(record) if record.get("manifest_sha256") == export.manifest_sha256 else None
 
 
 def _collect(
-    export: Export, sliced: dict[str, Any] | None, material: str, folder: Path, progress: Progress
+    export: Export, sliced: dict[str, Any] | None, folder: Path, progress: Progress
 ) -> tuple[SheetData, dict[str, Any]]:
     """Measure, gate and draw; returns the sheet's data and its own record."""
     from fab.bom import all_joints, bom_checks, bom_lines
@@ -126,7 +122,7 @@ def _collect(
 
     progress("parts and screws")
     shop = open_workshop(export)
-    mix = recipe(shell_volume_mm3(export.manifest), material)
+    mix = recipe(shell_volume_mm3(export.manifest), export.variant.silicone)
     lines = bom_lines(export.manifest, shop.fits, mix, sliced)
     poured = mix.cast_volume_mm3 * (1 + mix.surplus)
     depth = fill_depth_mm(shop.layout, poured)
@@ -136,7 +132,7 @@ def _collect(
         Check("recipe.poured_below_seam_mm", depth, low=0.0),
         *ring_checks(export.params),
     ]
-    require_passed(checks, f"at {export.params.label}")
+    require_passed(checks, f"at {export.variant.label}")
     pictures = step_pictures(shop, depth, folder, progress)
     pictures |= {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
     pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
@@ -151,7 +147,6 @@ def open_workshop(export: Export) -> Workshop:
     """Meshes of all parts: made ones from their checked STL files, bought ones from their envelopes."""
     from cad.camera import camera_part
     from cad.led_ring import led_ring_part
-    from cad.mold_layout import MoldLayout
     from fab.bom import fit_joints
     from fab.build_sheet.pictures import Workshop
     from fab.meshing.mesh import tessellate
@@ -164,7 +159,7 @@ def open_workshop(export: Export) -> Workshop:
     for make in (led_ring_part, camera_part):
         bought = make(export.params)
         meshes[bought.name], colors[bought.name] = tessellate(bought.solid), bought.color
-    layout = MoldLayout(export.params)
+    layout = export.variant.layout
     return Workshop(layout, meshes, colors, fit_joints(layout, meshes))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,8 @@ from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
 from cad.materials import DEFAULT_SILICONE, silicone
 from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command
+from fab.exports.whole_folder import whole_folder, write_record
+from fab.variant import file_name
 
 if TYPE_CHECKING:
     import trimesh
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from cad.part import Part
     from fab.checks.check import Check
 
+RECORD = "coupons.json"
 IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray": "peel_tpu"}
 HELP = f"""\
 options, as NAME=VALUE:
@@ -86,13 +88,13 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
     """
     from cad.coupons import coupon_parts
     from fab.coupons.mesh import coupon_meshes
-    from fab.exports.writer import whole_folder
     from fab.pictures.parts import PictureItem, render_parts
 
     density = silicone(material).density_g_cm3
     parts = {part.name: part for part in coupon_parts()}
     meshes, walls = coupon_meshes(parts)
-    with whole_folder(exports / "coupons") as folder:
+    label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
+    with whole_folder(exports / label, RECORD) as folder:
         write_parts(parts, meshes, folder)
         checks, volumes = checked(parts, folder)
         items = [PictureItem(name, meshes[name], part.color, part.material) for name, part in parts.items()]
@@ -105,8 +107,8 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
             "bom": [vars(line) for line in lines],
             "checks": [check.record(9) for check in checks],
         }
-        (folder / "coupons.json").write_text(json.dumps(content, indent=1) + "\n")
-    print(f"{exports / 'coupons'}: {len(parts)} parts, all {len(checks)} checks passed")
+        write_record(folder, RECORD, content)
+    print(f"{exports / label}: {len(parts)} parts, all {len(checks)} checks passed")
     return 0
 
 

@@ -1,19 +1,14 @@
-"""Write the export folder: meshes, solids, assemblies, pictures, manifest. It appears whole or not at all.
+"""Write what an export folder holds: meshes, solids, assemblies, pictures, manifest.
 
-Everything is written to a hidden folder beside the final one, which takes its name at the end. A second run with the
-same parameters gives the same bytes.
+A second run with the same parameters gives the same bytes.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 import re
-import shutil
 import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -21,39 +16,18 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import trimesh
 
 from cad.assembly import build_assembly, exploded_offsets, write_assembly
-from cad.errors import FileError
 from cad.interface import build_zone
+from cad.materials import DEFAULT_SILICONE
 from cad.step_file import canonical_step
 from fab.checks.check import Check
 from fab.design import PRODUCT, Design
+from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import write_stl
 from fab.pictures.parts import PictureItem, render_exploded, render_parts, render_section
 
+MANIFEST = "manifest.json"
 DIGITS = 9  # significant figures in the manifest
 EXPLODED_GAP_MM = 28.0  # room for the labels
-
-
-@contextmanager
-def whole_folder(final: Path) -> Iterator[Path]:
-    """Yield a folder to fill, that becomes ``final`` if nothing is raised and vanishes otherwise.
-
-    Raises:
-        FileError: the place cannot be written, or the disk is full; what stood at ``final`` before is untouched.
-    """
-    partial = final.with_name(f".{final.name}.partial-{os.getpid()}")
-    retired = final.with_name(f".{final.name}.old-{os.getpid()}")
-    try:
-        partial.mkdir(parents=True)
-        yield partial
-        if final.exists():
-            final.rename(retired)
-        partial.rename(final)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise FileError(f"{final}: {reason}: free some space or name another folder with exports=DIR") from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-        shutil.rmtree(retired, ignore_errors=True)
 
 
 def write_meshes(design: Design, folder: Path) -> None:
@@ -124,7 +98,9 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
     render_parts(parts, folder / "parts.png")
 
 
-def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str, object]:
+def manifest(
+    design: Design, checks: Sequence[Check], folder: Path, silicone: str = DEFAULT_SILICONE
+) -> dict[str, object]:
     """Everything a reader or a program needs to know of the folder, in a fixed order."""
     values = {check.name: check.value for check in checks}
     parts = []
@@ -142,24 +118,25 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
                 "triangles": len(mesh.faces),
                 "watertight": bool(mesh.is_watertight),
                 "self_intersections": int(values.get(f"{name}.self_intersections", 0)),
-                "files": {path.name: _sha256(path) for path in files},
+                "files": {path.name: file_sha256(path) for path in files},
             }
         )
     shared = sorted(path for path in folder.iterdir() if path.stem not in design.parts)
     return {
         "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
         "joint_clearance_mm": design.layout.joint_clearance_mm,
+        "silicone": silicone,
         "digest": design.params.digest,
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,
         "checks": [check.record(DIGITS) for check in checks],
-        "files": {path.name: _sha256(path) for path in shared},
+        "files": {path.name: file_sha256(path) for path in shared},
     }
 
 
 def write_manifest(content: dict[str, object], folder: Path) -> None:
     """Write ``manifest.json``."""
-    (folder / "manifest.json").write_text(json.dumps(content, indent=1) + "\n")
+    (folder / MANIFEST).write_text(json.dumps(content, indent=1) + "\n")
 
 
 def _item(design: Design, name: str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PictureItem:
@@ -169,7 +146,3 @@ def _item(design: Design, name: str, offset: tuple[float, float, float] = (0.0, 
 
 def _figures(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

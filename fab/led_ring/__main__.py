@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,16 +10,18 @@ from cad.led_placement import LED_COUNT, LED_RANGE, placements
 from cad.params import EndcapParams
 from fab.checks.check import Check, require_passed
 from fab.command import EXPORTS, Command, parse_design, parse_length
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
 
+RECORD = "led_ring.json"
 HELP = f"""\
 options, as NAME=VALUE:
   D=130 T=8        the endcap whose dome the ring lights (light and temperatures alone depend on it)
   leds={LED_COUNT}           LEDs in the string, {LED_RANGE[0]} to {LED_RANGE[1]}
-  exports=DIR      folder that receives led_ring/ (default: exports/)
+  exports=DIR      folder that receives led_ring/, led_ring_D150_T9/ and so on (default: exports/)
 
 writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.png,
 led_ring-light.png and led_ring.json (values, budget, checks); the folder appears whole or not at all
@@ -63,7 +64,6 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
-    from fab.exports.writer import whole_folder
     from fab.led_ring.copper import build_copper
     from fab.led_ring.gerber import board_files, read_archive, write_archive
     from fab.led_ring.light import dome_light, light_checks
@@ -73,7 +73,8 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
     places, count = placements(led_count), int(led_count)
     driver = fitted_driver(count)
     copper, light = build_copper(count), dome_light(params, count)
-    with whole_folder(exports / "led_ring") as folder:
+    final = exports / folder_name(params, count)
+    with whole_folder(final, RECORD) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")
         checks = [
@@ -88,13 +89,22 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
         (folder / "led_ring-placement.csv").write_text(placement_csv(count))
         draw_board(layers, holes, places, folder / "led_ring.png")
         draw_light(light, f"D={params.diameter_mm:g} T={params.wall_mm:g}, {count} LEDs", folder / "led_ring-light.png")
-        report = ring_report(driver, params, checks)
-        (folder / "led_ring.json").write_text(json.dumps(report, indent=1) + "\n")
+        write_record(folder, RECORD, ring_report(driver, params, checks))
     print(
-        f"{exports / 'led_ring'}: {count} LEDs, {1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency "
+        f"{final}: {count} LEDs, {1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency "
         f"{driver.efficiency:.0%}, all {len(checks)} checks passed"
     )
     return 0
+
+
+def folder_name(params: EndcapParams, led_count: int) -> str:
+    """``led_ring``, and what of the design is not the default: one ring's files do not replace another's."""
+    parts = ["led_ring"]
+    if params != EndcapParams(*(float(COMMAND.defaults[name]) for name in "DT")):
+        parts.append(params.label)
+    if led_count != LED_COUNT:
+        parts.append(f"{led_count}leds")
+    return "_".join(parts)
 
 
 def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -> dict[str, object]:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import multiprocessing
-import signal
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cad.errors import ParameterError
-from cad.params import EndcapParams
 from fab.checks.check import require_passed
-from fab.command import EXPORTS, Command, Interrupts, parse_design
+from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
+from fab.variant import Variant
+from fab.workers import worker_pool
 
 if TYPE_CHECKING:
     from fab.checks.check import Check
@@ -25,9 +23,11 @@ if TYPE_CHECKING:
 
 WORKERS = 2
 FOLDER = "slice"
+RECORD = "slice.json"
 HELP = """\
 options, as NAME=VALUE:
-  D=130 T=8        the design; `make molds` with the same numbers must have run
+  D=130 T=8        the design; `make molds` with the same options must have run
+  joint_clearance=0.15  material='Smooth-Sil 950'   its variant
   exports=DIR      folder that holds D130_T8/ (default: exports/)
   parts=all        or names with commas, for example parts=interface_infill,base: only these are sliced,
                    and nothing is written
@@ -38,10 +38,10 @@ exit status: 0 written; 1 a gate failed; 2 bad input, no export, or no PrusaSlic
 """
 COMMAND = Command(
     "make slice",
-    "[D=MM] [T=MM] [exports=DIR] [parts=NAMES] [gcode=yes]",
+    "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR] [parts=NAMES] [gcode=yes]",
     "Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
     HELP,
-    {"D": "130", "T": "8", "exports": EXPORTS, "parts": "all", "gcode": "no"},
+    {**VARIANT_DEFAULTS, "parts": "all", "gcode": "no"},
 )
 
 
@@ -51,18 +51,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _act(options: dict[str, str], _: Interrupts) -> int:
-    params = parse_design(options)
+    variant = parse_variant(options)
     if options["gcode"] not in ("yes", "no"):
         raise ParameterError(f"gcode={options['gcode']} is neither yes nor no", name="gcode")
-    return slice_design(params, Path(options["exports"]), options["parts"], options["gcode"] == "yes")
+    return slice_design(variant, Path(options["exports"]), options["parts"], options["gcode"] == "yes")
 
 
-def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_gcode: bool = False) -> int:
+def slice_design(variant: Variant, exports: Path, parts: str = "all", keep_gcode: bool = False) -> int:
     """Slice an exported design.
 
     Args:
-        params: the two numbers.
-        exports: folder that holds ``params.label``.
+        variant: what was exported.
+        exports: folder that holds ``variant.label``.
         parts: ``all``, or names of projects with commas; then nothing is written.
         keep_gcode: whether the G-code stays beside the projects.
 
@@ -74,12 +74,11 @@ def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_g
         SlicerMissingError: PrusaSlicer is not installed.
         FileError: no export, or a file cannot be read or written.
     """
-    from fab.exports.writer import whole_folder
     from fab.slice.projects import project_names, read_export
     from fab.slice.run import find_slicer, slicer_version
 
     slicer = find_slicer()
-    export = read_export(params, exports)
+    export = read_export(variant, exports)
     known = project_names(export)
     names = known if parts == "all" else parts.split(",")
     if strangers := sorted(set(names) - set(known)):
@@ -90,18 +89,19 @@ def slice_design(params: EndcapParams, exports: Path, parts: str = "all", keep_g
         with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
             checks = _sliced_and_gated(slicer, export, names, Path(scratch), keep_gcode=False)[1]
         print(
-            f"{params.label}: {len(names)} of {len(known)} projects, all {len(checks)} gates held; nothing was written"
+            f"{variant.label}: {len(names)} of {len(known)} projects, all {len(checks)} gates held; nothing was written"
         )
         return 0
-    with whole_folder(export.folder / FOLDER) as folder:
+    with whole_folder(export.folder / FOLDER, RECORD) as folder:
         results, checks = _sliced_and_gated(slicer, export, names, folder, keep_gcode)
         record = {
-            "digest": params.digest,
+            "digest": variant.params.digest,
+            "manifest_sha256": export.manifest_sha256,
             "slicer": f"PrusaSlicer {slicer_version(slicer)}",
             "projects": [result.record() for result in results],
             "checks": [check.record(6) for check in checks],
         }
-        (folder / "slice.json").write_text(json.dumps(record, indent=1) + "\n")
+        write_record(folder, RECORD, record)
     print(f"{export.folder / FOLDER}: {len(results)} projects in two dialects, all {len(checks)} gates held")
     return 0
 
@@ -112,23 +112,15 @@ def _sliced_and_gated(
     """Slice side by side, print the summary, and insist on the gates."""
     from fab.slice.result import summary
 
-    progress = Progress()
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(WORKERS, context, signal.signal, (signal.SIGINT, signal.SIG_DFL)) as workers:
-        try:
-            pending = [workers.submit(_slice_one, slicer, export, name, folder, keep_gcode) for name in names]
-            results = []
-            for done, (name, future) in enumerate(zip(names, pending, strict=True)):
-                progress(f"{name} ({done + 1} of {len(names)})")
-                results.append(future.result())
-        except BaseException:
-            workers.shutdown(wait=False, cancel_futures=True)
-            raise
-        finally:
-            progress.end()
+    with Progress() as progress, worker_pool(WORKERS) as workers:
+        pending = [workers.submit(_slice_one, slicer, export, name, folder, keep_gcode) for name in names]
+        results = []
+        for done, (name, future) in enumerate(zip(names, pending, strict=True)):
+            progress(f"{name} ({done + 1} of {len(names)})")
+            results.append(future.result())
     print(summary(results))
     checks = [check for result in results for check in result.checks]
-    require_passed(checks, f"at {export.params.label}")
+    require_passed(checks, f"at {export.variant.label}")
     return results, checks
 
 

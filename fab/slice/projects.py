@@ -6,7 +6,6 @@ interface_gyroid    the mesh with its explicit gyroid, every outline moved out b
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,11 +14,14 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.params import EndcapParams
+from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
 from fab.slice.pose import laid_down
 from fab.slice.project_3mf import Project, Volume
 from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
+from fab.variant import Variant
 
+MANIFEST = "manifest.json"
 INTERFACE = "interface"
 INFILL, GYROID = "interface_infill", "interface_gyroid"
 
@@ -30,13 +32,23 @@ class Export:
 
     Attributes:
         folder: where it lies.
-        params: the two numbers.
+        variant: the two numbers, the joint clearance and the silicone.
         manifest: its ``manifest.json``.
     """
 
     folder: Path
-    params: EndcapParams
+    variant: Variant
     manifest: Mapping[str, Any]
+
+    @property
+    def params(self) -> EndcapParams:
+        """The two numbers."""
+        return self.variant.params
+
+    @property
+    def manifest_sha256(self) -> str:
+        """What `make slice` notes, so that prints of an earlier export are known as such."""
+        return file_sha256(self.folder / MANIFEST)
 
     @property
     def printed(self) -> dict[str, str]:
@@ -44,25 +56,25 @@ class Export:
         return {part["name"]: part["material"] for part in self.manifest["parts"] if part["role"] == "printed"}
 
 
-def read_export(params: EndcapParams, exports: Path) -> Export:
-    """Open the folder of a design.
+def read_export(variant: Variant, exports: Path) -> Export:
+    """Open the folder of a variant.
 
     Raises:
         FileError: it is missing, unreadable or of other parameters; the message has the command that makes it.
     """
-    folder = exports / params.label
-    again = f"run `make molds D={params.diameter_mm:g} T={params.wall_mm:g}`"
+    folder = exports / variant.label
+    again = f"run `make molds {variant.words}`"
     try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        digest = manifest["digest"]
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        found = manifest["digest"], manifest["joint_clearance_mm"], manifest["silicone"]
         [part["name"] for part in manifest["parts"]]
     except OSError as error:
         raise FileError(f"{folder}: no export here ({error.strerror}): {again} first") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{folder / 'manifest.json'}: not a manifest of ours: {again} again") from error
-    if digest != params.digest:
+        raise FileError(f"{folder / MANIFEST}: not a manifest of ours, or an older one: {again} again") from error
+    if found != (variant.params.digest, variant.layout.joint_clearance_mm, variant.silicone):
         raise FileError(f"{folder}: made for other parameters than its name says: {again} again")
-    return Export(folder, params, manifest)
+    return Export(folder, variant, manifest)
 
 
 def read_part(export: Export, name: str) -> Any:
@@ -75,7 +87,7 @@ def read_part(export: Export, name: str) -> Any:
     wanted = next(part["files"].get(file) for part in export.manifest["parts"] if part["name"] == name)
     path = export.folder / file
     try:
-        found = hashlib.sha256(path.read_bytes()).hexdigest()
+        found = file_sha256(path)
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror}): run make molds again") from error
     if found != wanted:

@@ -144,6 +144,8 @@ def summary(results: Sequence[SliceResult]) -> str:
             f"{figures.layers:8d}{figures.floating_starts:7d}  {zone}".rstrip()
         )
     mold = [result.figures for result in results if is_mold(result.name)]
+    if not mold:
+        return "\n".join(lines)
     lines.append(
         f"mold: {hours(sum(f.time_s for f in mold))}, {sum(f.grams for f in mold):.0f} g, "
         f"{sum(f.cost_usd for f in mold):.2f} USD (the paper: about 8.50)"

@@ -11,10 +11,12 @@ import re
 import shutil
 import subprocess
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
 from fab.slice.settings import BED_MM
+from fab.workers import end_with_parent
 
 NAMES = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 INSTALL = "apt-get install -y --no-install-recommends prusa-slicer"
@@ -97,7 +99,10 @@ def slice_to_gcode(slicer: str, project: Path, gcode: Path) -> tuple[str, ...]:
 
 
 def _run(slicer: str, words: list[str], project: Path) -> str:
-    done = subprocess.run([slicer, *words], capture_output=True, text=True, check=False, env=_environment())
+    follow = partial(end_with_parent, os.getpid())  # or a slicer would write on where nobody is left to tidy up
+    done = subprocess.run(
+        [slicer, *words], capture_output=True, text=True, check=False, env=_environment(), preexec_fn=follow
+    )
     said = done.stdout + done.stderr
     if done.returncode != 0:
         raise FileError(f"{project.name}: the slicer stopped with status {done.returncode}: {_last_words(said)}")

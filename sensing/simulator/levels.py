@@ -137,14 +137,11 @@ class Simulator:
 
         def step(target: Target) -> SceneState:
             nonlocal here
-            before = fast.fallbacks, reduced.fallbacks if reduced else 0
             if target.tangential_n is None:
                 here = solver.advance(here, target)
             else:
                 here = tangential.reach(solver.advance, here, target, press.frame, scene.friction, half)
-            if reduced is not None and reduced.fallbacks == before[1]:
-                return self._answer(press, here, 3, reduced.error_estimate)
-            return self._answer(press, here, 1 if self.level == 1 or fast.fallbacks > before[0] else 2)
+            return self._answer(press, here)
 
         return step
 
@@ -199,13 +196,13 @@ class Simulator:
                 self._reduced[indenter, half] = None
         return self._reduced[indenter, half]
 
-    def _answer(self, press: Press, state: State, level: int, estimate: float | None = None) -> SceneState:
+    def _answer(self, press: Press, state: State) -> SceneState:
         patch = contact_patch(press.model, state)
         if press.model.half:
             patch = patch.mirrored()
         certificate = state.certificate
         return SceneState(
-            level=level,
+            level=state.level,
             depth_mm=state.depth_mm,
             shift_mm=state.shift_mm,
             normal_n=state.normal_n,
@@ -214,10 +211,17 @@ class Simulator:
             surface_mm=self._shell.surface_of(press.model.half).field(state.displacement),
             patch_mm2=patch.area_mm2,
             slip_share=patch.slip_share,
-            error_estimate=estimate or (0.0 if level == 1 or certificate is None else certificate.residual),
+            error_estimate=_error_estimate(state),
             patch=patch,
             certificate=certificate,
         )
+
+
+def _error_estimate(state: State) -> float:
+    """Expected relative error of the markers: level 3's own, the residual at level 2, none at level 1."""
+    if state.error_estimate is not None:
+        return state.error_estimate
+    return 0.0 if state.level == 1 or state.certificate is None else state.certificate.residual
 
 
 def _in_mirror_plane(target: Target) -> bool:

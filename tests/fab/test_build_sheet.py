@@ -26,6 +26,7 @@ from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
 from fab.slice.projects import Export
+from fab.variant import Variant
 
 PARAMS = EndcapParams(130.0, 8.0)
 
@@ -112,7 +113,7 @@ def test_pdf_has_pages_pictures_and_the_same_bytes_twice(document, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["T=99"], "wall_mm=99"),
+        (["D=130", "T=99"], "wall_mm=99"),
         (["material=Butter"], "silicone='Butter' is not in cad/materials.csv"),
         (["paper=A3"], "'paper=A3' is not an option"),
         ([], "run `make molds D=130 T=8` first"),
@@ -125,7 +126,8 @@ def test_bad_input_gets_one_line_status_2_and_no_files(words, expected, tmp_path
 
 
 def test_slices_of_another_design_are_refused(tmp_path):
-    export = Export(tmp_path, PARAMS, {})
+    export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
+    (tmp_path / "manifest.json").write_text("{}")
     assert command.read_slices(export) is None
     (tmp_path / "slice").mkdir()
     file = tmp_path / "slice" / "slice.json"
@@ -135,6 +137,17 @@ def test_slices_of_another_design_are_refused(tmp_path):
     file.write_text(json.dumps({"digest": "other", "projects": []}))
     with pytest.raises(FileError, match="another design"):
         command.read_slices(export)
+
+
+def test_slices_of_an_earlier_export_are_left_out(tmp_path):
+    export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
+    (tmp_path / "manifest.json").write_text("{}")
+    (tmp_path / "slice").mkdir()
+    record = {"digest": PARAMS.digest, "projects": [], "manifest_sha256": export.manifest_sha256}
+    (tmp_path / "slice" / "slice.json").write_text(json.dumps(record))
+    assert command.read_slices(export) == record
+    (tmp_path / "manifest.json").write_text('{"another": "run"}')
+    assert command.read_slices(export) is None
 
 
 def test_the_ring_of_the_sheet_is_the_ring_that_is_made(tmp_path):

@@ -6,22 +6,24 @@ import errno
 import hashlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from cad.errors import FileError, ParameterError
+from cad.errors import ParameterError
 from cad.params import EndcapParams
 from fab import molds
 from fab.checks.check import Check
-from fab.command import parse_length, parse_options
-from fab.exports.writer import whole_folder
+from fab.command import VARIANT_DEFAULTS, make_variables, parse_length, parse_options, parse_variant
+from fab.exports.whole_folder import whole_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ("D=100", "T=8")
@@ -61,10 +63,11 @@ def written(runs):
     return runs[0][0], json.loads((runs[0][0] / "manifest.json").read_text())
 
 
-def test_the_command_says_one_line_and_is_quiet_without_a_terminal(runs):
+def test_in_a_pipe_the_command_prints_a_plain_line_a_step_and_one_line_of_result(runs):
     for folder, out, err in runs:
-        assert err == ""
         assert len(out.splitlines()) == 1 and str(folder) in out and "checks passed" in out
+        assert len(err.splitlines()) > 5 and "\r" not in err and "\033" not in err
+        assert all(re.fullmatch(r" *\d+\.\d s \S.*", line) for line in err.splitlines()), err
 
 
 def test_manifest_has_parameters_and_digest(written):
@@ -134,15 +137,27 @@ def test_a_second_run_reproduces_every_mesh_and_the_manifest(runs):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["D=abc"], "D=abc is not a number"),
-        (["D=130mm"], "D=130mm is not a number: give millimetres without a unit"),
-        (["D=nan"], "diameter_mm=nan"),
-        (["T=inf"], "wall_mm=inf"),
-        (["D=-130"], "diameter_mm=-130"),
-        (["D=5.118"], "looks like inches"),
-        (["T=40"], "wall_mm=40 outside 6.5..13"),
-        (["T=0.3"], "wall_mm=0.3 outside 6.5..13"),
-        (["d=130"], "'d=130' is not an option"),
+        (["D=abc", "T=8"], "D=abc is not a number"),
+        (["D=130mm", "T=8"], "D=130mm is not a number: give plain millimetres without a unit"),
+        (["D=nan", "T=8"], "D=nan is not a number"),
+        (["D=130", "T=inf"], "T=inf is not a number"),
+        (["D=-130", "T=8"], "diameter_mm=-130"),
+        (["D=5.118", "T=8"], "looks like inches"),
+        (["D=130", "T=40"], "wall_mm=40 outside 6.5..13"),
+        (["D=130", "T=0.3"], "wall_mm=0.3 outside 6.5..13"),
+        (["d=130"], "'d=130' is not an option: did you mean D=130?"),
+        (["clearance=0.2"], "did you mean joint_clearance=0.2?"),
+        (["D=\uff11\uff13\uff10", "T=8"], "is not a number: give plain millimetres"),
+        (["D=1_30", "T=8"], "D=1_30 is not a number"),
+        (["D=1e2", "T=8"], "D=1e2 is not a number"),
+        (["D=130;T=10", "T=8"], "D=130;T=10 is not a number"),
+        (["150", "10"], "'150' is not an option: name each number"),
+        (["D=150"], "D=150 without T: a design is two numbers"),
+        (["D=100"], "for example D=100 T=8"),
+        (["T=22"], "for example D=250 T=22"),
+        (["D=90"], "diameter_mm=90 outside"),
+        (["D=130", "T=8", "D=150"], "D is given twice (130 and 150)"),
+        (["material=Jelly"], "silicone='Jelly' is not in cad/materials.csv"),
         (["--fast"], "'--fast' is not an option"),
         (["D"], "'D' is not an option"),
         (["D="], "'D=' is not an option"),
@@ -175,10 +190,30 @@ def test_help_names_every_option_and_status(capsys):
 
 
 def test_parsing():
-    assert parse_options(["T=6"], molds.COMMAND.defaults) == {**molds.COMMAND.defaults, "T": "6"}
+    assert parse_options(["D=99", "T=6"], VARIANT_DEFAULTS) == {**VARIANT_DEFAULTS, "D": "99", "T": "6"}
+    assert parse_options([], VARIANT_DEFAULTS) == VARIANT_DEFAULTS
     assert parse_length("D", "130.5") == 130.5
     with pytest.raises(ParameterError):
         parse_length("D", "5 in")
+
+
+def test_variables_of_make_arrive_as_they_were_typed():
+    flags = r"k -j2 --jobserver-auth=3,4 -- VENV=x material=Dragon\ Skin\ 30 exports=/a\\b$$c T:=8 D=130;T=10 PYTHON=p"
+    assert make_variables(flags) == ["D=130;T=10", "T=8", "exports=/a\\b$c", "material=Dragon Skin 30"]
+    assert make_variables("") == make_variables("kw") == []
+
+
+def test_variants_have_folders_of_their_own():
+    def label(*words):
+        return parse_variant(parse_options(["D=130", "T=8", *words], VARIANT_DEFAULTS)).label
+
+    assert label() == label("joint_clearance=0.15", "material=Smooth-Sil 950") == "D130_T8"
+    others = [["joint_clearance=0.2"], ["joint_clearance=0.20001"], ["joint_clearance=0.2000001"]]
+    others += [["material=Dragon Skin 30"], ["material=Ecoflex 00-30", "joint_clearance=0.2"]]
+    labels = [label(*words) for words in others]
+    assert labels[0] == "D130_T8_c0.2" and labels[3] == "D130_T8_Dragon-Skin-30"
+    assert len({*labels, label()}) == len(others) + 1
+    assert EndcapParams(130.0000001, 8).label != EndcapParams(130, 8).label
 
 
 # --- whole or not at all ------------------------------------------------------------------------------------------
@@ -215,7 +250,12 @@ def stub(monkeypatch):
         monkeypatch.setattr(f"fab.exports.writer.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
     monkeypatch.setattr("fab.exports.writer.manifest", lambda *_: {})
     monkeypatch.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])
-    monkeypatch.setattr(molds, "ProcessPoolExecutor", lambda *_args, **_kwargs: Inline())
+
+    @contextmanager
+    def inline_pool(_count):
+        yield Inline()
+
+    monkeypatch.setattr(molds, "worker_pool", inline_pool)
     return monkeypatch
 
 
@@ -231,8 +271,9 @@ def test_the_stub_writes_when_nothing_fails(stub, tmp_path, capsys):
 def test_a_full_disk_gets_one_line_status_2_and_leaves_nothing(stub, writer, tmp_path, capsys):
     stub.setattr(f"fab.exports.writer.{writer}", full_disk)
     assert molds.main([f"exports={tmp_path}"]) == 2
-    err = capsys.readouterr().err
-    assert len(err.splitlines()) == 1 and "No space left on device" in err and "exports=DIR" in err
+    *steps, error = capsys.readouterr().err.splitlines()
+    assert "No space left on device" in error and "exports=DIR" in error
+    assert all(" s " in step for step in steps)
     assert left_in(tmp_path) == []
 
 
@@ -269,17 +310,61 @@ def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, w
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert out == "" and err == "make molds: interrupted; nothing was left behind\n"
+    assert out == "" and err.splitlines()[-1] == "make molds: interrupted; nothing was left behind"
     assert left_in(tmp_path) == []
 
 
-def test_whole_folder_replaces_an_old_one_at_once(tmp_path):
-    final = tmp_path / "D"
-    for text in ("old", "new"):
-        with whole_folder(final) as folder:
-            (folder / text).write_text(text)
-    assert left_in(tmp_path) == ["D", "new"]
-    with pytest.raises(FileError, match="No space left"), whole_folder(final) as folder:
-        (folder / "half").write_text("half")
-        full_disk()
-    assert left_in(tmp_path) == ["D", "new"]
+def workers_of(process: subprocess.Popen[str]) -> list[int]:
+    """Process ids of a command's children, as the kernel lists them."""
+    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    return [int(word) for word in listed.read_text().split()]
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def started_with_workers(exports: Path) -> tuple[subprocess.Popen[str], list[int]]:
+    """A run that makes parts at this moment, and its workers."""
+    process = start(*SMALL, f"exports={exports}")
+    for _ in range(1200):
+        time.sleep(0.1)
+        if len(workers := workers_of(process)) == molds.WORKERS:
+            time.sleep(1.0)  # into the work
+            assert any(name.startswith(".D100_T8.partial-") for name in os.listdir(exports))
+            return process, workers
+        assert process.poll() is None
+    raise AssertionError("no workers")
+
+
+def gone_within(seconds: float, pids: list[int]) -> bool:
+    for _ in range(int(10 * seconds)):
+        if not any(alive(pid) for pid in pids):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def test_sigterm_ends_the_workers_and_leaves_nothing(tmp_path):
+    process, workers = started_with_workers(tmp_path)
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert err.splitlines()[-1] == "make molds: ended by SIGTERM; nothing was left behind"
+    assert gone_within(5, workers)
+    assert left_in(tmp_path) == []
+
+
+def test_a_killed_run_leaves_no_worker_and_the_next_start_sweeps_its_folder(tmp_path):
+    process, workers = started_with_workers(tmp_path)
+    process.kill()
+    process.wait()
+    assert gone_within(5, workers)
+    assert any(".partial-" in name for name in os.listdir(tmp_path))  # nobody could tidy up
+    with whole_folder(tmp_path / "D130_T8", "manifest.json") as folder:
+        (folder / "manifest.json").write_text("{}")
+        assert [name for name in os.listdir(tmp_path) if ".partial-" in name] == [folder.name]
+    assert os.listdir(tmp_path) == ["D130_T8"]

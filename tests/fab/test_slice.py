@@ -15,6 +15,7 @@ import pytest
 import trimesh
 
 from cad.errors import FileError, GeometryError, ParameterError
+from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.slice import __main__ as command
 from fab.slice.filaments import filament
@@ -23,13 +24,15 @@ from fab.slice.measure import empty_layers, floating_starts, print_figures, zone
 from fab.slice.pose import laid_down
 from fab.slice.project_3mf import Project, Volume, write_orca, write_prusa
 from fab.slice.projects import Export, read_export, read_part
-from fab.slice.result import slice_project
+from fab.slice.result import slice_project, summary
 from fab.slice.run import NAMES, SlicerMissingError, find_slicer, model_info, slice_to_gcode
 from fab.slice.settings import LAYER_MM, Region, native_density_percent, part_settings, zone_region
+from fab.variant import Variant
 
 SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
 needs_slicer = pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")
 SMALL = EndcapParams(100.0, 8.0)
+SMALL_MOLD = Variant(MoldLayout(SMALL))
 SPAN_MM = 2.0  # of the zone's height in the slicing tests
 
 
@@ -270,7 +273,7 @@ def test_a_part_beside_the_bed_shows_in_the_moves(tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["D=abc"], "D=abc is not a number"),
+        (["D=abc", "T=8"], "D=abc is not a number"),
         (["gcode=maybe"], "neither yes nor no"),
         (["--quick"], "'--quick' is not an option"),
         ([], "run `make molds D=130 T=8` first"),
@@ -291,35 +294,45 @@ def test_without_the_slicer_the_command_says_how_to_get_it(tmp_path, capsys, mon
         find_slicer()
 
 
+OTHER = {"digest": "other", "joint_clearance_mm": 0.15, "silicone": "Smooth-Sil 950", "parts": []}
+
+
 def test_a_changed_or_foreign_export_is_refused(tmp_path):
     folder = tmp_path / SMALL.label
     folder.mkdir()
     (folder / "manifest.json").write_text("{}")
     with pytest.raises(FileError, match="not a manifest of ours"):
-        read_export(SMALL, tmp_path)
-    (folder / "manifest.json").write_text(json.dumps({"digest": "other", "parts": []}))
+        read_export(SMALL_MOLD, tmp_path)
+    (folder / "manifest.json").write_text(json.dumps(OTHER))
     with pytest.raises(FileError, match="other parameters"):
-        read_export(SMALL, tmp_path)
+        read_export(SMALL_MOLD, tmp_path)
     (folder / "base.stl").write_bytes(b"changed")
     manifest = {"parts": [{"name": "base", "files": {"base.stl": "0" * 64}}]}
     with pytest.raises(FileError, match="changed since it was checked"):
-        read_part(Export(folder, SMALL, manifest), "base")
+        read_part(Export(folder, SMALL_MOLD, manifest), "base")
 
 
 def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, monkeypatch):
     from fab.checks.check import Check
 
     bad = SimpleNamespace(checks=[Check("base.empty_layers", 2, high=0)])
-    export = SimpleNamespace(folder=tmp_path, params=SMALL)
+    export = SimpleNamespace(folder=tmp_path, variant=SMALL_MOLD)
     monkeypatch.setattr("fab.slice.run.find_slicer", lambda: "slicer")
     monkeypatch.setattr("fab.slice.projects.read_export", lambda *_: export)
     monkeypatch.setattr("fab.slice.projects.project_names", lambda _: ["base"])
     monkeypatch.setattr(command, "_slice_one", lambda *_: bad)
-    monkeypatch.setattr(command, "ProcessPoolExecutor", lambda *_: Inline())
+    monkeypatch.setattr(command, "worker_pool", lambda _count: Inline())
     monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
-    assert command.main(["D=100", f"exports={tmp_path}"]) == 1
+    assert command.main(["D=100", "T=8", f"exports={tmp_path}"]) == 1
     assert "base.empty_layers = 2, wanted <= 0" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_is_none_of_it():
+    figures = SimpleNamespace(time_s=7200.0, grams=30.0, cost_usd=0.5, layers=9, floating_starts=0)
+    base, hanger = (SimpleNamespace(name=name, figures=figures, zone=None) for name in ("base", "hanger"))
+    assert "mold:" not in summary([base])
+    assert "mold: 2 h 00, 30 g" in summary([base, hanger])
 
 
 class Inline:

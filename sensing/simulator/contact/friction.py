@@ -8,8 +8,8 @@ per reference area. Two tangents: with the bound mu p frozen (``lagged``) the fr
 symmetric and an energy line search holds it; with the true bound it is unsymmetric and Newton is quadratic (for the
 plane; for curved bodies the turn of the tangent plane is left out of the friction tangent).
 
-A point that enters within a step slips only over the share of the step it was in contact (``share``), estimated from
-the gaps at both ends: without it the result would depend on the step size.
+A point that enters within a step slips only over the fraction of the step's time it was in contact
+(``contact_fraction``), estimated from the gaps at both ends: without it the result would depend on the step size.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.simulator.contact import kernels as contact_kernels
+from sensing.simulator.contact.body import Body
 from sensing.simulator.solid.element import OUTER_FACE, Array, face_rule, shape_quad
 from sensing.simulator.solid.mesh import HexMesh, Index
 
@@ -51,6 +52,10 @@ class ContactSurface:
     normal_mpa_mm: float
     tangential_mpa_mm: float
 
+    def quadrature(self) -> contact_kernels.Quadrature:
+        """What the kernels need of it."""
+        return contact_kernels.Quadrature(self.nodes, self.shape, self.area, self.normal_mpa_mm, self.tangential_mpa_mm)
+
 
 @dataclass(frozen=True)
 class ContactMemory:
@@ -66,6 +71,10 @@ class ContactMemory:
     position: Array
     gap: Array
 
+    def arrays(self) -> contact_kernels.Memory:
+        """What the kernels need of it."""
+        return contact_kernels.Memory(self.traction, self.position, self.gap)
+
 
 @dataclass(frozen=True)
 class ContactResponse:
@@ -79,7 +88,7 @@ class ContactResponse:
         traction: friction on the shell (f, g, 3), MPa.
         slipping: (f, g) boolean.
         position: y (f, g, 3), mm.
-        share: share of the step that each point was in contact (f, g).
+        contact_fraction: fraction of the step's time that each point was in contact (f, g).
         gradient: outward normal of the body at each point (f, g, 3).
     """
 
@@ -91,7 +100,7 @@ class ContactResponse:
     traction: Array
     slipping: NDArray[np.bool_]
     position: Array
-    share: Array
+    contact_fraction: Array
     gradient: Array
 
     def memory(self) -> ContactMemory:
@@ -111,7 +120,7 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
     return ContactSurface(mesh.outer, nodes, shape, area, normal, TANGENTIAL_RATIO * normal)
 
 
-def free_memory(surface: ContactSurface, position: Array, body: Array) -> ContactMemory:
+def free_memory(surface: ContactSurface, position: Array, body: Body) -> ContactMemory:
     """Memory of a surface that no body has touched, at nodal positions (n, 3)."""
     y = np.einsum("ga,fai->fgi", surface.shape, position[surface.nodes])
     response = respond(
@@ -120,7 +129,7 @@ def free_memory(surface: ContactSurface, position: Array, body: Array) -> Contac
     return ContactMemory(np.zeros_like(y), y, np.maximum(response.gap, 0.0))
 
 
-def deepest_mm(surface: ContactSurface, body: Array, position: Array, translation: Array) -> float:
+def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation: Array) -> float:
     """How far the body reaches into the surface anywhere, Gauss points or not; negative where it is apart.
 
     A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
@@ -133,33 +142,44 @@ def deepest_mm(surface: ContactSurface, body: Array, position: Array, translatio
 def respond(
     surface: ContactSurface,
     memory: ContactMemory,
-    body: Array,
+    body: Body,
     position: Array,
     translation: Array,
     friction: float,
     bound: Array | None = None,
-    share: Array | None = None,
+    contact_fraction: Array | None = None,
 ) -> ContactResponse:
     """Contact forces and tangents at nodal positions (n, 3) of the shell.
 
     Args:
         surface: contact quadrature.
         memory: last accepted state.
-        body: packed indenter (:meth:`sensing.simulator.contact.indenter.Indenter.packed`).
+        body: what presses (:meth:`sensing.simulator.contact.indenter.Indenter.body`).
         position: nodal positions x (n, 3), mm.
         translation: of the body from its place of first touch (3,), mm.
         friction: Coulomb coefficient mu.
         bound: frozen friction bound (f, g), MPa; ``None`` takes the true mu p and its derivative.
-        share: frozen contact share (f, g); ``None`` computes it from the gaps.
+        contact_fraction: given contact-time fraction (f, g); ``None`` computes it from the gaps.
     """
-    lagged = bound is not None
-    shape = surface.area.shape
-    used_bound = bound if bound is not None else np.zeros(shape)
-    frozen = share is not None
-    used_share = share.copy() if share is not None else np.ones(shape)
-    energy, force, stiffness, pressure, gap, traction, slipping, y, gradient = contact_kernels.respond(
-        surface.nodes, surface.shape, surface.area, surface.normal_mpa_mm, surface.tangential_mpa_mm,
-        memory.traction, memory.position, memory.gap, body, position, translation, friction,
-        lagged, used_bound, frozen, used_share,
-    )  # fmt: skip
-    return ContactResponse(energy, force, stiffness, pressure, gap, traction, slipping, y, used_share, gradient)
+    faces, points = surface.area.shape
+    friction_law = contact_kernels.Friction(
+        friction,
+        bound is not None,
+        bound if bound is not None else np.zeros((faces, points)),
+        contact_fraction is not None,
+        contact_fraction.copy() if contact_fraction is not None else np.ones((faces, points)),
+    )
+    out = contact_kernels.Response(
+        force=np.zeros((faces, 9, 3)),
+        stiffness=np.zeros((faces, 27, 27)),
+        pressure=np.zeros((faces, points)),
+        gap=np.zeros((faces, points)),
+        traction=np.zeros((faces, points, 3)),
+        slipping=np.zeros((faces, points), dtype=np.bool_),
+        position=np.zeros((faces, points, 3)),
+        gradient=np.zeros((faces, points, 3)),
+    )
+    energy = contact_kernels.respond(
+        surface.quadrature(), memory.arrays(), body, position, translation, friction_law, out
+    )
+    return ContactResponse(energy, contact_fraction=friction_law.contact_fraction, **out._asdict())

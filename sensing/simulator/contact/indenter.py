@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cad.errors import ParameterError
+from sensing.simulator.contact.body import Body, BodyKind
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
-KINDS = {"plane": 0, "sphere": 1, "edge": 2}
+KINDS = {kind.name.lower(): kind for kind in BodyKind}
 MAX_TILT_DEG = 100.0  # beyond it a plane would cut the base before it presses the dome
 
 
@@ -70,8 +71,8 @@ class Indenter:
             [[math.sin(tilt), math.cos(tilt), 0.0], [0.0, 0.0, 1.0], [math.cos(tilt), -math.sin(tilt), 0.0]]
         )
 
-    def packed(self, geometry: ShellGeometry) -> Array:
-        """Numbers for the contact kernel (8,): kind, radius, reference point (3), normal or axis (3)."""
+    def body(self, geometry: ShellGeometry) -> Body:
+        """The body at its first touch of a shell, for the contact kernels."""
         outward, meridian, lateral = self.frame().T
         touch = np.array(geometry.centre_mm) + geometry.outer_radius_mm * outward
         angle = math.radians(self.axis_deg)
@@ -81,7 +82,7 @@ class Indenter:
             "edge": math.cos(angle) * meridian + math.sin(angle) * lateral,
         }[self.kind]
         point = touch if self.kind == "plane" else touch + self.radius_mm * outward
-        return np.concatenate([[KINDS[self.kind], self.radius_mm], point, axis])
+        return Body(int(KINDS[self.kind]), float(self.radius_mm), np.array(point), np.array(axis))
 
 
 def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) -> Array:

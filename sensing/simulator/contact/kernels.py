@@ -4,62 +4,107 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from sensing.simulator.contact.body import BodyKind
+from sensing.simulator.solid.element import Array
+
 _HELPER = {"forceinline": True}
 
 
-@njit(cache=True)
-def respond(
-    nodes, shape, area, eps_n, eps_t, tau0, y0, gap0, body, position, translation, friction,
-    lagged, bound, frozen, share,
-):  # fmt: skip
-    """Forces and tangents of all faces; the arguments are those of :func:`sensing.simulator.contact.friction.respond`.
+class Quadrature(NamedTuple):
+    """Where contact is integrated: nodes (f, 9), shape functions (g, 9), areas (f, g), penalties eps_n and eps_t."""
 
-    Returns:
-        Energy, force (f, 9, 3), stiffness (f, 27, 27), pressure and gap (f, g), traction (f, g, 3), slipping (f, g),
-        place and normal (f, g, 3); fills ``share`` where it is not ``frozen``.
+    nodes: Array
+    shape: Array
+    area: Array
+    eps_n: float
+    eps_t: float
+
+
+class Memory(NamedTuple):
+    """Friction at the last accepted state: traction and relative position (f, g, 3), gap (f, g)."""
+
+    traction: Array
+    position: Array
+    gap: Array
+
+
+class Friction(NamedTuple):
+    """Coulomb's law in one evaluation.
+
+    Attributes:
+        coefficient: mu.
+        bound_is_given: whether ``bound`` (f, g), MPa, replaces mu p and its derivative.
+        bound: see above.
+        fraction_is_given: whether ``contact_fraction`` (f, g) is an input; otherwise the kernel fills it.
+        contact_fraction: part of the step's time in which each point was in contact.
     """
-    faces, points = area.shape
-    force, stiffness = np.zeros((faces, 9, 3)), np.zeros((faces, 27, 27))
-    pressure, gaps = np.zeros((faces, points)), np.zeros((faces, points))
-    traction, slipping = np.zeros((faces, points, 3)), np.zeros((faces, points), dtype=np.bool_)
-    place, normals = np.zeros((faces, points, 3)), np.zeros((faces, points, 3))
+
+    coefficient: float
+    bound_is_given: bool
+    bound: Array
+    fraction_is_given: bool
+    contact_fraction: Array
+
+
+class Response(NamedTuple):
+    """What the kernel fills: forces, tangents and the state of every Gauss point (see ``ContactResponse``)."""
+
+    force: Array
+    stiffness: Array
+    pressure: Array
+    gap: Array
+    traction: Array
+    slipping: Array
+    position: Array
+    gradient: Array
+
+
+@njit(cache=True)
+def respond(quadrature, memory, body, position, translation, friction, out):
+    """Fill the zeroed response ``out`` of all faces; returns the energy, mJ.
+
+    The arguments are the records of this module, the nodal positions (n, 3) and the body's translation (3,), mm.
+    """
+    faces, points = quadrature.area.shape
     hessian, k, trial = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    eps_n, mu, fraction = quadrature.eps_n, friction.coefficient, friction.contact_fraction
     energy = 0.0
     for f in range(faces):
         for q in range(points):
-            y, normal = place[f, q], normals[f, q]
-            _relative(shape[q], nodes[f], position, translation, y)
-            gap = gaps[f, q] = _distance(body, y, normal, hessian)
+            shape, y, normal = quadrature.shape[q], out.position[f, q], out.gradient[f, q]
+            _relative(shape, quadrature.nodes[f], position, translation, y)
+            gap = out.gap[f, q] = _distance(body, y, normal, hessian)
             if not gap < 0.0:
                 continue
-            p = pressure[f, q] = -eps_n * gap
-            w, before = area[f, q], gap0[f, q]
+            p = out.pressure[f, q] = -eps_n * gap
+            w, before, traction = quadrature.area[f, q], memory.gap[f, q], out.traction[f, q]
             energy += 0.5 * w * p * -gap
             for i in range(3):
                 for j in range(3):
                     k[i, j] = eps_n * normal[i] * normal[j] - p * hessian[i, j]
-            if friction > 0.0:
-                if not frozen:
-                    share[f, q] = -gap / (before - gap) if before > 0.0 else 1.0
-                eps = eps_t * share[f, q]
-                limit = bound[f, q] if lagged else friction * p
-                size = _trial(tau0[f, q], y, y0[f, q], eps, normal, trial)
-                slipping[f, q] = size > limit
-                if slipping[f, q]:
+            if mu > 0.0:
+                if not friction.fraction_is_given:
+                    fraction[f, q] = -gap / (before - gap) if before > 0.0 else 1.0
+                eps = quadrature.eps_t * fraction[f, q]
+                limit = friction.bound[f, q] if friction.bound_is_given else mu * p
+                size = _trial(memory.traction[f, q], y, memory.position[f, q], eps, normal, trial)
+                out.slipping[f, q] = size > limit
+                if out.slipping[f, q]:
                     energy += w * limit * (size - 0.5 * limit) / eps
-                    _slip(trial, size, limit, eps, normal, 0.0 if lagged else friction * eps_n, traction[f, q], k)
+                    _slip(trial, size, limit, eps, normal, 0.0 if friction.bound_is_given else mu * eps_n, traction, k)
                 else:
                     energy += 0.5 * w * size * size / eps
                     turn = 0.0
-                    if not frozen and before > 0:  # the share grows with the overlap
-                        turn = before / ((before - gap) ** 2 * share[f, q])
-                    _stick(trial, eps, normal, turn, traction[f, q], k)
-            _add(shape[q], w, p, normal, traction[f, q], k, force[f], stiffness[f])
-    return energy, force, stiffness, pressure, gaps, traction, slipping, place, normals
+                    if not friction.fraction_is_given and before > 0:  # the fraction grows with the overlap
+                        turn = before / ((before - gap) ** 2 * fraction[f, q])
+                    _stick(trial, eps, normal, turn, traction, k)
+            _add(shape, w, p, normal, traction, k, out.force[f], out.stiffness[f])
+    return energy
 
 
 @njit(**_HELPER)
@@ -87,7 +132,7 @@ def _trial(tau0, y, y0, eps, normal, trial):
 
 @njit(**_HELPER)
 def _stick(trial, eps, normal, turn, tau, k):
-    """Friction and its tangent of a point that holds; ``turn``: of the contact share by the overlap, over itself."""
+    """Friction and its tangent of a point that holds; ``turn``: d(log contact-time fraction) by the overlap."""
     for i in range(3):
         tau[i] = trial[i]
         for j in range(3):
@@ -139,19 +184,19 @@ def nearest(nodes, shape, body, position, translation):
 def _distance(body, y, gradient, hessian):
     """Signed distance of y (3,) to the body at its first touch; fills gradient (3,) and Hessian (3, 3)."""
     hessian[:] = 0.0
-    if body[0] == 0.0:
+    if body.kind == BodyKind.PLANE:
         value = 0.0
         for i in range(3):
-            gradient[i] = body[5 + i]
-            value += body[5 + i] * (y[i] - body[2 + i])
+            gradient[i] = body.axis[i]
+            value += body.axis[i] * (y[i] - body.point_mm[i])
         return value
     along = 0.0
-    if body[0] == 2.0:
+    if body.kind == BodyKind.EDGE:
         for i in range(3):
-            along += body[5 + i] * (y[i] - body[2 + i])
+            along += body.axis[i] * (y[i] - body.point_mm[i])
     radius = 0.0
     for i in range(3):
-        gradient[i] = y[i] - body[2 + i] - along * body[5 + i]
+        gradient[i] = y[i] - body.point_mm[i] - along * body.axis[i]
         radius += gradient[i] ** 2
     radius = math.sqrt(radius)
     for i in range(3):
@@ -159,6 +204,6 @@ def _distance(body, y, gradient, hessian):
     for i in range(3):
         for j in range(3):
             hessian[i, j] = ((1.0 if i == j else 0.0) - gradient[i] * gradient[j]) / radius
-            if body[0] == 2.0:
-                hessian[i, j] -= body[5 + i] * body[5 + j] / radius
-    return radius - body[1]
+            if body.kind == BodyKind.EDGE:
+                hessian[i, j] -= body.axis[i] * body.axis[j] / radius
+    return radius - body.radius_mm

@@ -23,8 +23,8 @@ MODES = 3  # of the eigenvalues nearest to zero, among which the lowest is taken
 def softest_mode(problem: newton.StepProblem, here: newton.Iterate) -> tuple[float, Array]:
     """Lowest eigenvalue near zero of the symmetric tangent (N/mm), and its field (n, 3), largest entry 1."""
     bound = problem.friction * here.contact.pressure if problem.friction > 0 else None
-    share = here.contact.share if problem.friction > 0 else None
-    frozen = newton.evaluate(problem, here.displacement, here.depth_mm, bound, share)
+    fraction = here.contact.contact_fraction if problem.friction > 0 else None
+    frozen = newton.evaluate(problem, here.displacement, here.depth_mm, bound, fraction)
     solid = problem.model.solid
     matrix = solid.assemble(newton.tangent(problem, here.displacement, frozen.contact))
     factor = factorise_sparse(matrix)

@@ -136,13 +136,13 @@ class CondensedStep:
         """One lagged Newton iteration with a line search on its potential."""
         friction = self.problem.friction
         bound = friction * here.contact.pressure if friction > 0 else None
-        share = here.contact.share if friction > 0 else None
-        frozen = self._evaluate(free_place, here.x, here.depth, bound, share) if friction > 0 else here
+        fraction = here.contact.contact_fraction if friction > 0 else None
+        frozen = self._evaluate(free_place, here.x, here.depth, bound, fraction) if friction > 0 else here
         change, depth, _ = self._direction(frozen.contact, frozen.wrong, frozen.force_gap)
         slope = float(frozen.slope_by_x @ change[self.tangent.live]) + frozen.force_gap * depth
         step = 1.0
         for _ in range(14):
-            trial = self._evaluate(free_place, here.x + step * change, here.depth + step * depth, bound, share)
+            trial = self._evaluate(free_place, here.x + step * change, here.depth + step * depth, bound, fraction)
             if trial.potential <= frozen.potential + 1e-4 * step * slope + 1e-11 * abs(frozen.potential):
                 break
             if trial.error < 0.5 * frozen.error:
@@ -213,13 +213,18 @@ class CondensedStep:
         return change, depth, slope / problem.model.force_share
 
     def _evaluate(
-        self, free_place: Array, x: Array, depth: float, bound: Array | None = None, share: Array | None = None
+        self,
+        free_place: Array,
+        x: Array,
+        depth: float,
+        bound: Array | None = None,
+        fraction: Array | None = None,
     ) -> _Point:
         problem, tangent = self.problem, self.tangent
         moved = translation(problem.frame, depth, problem.shift_mm)
         contact = respond(
             tangent.surface, self.memory, problem.body, self.points + x.reshape(-1, 3), moved, problem.friction,
-            bound, share,
+            bound, fraction,
         )  # fmt: skip
         load = _gather(contact.force.reshape(-1, 27), tangent)
         live = tangent.live

@@ -116,7 +116,9 @@ class FrozenPress:
             if np.linalg.norm(wrong) < self.tolerance * np.linalg.norm(load):
                 end = newton.evaluate(problem, field, depth)
                 if end.error < self.tolerance:
-                    return self.press.accept(state, target, newton.Solution(end, -1, slope, (0.0,) * (count + 1)))
+                    return self.press.accept(
+                        state, target, newton.Solution(end, newton.UNKNOWN_PIVOTS, slope, count), level=2
+                    )
                 if renew:  # contact outside the patch: condense it anew where it is now, and go on from there
                     return self._fast(state, target, self._store(problem.model, end, target), renew=False)
                 return None

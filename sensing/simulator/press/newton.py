@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
+from sensing.simulator.contact.body import Body
 from sensing.simulator.contact.friction import ContactMemory, ContactResponse, respond
 from sensing.simulator.contact.indenter import translation
 from sensing.simulator.press.state import Refusal
@@ -24,6 +25,7 @@ from sensing.simulator.solid.system import Factorisation, Solid, factorise, fact
 
 TOLERANCE = 1e-9  # residual over contact force
 FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
+UNKNOWN_PIVOTS = -1  # of a level that factorises no tangent of its own
 FLOOR_PER_BULK_MM2 = 1.5e-3  # the same, as a share of the bulk modulus: ten times the round-off of its forces
 MAX_ITERATIONS = 40
 TRUE_BELOW = 0.05  # relative residual under which the true friction bound takes over
@@ -37,7 +39,7 @@ class StepProblem:
     """One step: the model, the body's place, what friction remembers, and the force asked for.
 
     Attributes:
-        model, body: shell and packed indenter.
+        model, body: shell and body.
         frame: columns outward, meridian, lateral (3, 3).
         friction: Coulomb coefficient.
         memory: of the last accepted state.
@@ -46,7 +48,7 @@ class StepProblem:
     """
 
     model: ShellModel
-    body: Array
+    body: Body
     frame: Array
     friction: float
     memory: ContactMemory
@@ -59,12 +61,12 @@ class StepProblem:
         return None if self.normal_n is None else self.normal_n * self.model.force_share
 
     def contact(
-        self, displacement: Array, depth_mm: float, bound: Array | None, share: Array | None
+        self, displacement: Array, depth_mm: float, bound: Array | None, fraction: Array | None
     ) -> ContactResponse:
         """Contact response at a nodal displacement (n, 3) and a depth."""
         position = self.model.solid.mesh.points + displacement
         moved = translation(self.frame, depth_mm, self.shift_mm)
-        return respond(self.model.surface, self.memory, self.body, position, moved, self.friction, bound, share)
+        return respond(self.model.surface, self.memory, self.body, position, moved, self.friction, bound, fraction)
 
 
 @dataclass(frozen=True)
@@ -92,12 +94,20 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Solution:
-    """A converged iterate and what its last tangents showed (:class:`sensing.simulator.press.state.Certificate`)."""
+    """A converged iterate and what its last tangents showed (:class:`sensing.simulator.press.state.Certificate`).
+
+    Attributes:
+        iterate: the configuration with its forces.
+        negative_pivots: of the last tangent; :data:`UNKNOWN_PIVOTS` where none was factorised.
+        force_stiffness_n_mm: dN/dd.
+        iterations: spent. errors: after each Newton iteration, the first guess included; empty at levels 2 and 3.
+    """
 
     iterate: Iterate
     negative_pivots: int
     force_stiffness_n_mm: float
-    errors: tuple[float, ...]
+    iterations: int
+    errors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -114,12 +124,12 @@ def evaluate(
     displacement: Array,
     depth_mm: float,
     bound: Array | None = None,
-    share: Array | None = None,
+    fraction: Array | None = None,
 ) -> Iterate:
     """Forces, potential and error of a configuration."""
     model = problem.model
     energy, internal = model.solid.energy_and_force(displacement)
-    contact = problem.contact(displacement, depth_mm, bound, share)
+    contact = problem.contact(displacement, depth_mm, bound, fraction)
     external = nodal_sum(contact.force, model.surface.nodes, len(internal))
     residual = model.solid.gather(internal - external)
     normal = -float(external.sum(axis=0) @ problem.frame[:, 0])
@@ -162,7 +172,7 @@ def solve(problem: StepProblem, displacement: Array, depth_mm: float) -> Solutio
             else:
                 here = found
         errors.append(here.error)
-    return Solution(here, negative, stiffness, tuple(errors))
+    return Solution(here, negative, stiffness, len(errors) - 1, tuple(errors))
 
 
 def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: Array) -> tuple[Array, float]:
@@ -198,14 +208,14 @@ def tangent(problem: StepProblem, displacement: Array, contact: ContactResponse)
 
 def _lagged_iteration(problem: StepProblem, here: Iterate) -> tuple[Iterate, int, float]:
     bound = problem.friction * here.contact.pressure if problem.friction > 0 else None
-    share = here.contact.share if problem.friction > 0 else None
-    frozen = evaluate(problem, here.displacement, here.depth_mm, bound, share) if problem.friction > 0 else here
+    fraction = here.contact.contact_fraction if problem.friction > 0 else None
+    frozen = evaluate(problem, here.displacement, here.depth_mm, bound, fraction) if problem.friction > 0 else here
     direction = _direction(problem, frozen, symmetric=True)
     step = 1.0
     for _ in range(14):
         trial = evaluate(
             problem, here.displacement + step * direction.change, here.depth_mm + step * direction.depth_mm,
-            bound, share,
+            bound, fraction,
         )  # fmt: skip
         round_off = 1e-12 * abs(frozen.potential)
         enough = trial.potential <= frozen.potential + ARMIJO * step * direction.slope + round_off

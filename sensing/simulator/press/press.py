@@ -71,7 +71,7 @@ class Press:
         self.indenter = indenter
         self.friction = friction
         self.prony = viscous.checked(prony) if prony else ()
-        self.body = indenter.packed(model.geometry)
+        self.body = indenter.body(model.geometry)
         self.frame = indenter.frame()
         self._soft_n_mm = closed_forms.point_stiffness_n_mm(model.geometry, model.solid.law)
 
@@ -148,8 +148,10 @@ class Press:
         guess = max(state.depth_mm, 0.0) + (target.normal_n - state.normal_n) / slope
         return max(guess, FIRST_TOUCH_MM)
 
-    def accept(self, state: State, target: Target, solution: newton.Solution, switched: bool = False) -> State:
-        """State and certificate of a converged step."""
+    def accept(
+        self, state: State, target: Target, solution: newton.Solution, level: int = 1, switched: bool = False
+    ) -> State:
+        """State and certificate of a converged step, solved by ``level``."""
         here = solution.iterate
         position = self.model.solid.mesh.points + here.displacement
         wrench = contact_wrench(self.model, position, here.contact)
@@ -165,7 +167,7 @@ class Press:
             cone_excess_mpa=_cone_excess(here.contact, self.friction),
             negative_pivots=solution.negative_pivots,
             force_stiffness_n_mm=solution.force_stiffness_n_mm,
-            iterations=len(solution.errors) - 1,
+            iterations=solution.iterations,
             substeps=1,
             switched=switched,
         )
@@ -179,6 +181,7 @@ class Press:
             reaction=reaction,
             normal_n=-float(wrench[:3] @ self.frame[:, 0]),
             certificate=certificate,
+            level=level,
             time_s=state.time_s if target.time_s is None else target.time_s,
             history=self._history(state, target, here.displacement),
         )

@@ -73,6 +73,8 @@ class State:
         reaction: the same from the clamp's reactions.
         normal_n: normal force along the inward normal at first touch.
         certificate: see above; None for the start of a path.
+        level: that answered (1 is the full model).
+        error_estimate: expected relative rms error of the markers against level 1; None where the certificate tells.
         time_s: when, on the path's clock. history: of the material, for the next step; None without rate effects.
     """
 
@@ -85,6 +87,8 @@ class State:
     reaction: Array
     normal_n: float
     certificate: Certificate | None
+    level: int = 1
+    error_estimate: float | None = None
     time_s: float = 0.0
     history: ViscousHistory | None = None
 

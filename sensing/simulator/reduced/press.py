@@ -63,7 +63,6 @@ class ReducedPress:
         self.limit = limit
         self.fast_steps = 0
         self.fallbacks = 0
-        self.error_estimate = 0.0  # of the last answer of its own
         self._touchable = np.zeros(len(self.press.model.surface.nodes), dtype=bool)
         self._touchable[reduced.faces] = True
 
@@ -83,8 +82,8 @@ class ReducedPress:
             found = self.attempt(state, aim)
             if found is not None and found[1] * self.reduced.estimate_factor <= self.limit:
                 self.fast_steps += 1
-                self.error_estimate = found[1] * self.reduced.estimate_factor
-                return self.press.felt(found[0])
+                estimate = found[1] * self.reduced.estimate_factor
+                return self.press.felt(replace(found[0], error_estimate=estimate))
         self.fallbacks += 1
         return self.fast.advance(state, target)
 
@@ -101,8 +100,10 @@ class ReducedPress:
         if not len(loaded) or not self._touchable[loaded].all():
             return None
         missed = self.fast.tangents[-1].factor.solve_roughly(end.residual)
-        solution = newton.Solution(end, -1, step.slope, (0.0,) * (step.spent + 1))
-        return self.press.accept(state, target, solution), float(np.linalg.norm(missed) / np.linalg.norm(unknowns))
+        solution = newton.Solution(end, newton.UNKNOWN_PIVOTS, step.slope, step.spent)
+        return self.press.accept(state, target, solution, level=3), float(
+            np.linalg.norm(missed) / np.linalg.norm(unknowns)
+        )
 
 
 class _Step:

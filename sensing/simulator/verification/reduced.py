@@ -78,10 +78,9 @@ def judge(fast: FrozenPress, reduced: ReducedModel, path: list[Target], exact: l
         level_3.fallbacks = 0
         begin, state, found, said = time.process_time(), level_3.start(), [], []
         for target in path:
-            before = level_3.fallbacks
             state = level_3.advance(state, target)
             found.append(state)
-            said.append(level_3.error_estimate if level_3.fallbacks == before else math.nan)
+            said.append(math.nan if state.error_estimate is None else state.error_estimate)
         seconds = time.process_time() - begin
     own = [k for k, state in enumerate(found) if state.normal_n >= ABOVE_N and np.isfinite(said[k])]
     there = [dots.sample(exact[k].displacement) for k in own]

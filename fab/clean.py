@@ -1,0 +1,106 @@
+"""`make clean`: remove from exports/ what one command makes again, and name what stays (standard library only).
+
+A file goes when the record of its folder (``manifest.json``, ``slice.json`` and the like) lists it with the SHA-256
+that it still has. Recordings, data sets, weights, notes, G-code and changed files are on no such list, so they stay.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cad.errors import FileError
+from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
+
+EXPORTS = Path(__file__).resolve().parent.parent / "exports"
+RECORDS = ("manifest.json", "slice.json", "sheet.json", "coupons.json", "led_ring.json")
+KEPT = {EXPORTS / "README.md"}  # under version control
+LINES = 12  # of what stays
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="make clean", description=__doc__)
+    parser.add_argument("--all", action="store_true", help="the rest of exports/ too: recordings, data, weights, yours")
+    parser.add_argument("--sure", action="store_true", help="really")
+    parser.add_argument("--exports", type=Path, default=EXPORTS, help=argparse.SUPPRESS)
+    options = parser.parse_args(argv)
+    if options.all and not options.sure:
+        print(f"make clean-all: would delete everything in {options.exports}, also what no command makes again:")
+        _print_staying(options.exports, "to delete it: make clean-all SURE=yes")
+        return 2
+    if options.all:
+        for path in sorted(options.exports.iterdir()):
+            if path not in KEPT:
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        return 0
+    count = remove_made(options.exports)
+    print(f"make clean: {count} files removed from {options.exports}")
+    _print_staying(options.exports, "to delete these too: make clean-all SURE=yes")
+    return 0
+
+
+def remove_made(exports: Path) -> int:
+    """Remove every file that a record vouches for, the records and the folders that are empty then.
+
+    Args:
+        exports: folder of export folders.
+
+    Returns:
+        Number of files removed.
+    """
+    count = 0
+    remove_partial(exports)
+    for record in _records(exports):
+        folder = record.parent
+        sweep(folder, record.name)
+        try:
+            listed = listed_files(folder, record.name)
+        except FileError as error:
+            print(f"make clean: {error}", file=sys.stderr)
+            continue
+        if not listed:
+            continue  # not ours, or an older one: nothing in it says what is ours
+        changed = False
+        for name, digest in listed.items():
+            path = folder / name
+            if path.is_file() and not path.is_symlink() and file_sha256(path) == digest:
+                path.unlink()
+                count += 1
+            changed = changed or path.exists()
+        if not changed:
+            record.unlink()
+            count += 1
+    for name, _, _ in os.walk(exports, topdown=False):
+        path = Path(name)
+        if path != exports and not path.is_symlink() and not any(path.iterdir()) and path.parent.exists():
+            path.rmdir()
+    return count
+
+
+def _records(exports: Path) -> list[Path]:
+    """Records of all export folders; not those of runs that are still writing, which are in hidden folders."""
+    found = (path for name in RECORDS for path in exports.rglob(name) if path.is_file())
+    return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(exports).parts))
+
+
+def _print_staying(exports: Path, remedy: str) -> None:
+    """Name what is left, a line for each entry of the folder, with its size."""
+    entries = [path for path in sorted(exports.iterdir()) if path not in KEPT] if exports.is_dir() else []
+    for path in entries[:LINES]:
+        files = [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
+        size = sum(file.lstat().st_size for file in files) / 1e6
+        what = f"{path.name}/ ({len(files)} files)" if path.is_dir() else path.name
+        print(f"  stays: {what}, {size:.1f} MB")
+    if len(entries) > LINES:
+        print(f"  stays: {len(entries) - LINES} more")
+    if entries:
+        print(f"  {remedy}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,229 @@
+"""Folders that a command writes whole: complete or not at all, and nothing of the user's in them is touched.
+
+A command fills a hidden folder beside the final one. Its record (``manifest.json``, ``slice.json`` and the like) lists
+every file with its SHA-256, so a later run replaces exactly the files of the earlier one: what the user put beside them
+stays where it is, and a listed file that the user has changed is refused, not overwritten.
+
+Standard library only: `make clean` reads the records without the environment.
+
+Notes:
+    A new folder takes its name by one rename. Where a folder stands, the hidden one is renamed to ``.NAME.ready-*``
+    once everything has been checked, and its files are moved in one by one, the record last; a process that is killed
+    in between leaves a folder that the next start finishes. The process holds a lock (flock) on its hidden folder, and
+    the system frees it when the process ends, however it ends: unlocked hidden folders are swept at the next start.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import secrets
+import shutil
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from cad.errors import FileError
+
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+@contextmanager
+def whole_folder(final: Path, record: str) -> Iterator[Path]:
+    """Yield a folder to fill, whose files go to ``final`` if nothing is raised and vanish otherwise.
+
+    Args:
+        final: where the files belong; what the user keeps there stays.
+        record: name of the JSON file that lists the others (:func:`write_record`); it must be among them.
+
+    Raises:
+        FileError: the place cannot be written, the disk is full, or a file there is the user's; what stood at
+            ``final`` before is untouched.
+    """
+    with _as_file_error(final):
+        final = final.resolve()
+        final.parent.mkdir(parents=True, exist_ok=True)
+        sweep(final, record)
+        require_ours(final, record)
+        partial, lock = _locked_folder(final)
+    try:
+        with _as_file_error(final):
+            yield partial
+            with _uninterrupted():
+                _publish(partial, final, record)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        os.close(lock)
+
+
+def write_record(folder: Path, name: str, content: Mapping[str, Any]) -> None:
+    """Write a folder's record: ``content``, and under ``files`` the SHA-256 of every other file in the folder."""
+    files = {path: file_sha256(folder / path) for path in _files_in(folder) if path != name}
+    (folder / name).write_text(json.dumps({**content, "files": files}, indent=1) + "\n", encoding="utf-8")
+
+
+def listed_files(folder: Path, record: str) -> dict[str, str]:
+    """Files that a record lists, path inside the folder -> SHA-256; empty where there is no record.
+
+    Raises:
+        FileError: the record cannot be read, or names a path outside its folder.
+    """
+    path = folder / record
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        lists = [content.get("files", {}), *(part.get("files", {}) for part in content.get("parts", []))]
+        files = {str(name): str(digest) for files in lists for name, digest in files.items()}
+    except (FileNotFoundError, NotADirectoryError):
+        return {}
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        raise FileError(
+            f"{path}: cannot be read as the list of files written before ({error}): move {folder} elsewhere"
+        ) from error
+    for name in files:
+        if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts or not name:
+            raise FileError(f"{path}: lists {name!r}, which is outside its folder: move {folder} elsewhere")
+    return files
+
+
+def require_ours(final: Path, record: str) -> dict[str, str]:
+    """Files that an earlier run wrote to a folder and that this run may replace, path -> SHA-256.
+
+    Raises:
+        FileError: the user has changed one of them since, or the place is not a folder.
+    """
+    if final.exists() and not final.is_dir():
+        raise FileError(f"{final}: is a file where a folder belongs: rename it, or name another place with exports=DIR")
+    listed = {name: digest for name, digest in listed_files(final, record).items() if (final / name).exists()}
+    for name, digest in listed.items():
+        if file_sha256(final / name) != digest:
+            raise FileError(
+                f"{final / name}: changed since it was written (SHA-256 differs from {record}): rename it to keep it, "
+                "or delete it, then run again; nothing was replaced"
+            )
+    return listed
+
+
+def sweep(final: Path, record: str) -> None:
+    """Finish or remove what dead runs left beside a folder: a partial folder goes, a ready one is moved into place."""
+    remove_partial(final.parent)
+    for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
+        with _lock_of_the_dead(path) as dead:
+            if dead:
+                _move_in(path, final, record)
+
+
+def remove_partial(parent: Path) -> None:
+    """Remove the hidden folders of runs that were killed before they were done."""
+    for path in sorted(parent.glob(".*.partial-*")):
+        with _lock_of_the_dead(path) as dead:
+            if dead:
+                shutil.rmtree(path, ignore_errors=True)
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, as hex digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _publish(partial: Path, final: Path, record: str) -> None:
+    """Let a filled folder appear under its name."""
+    try:
+        partial.rename(final)  # onto nothing, or onto an empty folder
+        return
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+    other = os.open(final, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(other, fcntl.LOCK_EX)  # of two runs that end at the same time, one after the other
+        listed = require_ours(final, record)
+        for name in _files_in(partial):
+            if name not in listed and name != record and (final / name).exists():
+                raise FileError(f"{final / name}: not listed in {record}, so it is yours: rename it, then run again")
+        ready = partial.with_name(partial.name.replace(".partial-", ".ready-"))
+        partial.rename(ready)
+        _move_in(ready, final, record)
+    finally:
+        os.close(other)
+
+
+def _move_in(ready: Path, final: Path, record: str) -> None:
+    """Move a checked folder's files into place, the record last: done again after a kill, it goes on."""
+    final.mkdir(exist_ok=True)
+    if (ready / record).exists():
+        for name in listed_files(final, record).keys() - listed_files(ready, record).keys():
+            (final / name).unlink(missing_ok=True)
+        for name in sorted(_files_in(ready), key=lambda name: name == record):
+            (final / name).parent.mkdir(parents=True, exist_ok=True)
+            (ready / name).replace(final / name)
+    shutil.rmtree(ready)
+
+
+def _files_in(folder: Path) -> list[str]:
+    """All files of a folder, as paths inside it."""
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def _locked_folder(final: Path) -> tuple[Path, int]:
+    """A new hidden folder beside the final one, and the file descriptor that holds its lock."""
+    while True:
+        partial = final.with_name(f".{final.name}.partial-{secrets.token_hex(4)}")
+        partial.mkdir()
+        lock = _try_lock(partial)
+        if lock is not None and partial.exists():  # another process may have swept it before it was locked
+            return partial, lock
+
+
+def _try_lock(folder: Path) -> int | None:
+    """Descriptor that holds the lock of a folder; ``None`` where another process holds it, or the folder has gone."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+@contextmanager
+def _lock_of_the_dead(folder: Path) -> Iterator[bool]:
+    """Whether no living process holds a folder; inside the context, this one does."""
+    lock = _try_lock(folder)
+    try:
+        yield lock is not None
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """No signal ends this process inside: the files are moved in a few milliseconds, and then the run is over."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, lambda *_: None) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _as_file_error(final: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        remedy = "free some space or " if error.errno in _MEDIUM_FULL else ""
+        raise FileError(f"{final}: {error.strerror or error}: {remedy}name another folder with exports=DIR") from error

@@ -1,0 +1,86 @@
+"""Worker processes that share a command's work and never outlive it.
+
+Workers are forked, so they start with the libraries that the command has loaded. They end with their parent however it
+ends: Linux sends them SIGKILL (prctl PR_SET_PDEATHSIG), elsewhere a thread of theirs waits for the parent.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+
+from cad.errors import EndcapError
+from fab.exports.whole_folder import ENDING_SIGNALS
+
+PR_SET_PDEATHSIG = 1  # S: linux/prctl.h
+
+
+class WorkerLostError(EndcapError):
+    """A worker process ended before its work was done."""
+
+
+@contextmanager
+def worker_pool(count: int) -> Iterator[Executor]:
+    """Workers, all started at once; on any error they are killed before the error goes on.
+
+    So whoever removes what they were writing (:func:`fab.exports.whole_folder.whole_folder`) goes outside this context.
+
+    Args:
+        count: processes.
+
+    Raises:
+        WorkerLostError: one was killed, most likely for want of memory.
+    """
+    context = multiprocessing.get_context("fork")
+    others = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(count, context, _start_worker, (os.getpid(),)) as pool:
+        for _ in range(count):
+            pool.submit(os.getpid)
+        try:
+            yield pool
+        except BaseException as error:
+            for child in set(multiprocessing.active_children()) - others:
+                child.kill()
+            pool.shutdown(wait=True, cancel_futures=True)
+            if isinstance(error, BrokenProcessPool):
+                raise WorkerLostError(
+                    "a worker process was killed (out of memory?): nothing was written; close other programs, then run "
+                    "again"
+                ) from error
+            raise
+
+
+def end_with_parent(parent: int) -> None:
+    """Let this process end as soon as its parent does.
+
+    Args:
+        parent: process id of the parent, taken before the fork: it may have ended since.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    else:
+        process = multiprocessing.parent_process()
+        assert process is not None
+
+        def watch() -> None:
+            process.join()
+            os._exit(1)
+
+        threading.Thread(target=watch, daemon=True).start()
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _start_worker(parent: int) -> None:
+    for number in ENDING_SIGNALS:
+        signal.signal(number, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the command ends its workers itself
+    end_with_parent(parent)

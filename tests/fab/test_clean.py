@@ -1,0 +1,93 @@
+"""`make clean`: generated files go, everything else stays and is named."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from fab import clean
+from fab.exports.whole_folder import whole_folder, write_record
+
+
+@pytest.fixture
+def exports(tmp_path: Path) -> Path:
+    """An export with slices and a note, a data set, weights, a recording, a dead run, and the folder's README."""
+    folder = tmp_path / "exports"
+    for final, record, name in ((folder / "D130_T8", "manifest.json", "base.stl"),) * 1:
+        with whole_folder(final, record) as new:
+            (new / name).write_text("solid")
+            write_record(new, record, {})
+    with whole_folder(folder / "D130_T8" / "slice", "slice.json") as new:
+        (new / "base.prusa.3mf").write_text("project")
+        write_record(new, "slice.json", {})
+    with whole_folder(folder / "coupons", "coupons.json") as new:
+        (new / "fit_plate.stl").write_text("plate")
+        write_record(new, "coupons.json", {})
+    (folder / "D130_T8" / "notes.txt").write_text("tried PETG")
+    for name in ("data_D130_T8_static_1/shards/0.npz", "wrench_train/small.safetensors", "sensor3/take.mcap"):
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_text(name)
+    (folder / ".D150_T9.partial-0a").mkdir()
+    (folder / "README.md").write_text("kept by version control")
+    return folder
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+KEPT = ["D130_T8/notes.txt", "README.md", "data_D130_T8_static_1/shards/0.npz", "sensor3/take.mcap"]
+KEPT += ["wrench_train/small.safetensors"]
+
+
+def test_generated_files_go_and_the_rest_stays_and_is_named(exports, monkeypatch, capsys):
+    monkeypatch.setattr(clean, "KEPT", {exports / "README.md"})
+    assert clean.main(["--exports", str(exports)]) == 0
+    assert files(exports) == KEPT
+    assert sorted(os.listdir(exports)) == ["D130_T8", "README.md", "data_D130_T8_static_1", "sensor3", "wrench_train"]
+    out = capsys.readouterr().out
+    for name in (
+        "D130_T8/ (1 files)",
+        "data_D130_T8_static_1/",
+        "sensor3/",
+        "wrench_train/",
+        "make clean-all SURE=yes",
+    ):
+        assert name in out
+    assert "README" not in out
+
+
+def test_a_changed_file_stays_with_its_record(exports):
+    (exports / "D130_T8" / "base.stl").write_text("repaired")
+    clean.remove_made(exports)
+    assert "D130_T8/base.stl" in files(exports) and "D130_T8/manifest.json" in files(exports)
+    assert "D130_T8/slice/slice.json" not in files(exports)
+
+
+def test_a_record_that_points_outside_its_folder_removes_nothing(exports, capsys):
+    record = exports / "D130_T8" / "manifest.json"
+    record.write_text(json.dumps({"files": {"../sensor3/take.mcap": "0"}}))
+    clean.remove_made(exports)
+    assert "sensor3/take.mcap" in files(exports) and record.exists()
+    assert "outside its folder" in capsys.readouterr().err
+
+
+def test_a_run_that_is_still_writing_keeps_its_files(exports):
+    with whole_folder(exports / "D200_T10", "manifest.json") as new:
+        (new / "cup.stl").write_text("cup")
+        write_record(new, "manifest.json", {})
+        clean.remove_made(exports)
+        assert (new / "cup.stl").exists()
+    assert (exports / "D200_T10" / "cup.stl").exists()
+
+
+def test_everything_goes_only_when_asked_twice(exports, monkeypatch, capsys):
+    monkeypatch.setattr(clean, "KEPT", {exports / "README.md"})
+    before = files(exports)
+    assert clean.main(["--all", "--exports", str(exports)]) == 2
+    assert files(exports) == before and "SURE=yes" in capsys.readouterr().out
+    assert clean.main(["--all", "--sure", "--exports", str(exports)]) == 0
+    assert files(exports) == ["README.md"]

@@ -1,0 +1,79 @@
+"""The command line of make: every word is read or refused in one line, and reaches the program as it was typed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+
+def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    """Run make; inside of another make its variables would come along."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("MAKE", "MFLAGS"))}
+    return subprocess.run(["make", *words], cwd=folder, env=env, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["molds", "150", "10"], "150 10: not a target"),
+        (["molds", "D=150", "fast"], "fast: not a target"),
+        (["data", "d=150"], "d: not a variable of `make data`, which takes PYTHON VENV N D T WORKERS OPTIONS"),
+        (["check", "X=1"], "X: not a variable of `make check`"),
+        (["data", "D=150"], "D without T"),
+        (["data", "T=9"], "T without D"),
+        (["clean", "SURE=yes"], "SURE: not a variable of `make clean`"),
+    ],
+)
+def test_what_make_would_ignore_is_refused_in_one_line_before_anything_runs(words, expected):
+    done = make("-n", *words)
+    assert done.returncode == 2 and done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1 and expected in done.stderr
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> Path:
+    """The Makefile with an environment whose python only prints its words and make's variables, one a line."""
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    for name in ("pyproject.toml", "lock.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "prove_kernel.py").write_text("")
+    bin_folder = tmp_path / ".venv" / "bin"
+    bin_folder.mkdir(parents=True)
+    (bin_folder / "python").write_text('#!/bin/sh\nprintf "%s\\n" "$@" "$MAKEFLAGS"\n')
+    (bin_folder / "python").chmod(0o755)
+    for stamp in ("fab.stamp", "all.stamp"):
+        (tmp_path / ".venv" / stamp).write_text("")
+    return tmp_path
+
+
+def test_no_shell_reads_the_values(workshop):
+    done = make("molds", "D=130;touch stray", "T=$$(touch stray)", "material=`touch stray`", folder=workshop)
+    assert done.returncode == 0 and not (workshop / "stray").exists()
+    assert done.stdout.splitlines()[:3] == ["-m", "fab.molds", "--make-variables"]
+    assert r"D=130;touch\ stray" in done.stdout
+
+
+def test_a_value_with_a_quote_cannot_leave_its_word(workshop):
+    done = make("data", "D=1'; touch stray; '", "T=8", folder=workshop)
+    assert done.returncode == 0 and not (workshop / "stray").exists()
+    assert "1'; touch stray; '" in done.stdout.splitlines()
+
+
+def test_clean_removes_only_an_environment_that_make_has_set_up(workshop):
+    (workshop / "fab").mkdir()
+    (workshop / "fab" / "clean.py").write_text("")
+    other = workshop / "other"
+    other.mkdir()
+    (other / "pyvenv.cfg").write_text("somebody's")
+    assert make("clean", "VENV=other", folder=workshop).returncode == 0
+    assert (other / "pyvenv.cfg").exists() and (workshop / ".venv").exists()
+    assert make("clean", folder=workshop).returncode == 0
+    assert not (workshop / ".venv").exists()

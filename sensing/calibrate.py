@@ -5,8 +5,9 @@
     python -m sensing.calibrate --board board*.jpg --corners 9x6 --square 10 --out lens.json
     python -m sensing.calibrate --photo a.jpg --lens lens.json --diameter 130 --wall 8 --out camera.json
 
-Lengths in mm, pixels in px. What the dots determine and what they do not: :mod:`sensing.calibration.from_dots`. A photo
-that another diameter fits clearly better is refused (``--trust-design`` overrules), one that it fits alike gets a warning.
+Lengths in mm, pixels in px. What the dots determine and what they do not: :mod:`sensing.calibration.from_dots`. A
+photo that another diameter fits clearly better is refused (``--trust-design`` overrules); where it fits alike, a
+warning says so.
 """
 
 from __future__ import annotations

@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
-from sensing.evaluation.found_camera import found_camera
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
+from sensing.learning.found_camera import camera_of_set
 from sensing.learning.samples import Samples, shared_between
 from sensing.learning.scores import Score, score, table
 from sensing.learning.timeliness import LATENCY_S, filtered_score
@@ -137,11 +137,13 @@ def cross_validate(
 
 def _through_live(data: LabelledSet, model: LiveModel, true_camera: bool = False) -> dict[str, LiveAnswers]:
     """Answers of the live pipeline with the camera found from the rest picture, and as a user without one runs it."""
+    camera, plain = camera_of_set(data), live_answers(data, model, None)
+    if camera is None:
+        return {"ours": plain}
     with tempfile.TemporaryDirectory() as folder:
-        camera = Path(folder) / "camera.json"
-        found_camera(data).save(camera)
-        found = {"ours": live_answers(data, model, camera)}
-    found["ours, not calibrated"] = live_answers(data, model, None)
+        path = Path(folder) / "camera.json"
+        camera.save(path)
+        found = {"ours": live_answers(data, model, path), "ours, not calibrated": plain}
     if true_camera and (data.folder / "camera.json").exists():
         found["ours, true camera"] = live_answers(data, model, data.folder / "camera.json")
     return found

@@ -230,7 +230,9 @@ class _Scores:
         height, width = self._map.shape
         column, row = (np.rint(where[..., axis]) for axis in (0, 1))
         inside = (column >= 0) & (column < width - 1) & (row >= 0) & (row < height - 1)
-        column, row = (np.where(inside, a, last).astype(np.intp) for a, last in ((column, width - 1), (row, height - 1)))
+        column, row = (
+            np.where(inside, a, last).astype(np.intp) for a, last in ((column, width - 1), (row, height - 1))
+        )
         return self._map[row, column].sum(axis=-1)
 
 

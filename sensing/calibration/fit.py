@@ -107,7 +107,9 @@ class Problem:
         vector, covariance = start.copy(), np.zeros((len(start), len(start)))
         vector[free] = values
         covariance[np.ix_(free, free)] = np.linalg.inv(information)
-        flat = np.count_nonzero(np.isinf(self.sigma[POSE])) * np.log(np.sqrt(2 * np.pi) / np.pi)  # azimuth, +-90 degrees
+        flat = np.count_nonzero(np.isinf(self.sigma[POSE])) * np.log(
+            np.sqrt(2 * np.pi) / np.pi
+        )  # azimuth, +-90 degrees
         log_prior = flat - np.log(self.sigma[known]).sum()
         return vector, covariance, float(log_prior - cost - 0.5 * np.linalg.slogdet(information)[1])
 

@@ -2,9 +2,9 @@
 
 The dots alone cannot tell the camera's height from its lens: on the axis of a sphere any height fits with some
 radial function r(theta) (moving the pupil 35 mm changes the residual of the released photos by 2 %). So calibration
-from dots is a maximum-posterior fit with stated priors (:mod:`sensing.calibration.prior`), every number is reported with
-its posterior deviation beside its prior's, and the covariance of all goes with the camera. Nothing is changed that the
-dots do not call for: a camera as designed stays exactly that, a lens stays the released one, unless the evidence is
+from dots is a maximum-posterior fit with stated priors (:mod:`sensing.calibration.prior`), every number is reported
+with its posterior deviation beside its prior's, and the covariance of all goes with the camera. Nothing is changed that
+the dots do not call for: a camera as designed stays exactly that, a lens the released one, unless the evidence is
 against it. A board calibration determines the lens: use it here with ``--lens``.
 
 Endcap and camera frames as in :mod:`sensing.camera.model`; lengths in mm, pixels in px.
@@ -107,7 +107,8 @@ def calibrate_from_dots(
             f"{len(pairs.blob_index)} dots matched, at least {FEWEST_DOTS} needed: sharper photo or dots CSV"
         )
     points, pixels = pattern_points(params)[0][pairs.pattern_index], found_px[pairs.blob_index]
-    fit, probabilities = wide.solve(mounted, points, pixels), {}
+    fit = wide.solve(mounted, points, pixels)
+    probabilities: dict[str, float] = {}
     if prior is None and lens is None:
         fit, probabilities = most_probable(fit, start, points, pixels)
     camera = replace(fit.mounted, covariance=fit.covariance)
@@ -120,9 +121,7 @@ def calibrate_from_dots(
     )
 
 
-def most_probable(
-    widest: Fit, start: MountedCamera, points: Array, pixels: Array
-) -> tuple[Fit, dict[str, float]]:
+def most_probable(widest: Fit, start: MountedCamera, points: Array, pixels: Array) -> tuple[Fit, dict[str, float]]:
     """The fit of the most probable hypothesis, and all probabilities, largest first.
 
     What separates it from the others goes into its covariance as far as the choice is open; a camera as designed gets

@@ -7,7 +7,7 @@ Notes:
     Whitened differences e (2n,) of found and predicted dots are projected on what a camera can change: with J (2n, 11)
     their derivatives by the camera's numbers and U an orthonormal basis of J's columns, r = U'e has, if the camera is
     as assumed within tolerance, the covariance s^2 I + U'J S J'U, where S is the tolerance and s the dots' scatter as
-    their own residuals have it. T = r' cov^-1 r / p then follows F(p, 2n - p) (Seber and Lee, Linear Regression
+    their own robust residuals have it. T = r' cov^-1 r / p then follows F(p, 2n - p) (Seber and Lee, Linear Regression
     Analysis, 2003, theorem 4.1); beyond its 1 - :data:`FALSE_ALARM` quantile the camera does not fit.
 """
 
@@ -98,8 +98,8 @@ def differences(assumed: MountedCamera, found: Calibration) -> str:
         (np.abs(change[8:10] / allowed[8:10]).max(), f"pupil off the axis by {np.hypot(*shifted[:2]):.1f} mm"),
         (abs(change[0] / allowed[0]), f"focal length {100 * change[0] / before[0]:+.1f} %"),
         (np.abs(change[1:3] / allowed[1:3]).max(), f"optical axis off by {np.hypot(*change[1:3]):.1f} px"),
-        (abs(lens) / rows if np.abs(change[3:5]).max() > 1e-9 else 0.0, f"another lens: {VIEW_ANGLE_DEG:g} degrees from its axis it "
-         f"images {lens:+.1f} px away"),
+        (abs(lens) / rows if np.abs(change[3:5]).max() > 1e-9 else 0.0,
+         f"another lens: {VIEW_ANGLE_DEG:g} degrees from its axis it images {lens:+.1f} px away"),
     ]  # fmt: skip
     clear = sorted((r for r in rivals if r[0] > 2.5), reverse=True) or [max(rivals)]
     return "; ".join(text for _, text in clear[:3])
@@ -134,9 +134,8 @@ def _statistic(camera: MountedCamera, points: Array, pixels: Array) -> tuple[flo
         scatter = 1.4826 * float(np.median(np.abs(left))) * np.sqrt(len(error) / (len(error) - len(NAMES)))
         weight = np.sqrt(1 / np.sqrt(1 + (left / (OUTLIER * max(scatter, 1e-9))) ** 2))
     freedom = len(error) - len(NAMES)
-    gain = np.linalg.inv((weight[:, None] * basis).T @ (weight[:, None] * basis))
-    effective = weight**2 * left
-    noise = gain @ (basis.T @ (basis * (effective**2)[:, None])) @ gain * len(error) / freedom  # sandwich
+    pulled, slope = weight**2 * left, float(np.mean(weight**6))  # psi and the mean of its derivative
+    noise = float(pulled @ pulled) / freedom / slope**2 * np.eye(len(NAMES))  # Huber 1981, eq. 7.6.2
     spread = noise + basis.T @ J @ _tolerance(camera) @ J.T @ basis
     statistic = float(share @ np.linalg.solve(spread, share)) / len(NAMES)
     return statistic, f_beyond(statistic, len(NAMES), freedom)

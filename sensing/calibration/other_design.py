@@ -53,9 +53,7 @@ class DesignFit:
         )
 
 
-def design_fit(
-    calibration: Calibration, radius_px: Array, params: EndcapParams, matched_px: Array
-) -> DesignFit:
+def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams, matched_px: Array) -> DesignFit:
     """Score of a calibration under its design.
 
     Args:
@@ -83,9 +81,7 @@ def rivals(
     for diameter in _diameters(given.params.diameter_mm):
         try:
             params = EndcapParams(diameter, given.params.wall_mm)
-            other = calibrate_from_dots(
-                given.calibration.found_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg
-            )
+            other = calibrate_from_dots(given.calibration.found_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg)
         except (ParameterError, CalibrationError):
             continue
         found.append(design_fit(other, radius_px, params, matched_pixels(other, params)))

@@ -86,7 +86,7 @@ class ModelInput:
     @property
     def known(self) -> NDArray[np.bool_]:
         """(N,) dots of the tracker that enter the field."""
-        return self._known
+        return np.asarray(self._known)
 
     def linear(self, camera: MountedCamera | None) -> Array:
         """(2 H W, 2 n) small displacements of the :attr:`known` dots to the field, were this the camera built in.

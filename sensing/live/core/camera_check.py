@@ -51,7 +51,7 @@ class CameraCheck:
         )
 
     def applied(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
-        """The wrench (about the sphere's centre) with the camera's part of its covariance and, on a misfit, the flag."""
+        """The wrench, about the sphere's centre, with the camera's covariance and, on a misfit, the flag."""
         if self._spread is None and not self._flags:
             return wrench
         covariance = wrench.covariance

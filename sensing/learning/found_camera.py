@@ -9,6 +9,20 @@ from sensing.camera.mount import MountedCamera
 from sensing.decode import decode_bgr
 from sensing.records_labelled import LabelledSet
 
+RECORDED = "recorded"  # protocol of sets that sensing.record wrote
+
+
+def camera_of_set(data: LabelledSet) -> MountedCamera | None:
+    """The calibrated camera that lies beside a recording, if one does; of simulated frames what a user would find.
+
+    Raises:
+        FileError: no such camera file, or a set without frames. CalibrationError: see :func:`found_camera`.
+    """
+    if data.manifest["request"]["protocol"] != RECORDED:
+        return found_camera(data)
+    beside = data.folder / "camera.json"
+    return MountedCamera.load(beside) if beside.exists() else None
+
 
 def found_camera(data: LabelledSet) -> MountedCamera:
     """What ``python -m sensing.calibrate`` finds on the first reference picture of a set.

@@ -77,8 +77,8 @@ test: $(VENV)/all.stamp ## all tests
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: $(VENV)/all.stamp ## lint and types
-	@$(BIN)/ruff check cad fab sensing tests bench scripts
-	@$(BIN)/ruff format --check cad fab sensing tests bench scripts
+	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts
+	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
 	@$(BIN)/mypy
 
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/

@@ -1,15 +1,14 @@
-"""The assembly: all parts, named and coloured, in place or exploded, as STEP and GLB (CadQuery, OCCT's XCAF).
+"""The assembly: all parts, named and coloured, in place or exploded, as STEP (CadQuery, OCCT's XCAF).
 
-STEP in millimetres in the endcap frame; GLB in metres with y up, as its standard asks.
+Millimetres in the endcap frame. The GLB is made of the meshes (:mod:`fab.exports.glb`).
 
 Notes:
-    Both files are reproducible byte for byte (:mod:`cad.step_file`); a new version of OCCT may still write other bytes.
+    The file is reproducible byte for byte (:mod:`cad.step_file`); a new version of OCCT may still write other bytes.
 """
 
 from __future__ import annotations
 
 import math
-import struct
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     import cadquery
 
 Offset = tuple[float, float, float]
-TOLERANCE_MM = 0.05  # GLB is for looking: finer than a pixel on a screen that shows the whole endcap
-ANGLE_RAD = 0.3
 
 
 def build_assembly(
@@ -76,51 +73,22 @@ def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float)
     return offsets
 
 
-def write_assembly(assembly: cadquery.Assembly, step_path: Path, glb_path: Path) -> None:
-    """Write an assembly as STEP and GLB; each appears whole or not at all.
+def write_step(assembly: cadquery.Assembly, path: Path) -> None:
+    """Write an assembly as STEP; it appears whole or not at all.
 
     Raises:
-        FileError: a file could not be written.
+        FileError: the file could not be written.
     """
-    for path, write in ((step_path, _write_step), (glb_path, _write_glb)):
-        try:
-            with tempfile.TemporaryDirectory(dir=path.parent, prefix=".assembly-") as folder:
-                draft = Path(folder) / path.name
-                write(assembly, draft)
-                draft.replace(path)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
-
-
-def _write_step(assembly: cadquery.Assembly, path: Path) -> None:
-    assembly.export(str(path), exportType="STEP")
-    text = path.read_text()
-    _require_whole(path, text.rstrip().endswith("END-ISO-10303-21;"))
-    path.write_text(canonical_step(text))
-
-
-def _write_glb(assembly: cadquery.Assembly, path: Path) -> None:
-    """CadQuery's own export leaves millimetres where glTF means metres, and takes the tolerance relative to edges."""
-    from cadquery.occ_impl.assembly import toCAF
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.Message import Message_ProgressRange
-    from OCP.RWGltf import RWGltf_CafWriter
-    from OCP.RWMesh import RWMesh_CoordinateSystem
-    from OCP.TCollection import TCollection_AsciiString
-    from OCP.TColStd import TColStd_IndexedDataMapOfStringString
-
-    for shape in assembly.shapes + [shape for child in assembly.children for shape in child.shapes]:
-        BRepMesh_IncrementalMesh(shape.wrapped, TOLERANCE_MM, False, ANGLE_RAD, True)
-    _, document = toCAF(assembly, True)
-    writer = RWGltf_CafWriter(TCollection_AsciiString(str(path)), True)
-    writer.ChangeCoordinateSystemConverter().SetInputLengthUnit(0.001)
-    writer.ChangeCoordinateSystemConverter().SetInputCoordinateSystem(
-        RWMesh_CoordinateSystem.RWMesh_CoordinateSystem_Zup
-    )
-    writer.SetMergeFaces(True)
-    writer.Perform(document, TColStd_IndexedDataMapOfStringString(), Message_ProgressRange())
-    data = path.read_bytes()
-    _require_whole(path, data[:4] == b"glTF" and struct.unpack_from("<I", data, 8)[0] == len(data))
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".assembly-") as folder:
+            draft = Path(folder) / path.name
+            assembly.export(str(draft), exportType="STEP")
+            text = draft.read_text()
+            _require_whole(path, text.rstrip().endswith("END-ISO-10303-21;"))
+            draft.write_text(canonical_step(text))
+            draft.replace(path)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
 
 
 def _require_whole(path: Path, whole: bool) -> None:

@@ -1,59 +1,66 @@
 """The rigid base: carries camera, ring and interface, and bolts to the robot arm. Endcap frame, millimetres.
 
-It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside the silicone's. Provenance letters
-are those of docs/provenance.md (GEO02 to GEO20): M measured, S standard, E our estimate. All sizes depend on the
-diameter alone.
+It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside the silicone's. At D=130 it is the
+released base: seats, pockets, holes and lugs (M, GEO02 to GEO21 of docs/provenance.md) are those of its STEP file;
+where it departs, and why, is listed with volumes in docs/base.md and tested. All sizes depend on the diameter alone.
+Provenance letters: M measured, S standard, E our estimate.
 
 Printed with its bottom (z = -16) on the bed: pockets for camera, ring, cable and M4 heads open upward; the lugs
-stand on the bed; only the seats under the M3 heads, 1.6 mm wide, and the roofs of the insert holes are bridged. Where
+stand on the bed; only the seats under the M3 heads, 1.6 mm wide, and the floors of the blind holes are bridged. Where
 the sphere would overhang by more than 45 degrees (D 109 to 240, up to 55) its tangent cone takes over, at most 1.4 mm
 proud (1.1 mm at D=130), so no support is needed.
-
-The M3 screws are M3 x 10: with the seat at z = -5.5 the tip ends 0.5 mm, one pitch, above the nut that lies on
-z = 2.2 (nut 1.8 thick), and still holds all of it with the shortest screw the standard allows (10 - 0.29 mm). An
-M3 x 12 would need the seat at z = -7.5, where only 0.2 mm would remain between its hole and the sphere near D = 121.
 """
 
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING
 
+from cad import scaling
 from cad.fasteners import ScrewJoint
 from cad.part import Part
 
 if TYPE_CHECKING:
-    from build123d import Shape
+    from build123d import Face, Shape
 
     from cad.params import EndcapParams
 
 SCREW_HOLE_RADIUS_MM = 1.7  # M: M3 through
 SCREW_HEAD_RADIUS_MM = 3.25  # M: M3 cap head, 5.5 wide
-SCREW_LENGTH_MM = 10.0  # E: see the module's text
-SCREW_SEAT_Z_MM = -5.5  # E
+SCREW_SEAT_Z_MM = -3.1  # M: M3 x 8 over a small washer holds all of the nut and stays 0.6 mm under the TPU roof
 RECESS_RADIUS_MM = 39.0  # M: takes the ring's spacer
 RECESS_EDGE_DEPTH_MM = 0.28  # M
-RECESS_FLOOR_RADIUS_MM = 35.4  # M
+RECESS_FLOOR_RADIUS_MM = 35.0  # M: the cone's own end; the released edge is rounded from 35.4 to 34.6, 0.04 mm deep
 RECESS_DEPTH_MM = 1.0  # M
-CAMERA_POCKET_WIDTH_MM = 31.95  # M: square
-CAMERA_SEAT_Z_MM = -6.0  # E: back of the camera's board, so that its entrance pupil comes to z = 17
-CAMERA_RELIEF_WIDTH_MM = 18.0  # E: a cross that leaves four corner pads and clears what is soldered to the back
-CAMERA_RELIEF_Z_MM = -10.0  # E
-CAMERA_HOLE_RADIUS_MM = 0.975  # M: M2 self-tapping
+CAMERA_POCKET_WIDTH_MM = 31.95  # M: square, under the board
+CAMERA_POCKET_Z_MM = -10.0  # M: room for what is soldered to the board's back
+CAMERA_POST_MM = 3.95  # M: side of the corner posts on which the board lies
+CAMERA_HOLE_RADIUS_MM = 0.975  # M: M2 self-tapping, through
 CAMERA_HOLE_OFFSET_MM = 14.0  # M: square pitch 28
-CAMERA_HOLE_DEPTH_MM = 8.0  # E: M2 x 8 through a 1.6 mm board, with 1.6 to spare
 CABLE_OFFSET_MM = 12.5  # M
 CABLE_POCKET_RADIUS_MM = 7.5  # M
-CABLE_POCKET_Z_MM = -12.0  # E: 4 mm of floor
 CABLE_HOLE_RADIUS_MM = 4.1  # M
-M4_POSITION_MM = (28.53, 7.5)  # M: all four signs
-M4_HOLE_RADIUS_MM = 2.25  # M: the arm part's through hole
+SLOT_OFFSET_MM = 22.576  # M
+SLOT_RADIUS_MM = 5.5  # M: through, for a cable that leaves along x
+CHANNEL_HALF_WIDTH_MM = 4.0  # M: between camera pocket and slot
+CHANNEL_ROUND_MM = 4.0  # M: edge over which the cable bends into the slot
+M4_POSITION_MM = (28.531, 7.5)  # M: all four signs
+M4_HOLE_RADIUS_MM = 2.25  # M
 M4_HEAD_RADIUS_MM = 4.125  # M
-M4_SEAT_Z_MM = -5.2  # E: a 4 mm head ends 0.2 below the recess, so the spacer lies flat
+M4_SEAT_Z_MM = -5.0  # M: a 4 mm head ends flush with the recess, so the spacer lies flat
+POCKET_ROUND_MM = 2.0  # M: upright edges of the pockets
+POST_ROUND_MM = 1.94  # M: 1.975, less what keeps it clear of the pocket's own rounding
+CHAMFER_MM = 0.75  # M: edge of all pockets at the recess's floor
+BLIND_HOLE_RADIUS_MM = 2.0  # M: six from below
+BLIND_CIRCLE_RADIUS_MM = 30.0  # M
+BLIND_AZIMUTHS_DEG = (30.0, 90.0, 150.0, 210.0, 270.0, 330.0)  # M
+BLIND_DEPTH_MM = 6.0  # M: then a 45 degree point
 ARM_INSERT_RADIUS_MM = 2.8  # M: threaded insert
-ARM_INSERT_DEPTH_MM = 9.2  # M
+ARM_INSERT_DEPTH_MM = 9.2  # M: then a 45 degree point
 LUG_RADIUS_MM = 7.5  # M
-LUG_TOP_Z_MM = -4.8  # E: 2 mm of roof over the insert
+LUG_FILLET_MM = 20.0  # M: between a lug's side and the bottom circle
+LEAST_FILLET_MM = 2.0  # E: a smaller one stiffens nothing
 MAX_OVERHANG_DEG = 45.0
 LAYER_MM = 0.2
 
@@ -91,6 +98,7 @@ def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
             ("base",),
             "interface",
             "captured nut",
+            1,
         ),
         ScrewJoint(
             "camera_to_base",
@@ -123,9 +131,20 @@ def flank_profile(params: EndcapParams) -> tuple[float, float, float]:
     return tangent_z, tangent_radius, tangent_radius - (tangent_z - bottom_z)
 
 
+def lug_fillet_mm(params: EndcapParams) -> float:
+    """Radius of the fillet between lug and flank, in plan: the released 20 where the lug is long enough, 0 for none.
+
+    A circle of radius r that touches the lug's side and, from outside, the bottom circle of radius b begins at x with
+    x^2 = (b + r)^2 - (7.5 + r)^2 on the lug's side; it must not lie beyond the lug's axis.
+    """
+    bottom = flank_profile(params)[2]
+    longest = (params.arm_circle_radius_mm**2 - bottom**2 + LUG_RADIUS_MM**2) / (2 * (bottom - LUG_RADIUS_MM))
+    return min(LUG_FILLET_MM, longest) if longest > LEAST_FILLET_MM else 0.0
+
+
 def _body(params: EndcapParams) -> Shape:
-    """Segment of the sphere with its five lugs."""
-    from build123d import Axis, Box, Cylinder, Edge, Face, Pos, Rot, Wire, revolve
+    """Segment of the sphere with its five lugs, which reach up to the mating plane."""
+    from build123d import Axis, Edge, Face, Rot, Wire, revolve
 
     radius, centre, bottom_z = params.base_sphere_radius_mm, params.centre_height_mm, -params.base_thickness_mm
     tangent_z, tangent_radius, bottom_radius = flank_profile(params)
@@ -141,13 +160,25 @@ def _body(params: EndcapParams) -> Shape:
     if tangent_z > bottom_z:
         edges.insert(1, Edge.make_line((bottom_radius, 0, bottom_z), (tangent_radius, 0, tangent_z)))
     segment = revolve(Face(Wire(edges)), Axis.Z)
-
-    height = LUG_TOP_Z_MM - bottom_z
-    reach = params.arm_circle_radius_mm
-    root = bottom_radius - 12.0  # well inside the segment, clear of the camera
-    web = Pos((reach + root) / 2, 0, (LUG_TOP_Z_MM + bottom_z) / 2) * Box(reach - root, 2 * LUG_RADIUS_MM, height)
-    lug = web + Pos(reach, 0, (LUG_TOP_Z_MM + bottom_z) / 2) * Cylinder(LUG_RADIUS_MM, height)
+    lug = _prism(_lug_outline(params), bottom_z, 0.0)
     return segment + [Rot(0, 0, azimuth) * lug for azimuth in params.arm_azimuths_deg]
+
+
+def _lug_outline(params: EndcapParams) -> Face:
+    """A lug in plan, at azimuth 0: a strip with a round end, and its fillets."""
+    from cad.outlines import disc, polygon, rectangle
+
+    bottom, reach, half = flank_profile(params)[2], params.arm_circle_radius_mm, LUG_RADIUS_MM
+    root = bottom - 12.0  # well inside the segment, clear of the camera
+    outline = rectangle(root, reach, -half, half) + disc((reach, 0.0), half)
+    if radius := lug_fillet_mm(params):
+        start = math.sqrt((bottom + radius) ** 2 - (half + radius) ** 2)
+        touch = bottom / (bottom + radius)
+        for side in (-1, 1):
+            centre = (start, side * (half + radius))
+            corners = [(root, 0.0), (start, 0.0), (start, side * half), centre, (touch * start, touch * centre[1])]
+            outline = outline + (polygon(corners[::side]) - disc(centre, radius))  # all faces look up
+    return outline
 
 
 def _cuts(params: EndcapParams) -> list[Shape]:
@@ -155,18 +186,87 @@ def _cuts(params: EndcapParams) -> list[Shape]:
     from build123d import Pos, Rot
 
     bottom_z = -params.base_thickness_mm
-    hole, *pocket = _screw_cuts(params.screw_circle_radius_mm, bottom_z)
-    screw = hole.fuse(*pocket)
-    arm = Pos(params.arm_circle_radius_mm, 0, 0)
-    insert = arm * _bore(ARM_INSERT_RADIUS_MM, bottom_z, bottom_z + ARM_INSERT_DEPTH_MM)
-    bolt = _bore(M4_HEAD_RADIUS_MM, M4_SEAT_Z_MM, 0.0).fuse(_bore(M4_HOLE_RADIUS_MM, bottom_z, M4_SEAT_Z_MM))
-    x, y = M4_POSITION_MM
+    circle = Pos(params.screw_circle_radius_mm, 0, 0)
+    screw = _bore(SCREW_HOLE_RADIUS_MM, SCREW_SEAT_Z_MM, 0.0)
+    screw = circle * screw.fuse(_bore(SCREW_HEAD_RADIUS_MM, bottom_z, SCREW_SEAT_Z_MM))
+    insert = Pos(params.arm_circle_radius_mm, 0, 0) * _blind(ARM_INSERT_RADIUS_MM, bottom_z, ARM_INSERT_DEPTH_MM)
+    blind = Pos(BLIND_CIRCLE_RADIUS_MM, 0, 0) * _blind(BLIND_HOLE_RADIUS_MM, bottom_z, BLIND_DEPTH_MM)
     return [
-        _recess().fuse(*_camera_cuts(bottom_z)),
+        hardware_cut(bottom_z),
         *(Rot(0, 0, azimuth) * screw for azimuth in params.screw_azimuths_deg),
         *(Rot(0, 0, azimuth) * insert for azimuth in params.arm_azimuths_deg),
-        *(Pos(sx * x, sy * y, 0) * bolt for sx in (-1, 1) for sy in (-1, 1)),
+        *(Rot(0, 0, azimuth) * blind for azimuth in BLIND_AZIMUTHS_DEG),
     ]
+
+
+@cache
+def hardware_cut(bottom_z: float) -> Shape:
+    """What camera, ring, cables and M4 screws take out: the same tool at every size, so it is made once."""
+    from build123d import Cone, Pos, Solid, Vector
+
+    seat, edge_z = scaling.CAMERA_SEAT_Z_MM, scaling.CAMERA_SEAT_Z_MM - CHAMFER_MM
+    pocket = _pocket_outline()
+    tools = [
+        Solid.extrude_taper(Pos(0, 0, edge_z) * pocket, Vector(0, 0, CHAMFER_MM), -45.0),
+        _prism(pocket, CAMERA_POCKET_Z_MM, edge_z),
+    ]
+    x, y = M4_POSITION_MM
+    head_edge = Pos(0, 0, (edge_z + seat) / 2) * Cone(M4_HEAD_RADIUS_MM, M4_HEAD_RADIUS_MM + CHAMFER_MM, CHAMFER_MM)
+    head = _bore(M4_HEAD_RADIUS_MM, M4_SEAT_Z_MM, edge_z).fuse(head_edge)
+    for side in (-1, 1):
+        tools.append(Pos(side * SLOT_OFFSET_MM, 0, 0) * _bore(SLOT_RADIUS_MM, bottom_z, CAMERA_POCKET_Z_MM))
+        tools.append(_bend(side))
+        tools.append(Pos(0, side * CABLE_OFFSET_MM, 0) * _bore(CABLE_HOLE_RADIUS_MM, bottom_z, CAMERA_POCKET_Z_MM))
+        for other in (-1, 1):
+            corner = Pos(side * CAMERA_HOLE_OFFSET_MM, other * CAMERA_HOLE_OFFSET_MM, 0)
+            tools.append(corner * _bore(CAMERA_HOLE_RADIUS_MM, bottom_z, seat))
+            tools.append(Pos(side * x, other * y, 0) * head)
+            tools.append(Pos(side * x, other * y, 0) * _bore(M4_HOLE_RADIUS_MM, bottom_z, M4_SEAT_Z_MM))
+    return _recess().fuse(*tools)
+
+
+def _pocket_outline() -> Face:
+    """Camera pocket with its cable discs, channels and slots in plan."""
+    from cad.outlines import disc, rectangle
+
+    wide, narrow = CAMERA_POCKET_WIDTH_MM / 2, CAMERA_POCKET_WIDTH_MM / 2 - CAMERA_POST_MM
+    reach, half = SLOT_OFFSET_MM, CHANNEL_HALF_WIDTH_MM
+    face = rectangle(-wide, wide, -narrow, narrow) + rectangle(-narrow, narrow, -wide, wide)
+    face = face + rectangle(-reach, reach, -half, half)
+    for side in (-1, 1):
+        face = face + disc((side * reach, 0.0), SLOT_RADIUS_MM)
+        face = face + disc((0.0, side * CABLE_OFFSET_MM), CABLE_POCKET_RADIUS_MM)
+    posts = [vertex for vertex in face.vertices() if abs(abs(vertex.X) - abs(vertex.Y)) < 1e-6]
+    face = face.fillet_2d(POST_ROUND_MM, posts)
+    sharp = [vertex for vertex in face.vertices() if _is_pocket_corner(vertex.X, vertex.Y)]
+    return face.fillet_2d(POCKET_ROUND_MM, sharp)
+
+
+def _is_pocket_corner(x: float, y: float) -> bool:
+    """Whether a corner of the outline is sharp: the others are ends of the posts' fillets."""
+    wide, narrow = CAMERA_POCKET_WIDTH_MM / 2, CAMERA_POCKET_WIDTH_MM / 2 - CAMERA_POST_MM
+    on_wall = max(abs(x), abs(y)) > wide - 1e-6
+    return (on_wall and min(abs(x), abs(y)) < narrow + 1e-6) or abs(x) > wide
+
+
+def _bend(side: int) -> Shape:
+    """The rounded edge between pocket and slot, over which the cable bends."""
+    from build123d import Axis, Pos, Rot, revolve
+
+    from cad.outlines import disc, rectangle, upright
+
+    top, radius = CAMERA_POCKET_Z_MM, CHANNEL_ROUND_MM
+    outer = SLOT_RADIUS_MM + radius
+    section = rectangle(SLOT_RADIUS_MM, outer, top - radius, top) - disc((outer, top - radius), radius)
+    ring = revolve(upright(section), Axis.Z, 40.0)  # as wide as the channel
+    return Pos(side * SLOT_OFFSET_MM, 0, 0) * Rot(0, 0, (180.0 if side > 0 else 0.0) - 20.0) * ring
+
+
+def _prism(face: Face, low_z: float, high_z: float) -> Shape:
+    """A plan extruded between two heights."""
+    from build123d import Pos, Solid, Vector
+
+    return Solid.extrude(Pos(0, 0, low_z) * face, Vector(0, 0, high_z - low_z))
 
 
 def _bore(radius: float, low_z: float, high_z: float) -> Shape:
@@ -176,19 +276,12 @@ def _bore(radius: float, low_z: float, high_z: float) -> Shape:
     return Pos(0, 0, (low_z + high_z) / 2) * Cylinder(radius, high_z - low_z)
 
 
-def _screw_cuts(circle_radius: float, bottom_z: float) -> list[Shape]:
-    """Hole and head pocket of the M3 screw at azimuth 0.
+def _blind(radius: float, bottom_z: float, depth: float) -> Shape:
+    """Hole from below with a 45 degree point, which needs no bridge."""
+    from build123d import Cone, Pos
 
-    The pocket is open outward: round it, the sloping flank would end in a feather edge.
-    """
-    from build123d import Box, Pos
-
-    height, middle_z, reach = SCREW_SEAT_Z_MM - bottom_z, (SCREW_SEAT_Z_MM + bottom_z) / 2, 20.0
-    return [
-        Pos(circle_radius, 0, 0) * _bore(SCREW_HOLE_RADIUS_MM, SCREW_SEAT_Z_MM, 0.0),
-        Pos(circle_radius, 0, 0) * _bore(SCREW_HEAD_RADIUS_MM, bottom_z, SCREW_SEAT_Z_MM),
-        Pos(circle_radius + reach / 2, 0, middle_z) * Box(reach, 2 * SCREW_HEAD_RADIUS_MM, height),
-    ]
+    point = Pos(0, 0, bottom_z + depth + radius / 2) * Cone(radius, 0.0, radius)
+    return _bore(radius, bottom_z, bottom_z + depth).fuse(point)
 
 
 def _recess() -> Shape:
@@ -203,21 +296,3 @@ def _recess() -> Shape:
         (0, 0, -RECESS_DEPTH_MM),
     ]
     return revolve(Face(Wire.make_polygon(profile)), Axis.Z)
-
-
-def _camera_cuts(bottom_z: float) -> list[Shape]:
-    """Board pocket on four corner pads, M2 holes, and the two cable ways."""
-    from build123d import Box, Pos
-
-    width, relief = CAMERA_POCKET_WIDTH_MM, CAMERA_RELIEF_WIDTH_MM
-    relief_height, relief_z = CAMERA_SEAT_Z_MM - CAMERA_RELIEF_Z_MM, (CAMERA_SEAT_Z_MM + CAMERA_RELIEF_Z_MM) / 2
-    hole = _bore(CAMERA_HOLE_RADIUS_MM, CAMERA_SEAT_Z_MM - CAMERA_HOLE_DEPTH_MM, CAMERA_SEAT_Z_MM)
-    offset = CAMERA_HOLE_OFFSET_MM
-    return [
-        Pos(0, 0, CAMERA_SEAT_Z_MM / 2) * Box(width, width, -CAMERA_SEAT_Z_MM),
-        Pos(0, 0, relief_z) * Box(width, relief, relief_height),
-        Pos(0, 0, relief_z) * Box(relief, width, relief_height),
-        *(Pos(sx * offset, sy * offset, 0) * hole for sx in (-1, 1) for sy in (-1, 1)),
-        *(Pos(0, sy * CABLE_OFFSET_MM, 0) * _bore(CABLE_POCKET_RADIUS_MM, CABLE_POCKET_Z_MM, 0.0) for sy in (-1, 1)),
-        *(Pos(0, sy * CABLE_OFFSET_MM, 0) * _bore(CABLE_HOLE_RADIUS_MM, bottom_z, CABLE_POCKET_Z_MM) for sy in (-1, 1)),
-    ]

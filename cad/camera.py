@@ -1,15 +1,16 @@
 """The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, CAM01).
 
 Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M, GEO15,
-GEO16); the heights of holder and lens are our estimate (E), chosen so that the entrance pupil lies at
-``camera_height_mm`` when the board sits on the base's pads. Only the front glass rises over the 180 degree plane.
+GEO16); the heights of holder and lens are our estimate (E). The board's back lies on the base's corner posts
+(``CAMERA_SEAT_Z_MM``) and the entrance pupil a stack above it (``CAMERA_STACK_MM``). Only the front glass rises over
+the 180 degree plane.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cad import base
+from cad import base, scaling
 from cad.part import Part
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from cad.params import EndcapParams
 
-BOARD_WIDTH_MM = 31.7  # E: 32 nominal, sized to drop into the 31.95 pocket
+BOARD_WIDTH_MM = 32.0  # E: nominal; lies over the 31.95 pocket on its corner posts
 BOARD_THICKNESS_MM = 1.6  # S
 BOARD_HOLE_RADIUS_MM = 1.1  # E: M2 passes
 BACK_MM = (17.0, 17.0, 3.0)  # E: what is soldered to the back
@@ -38,7 +39,7 @@ def camera_part(params: EndcapParams) -> Part:
 
     from cad.solids import one_solid
 
-    seat = base.CAMERA_SEAT_Z_MM
+    seat = scaling.CAMERA_SEAT_Z_MM
     front = seat + BOARD_THICKNESS_MM
     rim = params.camera_height_mm - PUPIL_TO_HEAD_MM
     offset = base.CAMERA_HOLE_OFFSET_MM

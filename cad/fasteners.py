@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Holder = Literal["captured nut", "plastic", "loose nut"]
+Holder = Literal["captured nut", "plastic", "loose nut", "insert"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ScrewJoint:
         seat: part on which the head bears.
         through: parts that the shank passes, the seat's included.
         anchor: part that holds the thread or the nut.
-        holder: a nut captured in the anchor, the anchor's own plastic, or a nut under the anchor.
+        holder: a nut captured in the anchor, the anchor's own plastic, a nut under the anchor, or an insert.
         washers: under the head, and as many under a loose nut.
     """
 

@@ -30,7 +30,7 @@ POCKET_FLOOR_MM = 2.2  # E: TPU that a nut would have to pull through
 POCKET_END_GAP_MM = 0.1  # E: behind the seated nut
 RIB_HEIGHT_MM = 0.4  # E: step at the mouth; leaves 1.6 mm for the 1.8 mm nut, which snaps past 0.2 mm of TPU
 NUT_PLAY_MM = 0.15  # E: between the seated nut and the rib; a 3 mm screw in a 3.4 mm hole finds the thread
-SCREW_HOLE_TOP_MM = 5.2  # E: leaves a roof of 0.8 mm, so that no silicone comes down the thread
+SCREW_HOLE_TOP_MM = 5.35  # E: leaves a roof of 0.65 mm, so that no silicone comes down the thread
 VENT_DIAMETER_MM = 3.0  # E: 35,000 cP silicone overflows through it under its own weight within the pot life
 BORE_MARGIN_MM = 0.5  # E: where a thick wall reaches inside the bore, the gyroid still stands on the flange
 SEAM_AZIMUTH_DEG = 9.0  # keeps the seam of the surfaces of revolution away from pockets and vents
@@ -52,6 +52,17 @@ def zone_clip_radius_mm(params: EndcapParams) -> float:
     inner, _ = zone_radii_mm(params)
     limit = params.bore_radius_mm + BORE_MARGIN_MM
     return limit if _sphere_section(params, inner, params.flange_thickness_mm) < limit else 0.0
+
+
+def vent_reach_mm(params: EndcapParams, height_mm: float) -> float:
+    """Cylindrical radius at which the notches of the vents begin, at a height near the flange's top.
+
+    A notch's axis is the chord of the flange's outer surface between bottom and top; it leans by the chord's slope.
+    """
+    sphere, top = params.outer_radius_mm - COLLAR_CLEARANCE_MM, params.flange_thickness_mm
+    low, high = (_sphere_section(params, sphere, z) for z in (0.0, top))
+    slope = (high - low) / top
+    return low + slope * height_mm - VENT_DIAMETER_MM / 2 * math.hypot(1.0, slope)
 
 
 def zone_volume_mm3(params: EndcapParams) -> float:

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 from build123d import Face, Pos, Rot, Solid, Vector
 
-from cad.mold_layout import MoldLayout, rotated
+from cad.mold_layout import NECK_FILLET_MM, MoldLayout, rotated
 from cad.outlines import disc, polygon
 from cad.solids import one_solid
 
-NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
 FAR_RATIO = 2.5  # outlines reach this many outer radii out: beyond every mold part
 
 
@@ -91,7 +90,7 @@ def core_prisms(layout: MoldLayout) -> dict[str, Solid]:
 def _centre_outline(layout: MoldLayout, grown_mm: float) -> Face:
     """Outline of the centre piece at the mating plane, grown all round by the joint clearance for its socket."""
     inner, half = layout.centre_inradius_mm, layout.key_half_width_mm
-    tab, beyond = layout.core_tab_radius_mm, 0.62 * layout.core_tab_radius_mm
+    tab, beyond = layout.core_tab_radius_mm, layout.core_tab_beyond_mm
     wider = half + grown_mm * math.tan(math.radians(30.0))  # corners of 120 degrees: both edges move out by the growth
     faces = polygon([rotated((inner + grown_mm, y), a) for a in layout.key_azimuths_deg for y in (-wider, wider)])
     for azimuth in layout.key_azimuths_deg:

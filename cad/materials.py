@@ -163,10 +163,31 @@ def silicones() -> dict[str, Silicone]:
     """
     try:
         with TABLE.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-        return {row["name"]: _silicone(row) for row in rows}
-    except (OSError, KeyError, ValueError, TypeError) as error:
+            reader = csv.DictReader(stream)
+            rows = [_row(reader.line_num, row) for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{TABLE.name}: cannot be read as the table of silicones ({error}): restore it") from error
+    return {row.name: row for row in rows}
+
+
+def _row(line: int, row: dict[str, str]) -> Silicone:
+    """One row of the table.
+
+    Raises:
+        FileError: naming the line, the silicone and the value that cannot be read.
+    """
+    where = f"{TABLE.name} line {line} ({row.get('name') or 'without a name'})"
+    form = "fill every column, numbers as plain decimals, or remove the row"
+    if None in row or None in row.values() or not row.get("name"):
+        raise FileError(f"{where}: has not one value for each column of the first line: {form}")
+    try:
+        found = _silicone(row)
+        found.neo_hooke()
+    except KeyError as error:
+        raise FileError(f"{TABLE.name}: the first line has no column {error}: restore it") from error
+    except ValueError as error:
+        raise FileError(f"{where}: {error}: {form}") from error
+    return found
 
 
 def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
@@ -190,19 +211,29 @@ def _silicone(row: dict[str, str]) -> Silicone:
     yeoh = tuple(row[f"yeoh_c{k}_mpa"] for k in (10, 20, 30))
     return Silicone(
         name=row["name"],
-        density_g_cm3=float(row["density_g_cm3"]),
+        density_g_cm3=_positive(row, "density_g_cm3"),
         mix_ratio=row["mix_ratio"],
-        pot_life_min=float(row["pot_life_min"]),
-        cure_h=float(row["cure_h"]),
+        pot_life_min=_positive(row, "pot_life_min"),
+        cure_h=_positive(row, "cure_h"),
         shore=row["shore"],
-        modulus_100_mpa=float(row["modulus_100_mpa"]),
-        elongation_percent=float(row["elongation_percent"]),
-        poisson=float(row["poisson"]),
-        neo_hooke_c10_mpa=float(row["neo_hooke_c10_mpa"]),
+        modulus_100_mpa=_positive(row, "modulus_100_mpa"),
+        elongation_percent=_positive(row, "elongation_percent"),
+        poisson=_positive(row, "poisson"),
+        neo_hooke_c10_mpa=_positive(row, "neo_hooke_c10_mpa"),
         yeoh_mpa=(float(yeoh[0]), float(yeoh[1]), float(yeoh[2])) if all(yeoh) else None,
         prony=tuple(zip(_floats(row["prony_g"]), _floats(row["prony_tau_s"]), strict=True)),
         provenance=row["provenance"],
     )
+
+
+def _positive(row: dict[str, str], column: str) -> float:
+    try:
+        value = float(row[column])
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"{column}={row[column]!r} is not a positive number")
+    return value
 
 
 def _floats(text: str) -> tuple[float, ...]:

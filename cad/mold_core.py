@@ -15,7 +15,7 @@ from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, Dot, dot_pattern
 from cad.jigsaw import core_prisms
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from cad.part import Part
+from cad.part import Part, Recipe
 from cad.solids import cut_holes, drill, fused, intersected, one_solid, revolved
 
 PILOT_RADIUS_MM = 1.3  # S: hole for an M3 screw that cuts its thread in PLA
@@ -98,6 +98,7 @@ def core_parts(layout: MoldLayout, body: Solid) -> list[Part]:
         places = layout.core_screws_mm[name]
         holes = [drill(place, PILOT_RADIUS_MM, 0.0, PILOT_DEPTH_MM) for place in places]
         piece = cut_holes(intersected(body, prism, name), holes)
-        parts.append(Part(name, "printed", "PLA", one_solid(piece, name), COLOR))
+        recipe = Recipe(body, (prism,), tuple(holes))
+        parts.append(Part(name, "printed", "PLA", one_solid(piece, name), COLOR, recipe=recipe))
     order = {name: i for i, name in enumerate(REMOVAL_ORDER)}
     return sorted(parts, key=lambda part: order[part.name])

@@ -14,7 +14,7 @@ from cad.fasteners import ScrewJoint
 from cad.jigsaw import Tab, sector_prisms
 from cad.mold_layout import MoldLayout, rotated
 from cad.outlines import common, disc, polygon, rectangle, upright
-from cad.part import Part
+from cad.part import Part, Recipe
 from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
@@ -136,7 +136,7 @@ def _segments(
     prisms = sector_prisms(layout, seams_deg, tabs)
     names = [f"{stem}_{k + 1}" for k in range(len(prisms))]
     return [
-        Part(name, "printed", "PLA", intersected(body, prism, name), COLOR)
+        Part(name, "printed", "PLA", intersected(body, prism, name), COLOR, recipe=Recipe(body, (prism,)))
         for name, prism in zip(names, prisms, strict=True)
     ]
 

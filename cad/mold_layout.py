@@ -18,12 +18,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cad import feasible
+from cad import feasible, leak
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 
 JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon tells your printer's
 JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coupons)
+NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
+TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies beyond the edge: locks, and still prints
+CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 
@@ -32,18 +35,20 @@ class MoldLayout:
     """Derived sizes of the mold for one endcap (mm, endcap frame).
 
     Raises:
-        ParameterError: a joint clearance outside what the fit coupon tells.
+        ParameterError: a joint clearance that this size cannot have (:func:`joint_clearance_range_mm`).
     """
 
     params: EndcapParams
     joint_clearance_mm: float = JOINT_CLEARANCE_MM
 
     def __post_init__(self) -> None:
-        low, high = JOINT_CLEARANCE_RANGE_MM
+        low, high = joint_clearance_range_mm(self.params)
         if not low <= self.joint_clearance_mm <= high:
             raise ParameterError(
-                f"joint_clearance={self.joint_clearance_mm:g} outside {low}..{high} mm a side: tighter joints fuse in "
-                "print, looser ones leak silicone; measure it with the fit coupon (make coupons)",
+                f"joint_clearance={self.joint_clearance_mm:g} outside {low:g}..{high:g} mm a side at "
+                f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g}: tighter joints fuse in print, looser ones "
+                "leak more than 1 % of the silicone; measure it with the fit coupon (make coupons); where that "
+                "needs a wider one, correct the slicer's horizontal expansion and print the coupon again",
                 name="joint_clearance",
                 value=self.joint_clearance_mm,
             )
@@ -97,11 +102,8 @@ class MoldLayout:
 
     @property
     def bowl_wall_mm(self) -> float:
-        """PLA outside the silicone below the equator: the way that silicone must creep through a joint.
-
-        The leak goes as the cube of the gap over this way: a joint wider than 0.19 gets a thicker wall, at most 7.
-        """
-        return 6.0 * min(max(1.0, (self.joint_clearance_mm / 0.19) ** 3), 7.0 / 6.0)
+        """PLA outside the silicone below the equator: the way that silicone must creep through a joint."""
+        return leak.bowl_wall_mm(self.params, self.joint_clearance_mm)
 
     @property
     def stand_height_mm(self) -> float:
@@ -146,7 +148,7 @@ class MoldLayout:
     def hanger_thickness_mm(self) -> float:
         """Stiff enough to close the mold against thick silicone (E); an M3 x 12, the shortest that its standard allows
         included, then still holds all of the interface's nut and does not reach the end of its blind hole."""
-        return 7.5
+        return 7.6
 
     @property
     def vent_circle_radius_mm(self) -> float:
@@ -191,8 +193,25 @@ class MoldLayout:
 
     @property
     def core_tab_radius_mm(self) -> float:
-        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys)."""
-        return 4.0
+        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys).
+
+        The draft narrows a tab's neck all the way up to the tip: at D=250, by 8 mm. A neck is as wide as its two
+        fillets leave it, ``y - fillet - draft`` on either side, with their centres at ``y^2 = (r + fillet)^2 -
+        (beyond r - fillet)^2``; solved for r, so that it keeps :data:`CORE_NECK_HALF_MM` at the tip of every size.
+        """
+        y = CORE_NECK_HALF_MM + NECK_FILLET_MM + self._core_taper_mm
+        a, half_b = 1 - TAB_BEYOND_RATIO**2, NECK_FILLET_MM * (1 + TAB_BEYOND_RATIO)
+        return max(4.0, (math.sqrt(half_b**2 + a * y**2) - half_b) / a)
+
+    @property
+    def core_tab_beyond_mm(self) -> float:
+        """Distance of a tab's centre beyond the long edge that carries it."""
+        return TAB_BEYOND_RATIO * self.core_tab_radius_mm
+
+    @property
+    def _core_taper_mm(self) -> float:
+        """How much narrower the centre piece is on each side at the height of the tip than at the mating plane."""
+        return self.params.tip_height_mm * math.tan(math.radians(self.core_draft_deg))
 
     @property
     def core_draft_deg(self) -> float:
@@ -214,6 +233,12 @@ class MoldLayout:
     def key_azimuths_deg(self) -> tuple[float, float, float]:
         """Directions of the three keys; the wides lie 60 degrees further."""
         return (0.0, 120.0, 240.0)
+
+
+def joint_clearance_range_mm(params: EndcapParams) -> tuple[float, float]:
+    """Joint clearances that a size can have, mm a side: the fit coupon's, as far as the bowl holds the silicone."""
+    low, high = JOINT_CLEARANCE_RANGE_MM
+    return low, min(high, math.floor(leak.widest_joint_mm(params) * 1000) / 1000)
 
 
 def rotated(point: tuple[float, float], azimuth_deg: float) -> tuple[float, float]:

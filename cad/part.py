@@ -12,6 +12,25 @@ Role = Literal["printed", "cast", "bought"]
 
 
 @dataclass(frozen=True)
+class Recipe:
+    """The booleans that made a solid, so that its mesh can be made by the same ones.
+
+    A piece cut out of a body by the kernel has faces with ragged borders, across which the kernel's mesher leaves
+    facets far off the surface (0.08 mm at a tolerance of 0.01). The body and the tools have none, so their meshes are
+    true, and the booleans of the meshes keep them so.
+
+    Attributes:
+        body: what the piece is cut from.
+        common: solids that the piece is inside of.
+        less: solids that are taken off.
+    """
+
+    body: Solid
+    common: tuple[Solid, ...] = ()
+    less: tuple[Solid, ...] = ()
+
+
+@dataclass(frozen=True)
 class Part:
     """One part in the endcap frame (mm), in its assembled (or, for the mold, its casting) position.
 
@@ -22,6 +41,7 @@ class Part:
         solid: one valid solid.
         color: RGB in 0..1, as shown on a screen, for pictures and assemblies.
         quantity: pieces needed for one endcap.
+        recipe: how the solid was made, where its mesh is to be made from the same operands.
     """
 
     name: str
@@ -30,3 +50,4 @@ class Part:
     solid: Solid
     color: tuple[float, float, float]
     quantity: int = 1
+    recipe: Recipe | None = None

@@ -20,7 +20,10 @@ RING_CLEARANCE_MM = 0.3  # E: a ring that drops through the bore without filing
 BORE_INSET_MM = 4.5  # E: half a nut (2.8) and 1.7 of TPU ledge inside it, so that the nut cannot tip inward
 MIN_RIM_RADIUS_MM = RING_ENVELOPE_RADIUS_MM + RING_CLEARANCE_MM + BORE_INSET_MM + SCREW_INSET_MM  # 48.74
 
-CAMERA_HEIGHT_MM = 17.0  # E: entrance pupil above the mating plane; puts the view's rim where the photos show it
+# The camera stack: base, camera part, renderer and calibration all take the pupil from these two lines (docs/base.md).
+CAMERA_SEAT_Z_MM = -1.0  # M: back of the camera's board, on the base's four corner posts
+CAMERA_STACK_MM = 18.0  # derived: from the board's back to the entrance pupil; no data sheet states it
+CAMERA_HEIGHT_MM = CAMERA_SEAT_Z_MM + CAMERA_STACK_MM  # 17: puts the view's rim where the photos show it
 FLANGE_THICKNESS_MM = 6.0  # E: 2.2 TPU under the nut, 2.0 nut pocket, 1.8 roof
 INTERLOCK_DEPTH_MM = 25.0  # P, GEO25
 

@@ -27,9 +27,15 @@ SILICONE_USD_KG = 40.0  # E: Smooth-Sil 950, small kit
 
 def all_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
     """Every screw joint of endcap and mold, as the parts return them."""
-    from cad import base, hanger, mold_cup
+    from cad import arm_adapter, base, hanger, mold_cup
 
-    return (*base.screw_joints(layout.params), *hanger.screw_joints(layout), *mold_cup.screw_joints(layout))
+    params = layout.params
+    return (
+        *base.screw_joints(params),
+        *arm_adapter.screw_joints(params),
+        *hanger.screw_joints(layout),
+        *mold_cup.screw_joints(layout),
+    )
 
 
 def fit_joints(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[ScrewFit]:
@@ -77,7 +83,8 @@ def bom_checks(
     screws = sum(line.quantity for line in lines if line.owner == "screws")
     nuts = sum(line.quantity for line in lines if line.owner == "nuts")
     wanted = sum(len(joint.places) for joint in joints)
-    held = sum(len(joint.places) for joint in joints if joint.holder != "plastic" and joint.owner != "hanger")
+    with_nut = ("captured nut", "loose nut")
+    held = sum(len(joint.places) for joint in joints if joint.holder in with_nut and joint.owner != "hanger")
     return [
         *(check for fit in fits for check in fit.checks),
         Check("bom.parts_without_line", len(missing), high=0),
@@ -120,6 +127,11 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
         BomLine("M3 square nut DIN 562", captured, "pc", "nuts", "captured in the interface", 0.05 * captured, "S")
     )
     lines.append(BomLine("M4 hexagon nut ISO 4032", count, "pc", "nuts", "closes the mold", 0.05 * count, "S"))
+    small = sum(f.joint.washers * len(f.joint.places) for f in fits if f.joint.holder == "captured nut")
+    if small:
+        lines.append(
+            BomLine("M3 washer ISO 7092 (small)", small, "pc", "washers", "base to interface", 0.02 * small, "S")
+        )
     washers = sum(2 * f.joint.washers * len(f.joint.places) for f in loose)
     lines.append(BomLine("M4 washer ISO 7089", washers, "pc", "washers", "closes the mold", 0.02 * washers, "S"))
     return lines

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import FileError
+from fab.exports.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
 
 EXPORTS = Path(__file__).resolve().parent.parent / "exports"
@@ -39,6 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         return 0
     count = remove_made(options.exports)
+    Cache().clear()
     print(f"make clean: {count} files removed from {options.exports}")
     _print_staying(options.exports, "to delete these too: make clean-all SURE=yes")
     return 0

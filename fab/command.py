@@ -23,7 +23,9 @@ from fab.checks.check import ChecksFailedError
 from fab.exports.whole_folder import ENDING_SIGNALS
 from fab.variant import Variant
 
-EXPORTS = str(Path(__file__).resolve().parent.parent / "exports")
+_ROOT = Path(__file__).resolve().parent.parent
+# In a checkout its own folder; where the wheel is installed, one in the current folder.
+EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 FROM_MAKE = "--make-variables"  # the Makefile's way to hand over its variables as they were typed
 MAKES_OWN = ("PYTHON", "VENV")  # variables of the Makefile itself
 DESIGN_DEFAULTS = {"D": "130", "T": "8"}

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import trimesh
 
+from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.camera import camera_part
 from cad.hanger import hanger_part
@@ -23,14 +24,13 @@ from cad.params import EndcapParams
 from cad.part import Part
 from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
-from fab.checks.self_intersections import self_intersections
-from fab.meshing.gyroid import InterfaceMesh, interface_mesh, volume_above
-from fab.meshing.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
+from fab.meshing.gyroid import InterfaceMesh, interface_mesh, joint_band_mm, volume_above
+from fab.meshing.mesh import TOLERANCE_MM, from_manifold, to_manifold
+from fab.meshing.parts import PartMeshes
+from fab.meshing.repair import without_crossings
 
 Progress = Callable[[str], None]
-PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera")  # what the robot carries
-FINER_MESHES = 6
-FINER_RATIO = 0.7
+PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera", "arm_adapter")  # what the robot carries
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
     progress("shell")
     parts.append(shell_part(layout, core))
     progress("interface, base, hardware")
-    makers = (build_interface, base_part, ring_spacer_part, led_ring_part, camera_part)
+    makers = (build_interface, base_part, ring_spacer_part, adapter_part, led_ring_part, camera_part)
     parts.extend(make(layout.params) for make in makers)
     return {part.name: part for part in parts}
 
@@ -89,26 +89,14 @@ def build_design(
     pending = workers.submit(interface_mesh, layout.params)
     parts = build_solids(layout, progress)
     progress("meshes")
-    meshes = {name: _mesh(part, tolerance_mm) for name, part in parts.items() if name != "interface"}
+    maker = PartMeshes(tolerance_mm)
+    meshes = {name: maker.of(part) for name, part in parts.items() if name != "interface"}
     progress("gyroid")
     gyroid = pending.result()
     meshes["interface"] = gyroid.mesh
-    meshes["shell"] = from_manifold(to_manifold(meshes["shell"]) - to_manifold(gyroid.mesh))
+    imprinted = from_manifold(to_manifold(meshes["shell"]) - to_manifold(gyroid.mesh))
+    meshes["shell"] = without_crossings(imprinted, joint_band_mm(layout.params.flange_thickness_mm))
     return Design(layout, parts, {name: meshes[name] for name in parts}, gyroid)
-
-
-def _mesh(part: Part, tolerance_mm: float) -> trimesh.Trimesh:
-    """Mesh of a part; pieces of the core finer where facets cross.
-
-    Where the foot of a bump only just meets a joint's wall, the two fans of slivers may cut each other at one tolerance
-    and not at another. What still crosses at the finest is for the gates to refuse.
-    """
-    mesh = tessellate(part.solid, tolerance_mm)
-    for attempt in range(1, FINER_MESHES):
-        if not part.name.startswith("core_") or self_intersections(mesh) == 0:
-            break
-        mesh = tessellate(part.solid, tolerance_mm * FINER_RATIO**attempt)
-    return mesh
 
 
 def mesh_volume_mm3(design: Design, name: str) -> float:

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.exports.cache import Cache
 from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
 from fab.variant import Variant
@@ -26,9 +27,11 @@ HELP = """\
 options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
   T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
-  joint_clearance=0.15   gap of the printed joints, mm a side (0.05 to 0.30): the best step of the fit coupon
+  joint_clearance=0.15   gap of the printed joints, mm a side: the best step of the fit coupon
+                   (0.05 to about 0.21; the widest, by the leak, depends on the size and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
   exports=DIR      folder that receives D130_T8/ (default: exports/)
+  cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept
 
 Give D and T together. Another clearance or silicone has a folder of its own (D130_T8_c0.2, D130_T8_Dragon-Skin-30).
 The files appear all together, after every check has passed, or not at all; a later run replaces the files that
@@ -42,25 +45,52 @@ def main(argv: Sequence[str] | None = None) -> int:
     low, high = diameter_range_mm()
     command = Command(
         "make molds",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR]",
+        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR] [cache=no]",
         "Make the mold, the TPU interface, the base and the assembly of one endcap.",
         HELP.format(low=low, high=high, materials=", ".join(silicones())),
-        VARIANT_DEFAULTS,
+        {**VARIANT_DEFAULTS, "cache": "yes"},
     )
     return command.run(argv, _act)
 
 
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant, exports = parse_variant(options), Path(options["exports"])
+    if options["cache"] not in ("yes", "no"):
+        raise ParameterError(f"cache={options['cache']} is neither yes nor no", name="cache")
     require_writable(exports)
     with Progress() as progress, whole_folder(exports / variant.label, RECORD) as folder:
-        load_libraries(progress)
-        interrupts.raise_swallowed()
-        # Forked once the libraries are loaded, so that no worker loads them again, and before one starts a thread.
-        with worker_pool(WORKERS) as workers:
-            summary = make_molds(variant, folder, workers, progress)
-    print(f"{exports / variant.label}: {summary}, {progress.seconds:.0f} s")
+        summary = cached_molds(variant, folder, interrupts, progress, options["cache"] == "yes")
+    print(f"{exports / variant.label}: {summary}, {progress.seconds:.1f} s")
     return 0
+
+
+def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progress: Progress, use_cache: bool) -> str:
+    """Take a variant out of the cache, where nothing that it depends on has changed, or make it.
+
+    Args:
+        variant: the two numbers, the joint clearance and the silicone.
+        folder: empty; receives every file.
+        interrupts: what has been heard of signals.
+        progress: called with the name of each step as it begins.
+        use_cache: whether the cache is read and written.
+
+    Returns:
+        What was made, in words.
+    """
+    cache = Cache()
+    key = cache.key("molds", variant.identity)
+    progress("cache")
+    if use_cache and (values := cache.restore(key, folder)):
+        return f"{values['summary']} (unchanged, from the cache)"
+    load_libraries(progress)
+    interrupts.raise_swallowed()
+    # Forked once the libraries are loaded, so that no worker loads them again, and before one starts a thread.
+    with worker_pool(WORKERS) as workers:
+        summary = make_molds(variant, folder, workers, progress)
+    if use_cache:
+        progress("cache")
+        cache.store(key, folder, sorted(path.name for path in folder.iterdir()), {"summary": summary})
+    return summary
 
 
 def load_libraries(progress: Progress) -> None:

@@ -6,6 +6,7 @@ The volume is that of the shell's mesh: the body as cast, dents and gyroid taken
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -13,8 +14,11 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.materials import DEFAULT_SILICONE, Silicone, silicone
+from cad.mold_layout import MoldLayout
+from fab.checks.check import Check
 
-SURPLUS = 0.15  # E: what stays in the cup, on the stick, in the dam's gap and the ten wells
+SURPLUS = 0.15  # E: what stays in the cup and on the stick; not poured
+HAND_G = 1.0  # E: a hand stops a thin stream to this, with the cup on the scale
 SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
 LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
 HIGH_MASS_RATIO = 1.03  # E: above it the mold leaked or was not closed
@@ -42,6 +46,7 @@ class Recipe:
         silicone: row of the table.
         cast_volume_mm3: of the finished shell.
         surplus: share mixed over it.
+        overflow_mm3: what vents, wells and the dam's gap take beyond the cast.
         part_a_g, part_b_g: to weigh, rounded up to a tenth of a gram.
         expected_g: mass of the cast, TPU not counted.
         lightest_g, heaviest_g: outside them the cast is not sound.
@@ -52,6 +57,7 @@ class Recipe:
     silicone: Silicone
     cast_volume_mm3: float
     surplus: float
+    overflow_mm3: float
     part_a_g: float
     part_b_g: float
     expected_g: float
@@ -59,6 +65,16 @@ class Recipe:
     heaviest_g: float
     air_mm3_per_g: float
     timeline: tuple[TimelineStep, ...]
+
+    @property
+    def spilled_mm3(self) -> float:
+        """What is poured beyond the cast: half of the overflow; a gram either way fills the mold and spills nothing."""
+        return self.overflow_mm3 / 2
+
+    @property
+    def poured_g(self) -> float:
+        """Mass to pour into the bowl."""
+        return self.expected_g + self.spilled_mm3 * self.silicone.density_g_cm3 / 1000
 
     @property
     def pot_life_to_spare_min(self) -> float:
@@ -73,16 +89,20 @@ class Recipe:
     def record(self) -> dict[str, Any]:
         """The recipe as JSON."""
         record = {key: value for key, value in asdict(self).items() if key not in ("silicone", "timeline")}
+        record |= {"poured_g": self.poured_g, "spilled_mm3": self.spilled_mm3}
         rounded = {key: round(value, 3) for key, value in record.items()}
         steps = [asdict(step) for step in self.timeline]
         return {"material": self.silicone.name, "mix_ratio": self.silicone.mix_ratio, **rounded, "timeline": steps}
 
 
-def recipe(cast_volume_mm3: float, material: str = DEFAULT_SILICONE, surplus: float = SURPLUS) -> Recipe:
+def recipe(
+    cast_volume_mm3: float, overflow_mm3: float, material: str = DEFAULT_SILICONE, surplus: float = SURPLUS
+) -> Recipe:
     """Recipe for one cast.
 
     Args:
         cast_volume_mm3: volume of the shell's mesh.
+        overflow_mm3: what the mold takes beyond the cast (:func:`overflow_mm3`).
         material: a name in ``cad/materials.csv``.
         surplus: share mixed over the cast's own mass.
 
@@ -109,6 +129,7 @@ def recipe(cast_volume_mm3: float, material: str = DEFAULT_SILICONE, surplus: fl
         row,
         cast_volume_mm3,
         surplus,
+        overflow_mm3,
         _up(total * part_a / (part_a + part_b)),
         _up(total * part_b / (part_a + part_b)),
         expected,
@@ -117,6 +138,26 @@ def recipe(cast_volume_mm3: float, material: str = DEFAULT_SILICONE, surplus: fl
         1000 / row.density_g_cm3,
         tuple(steps),
     )
+
+
+def overflow_mm3(layout: MoldLayout) -> float:
+    """Room for silicone beyond the cast: vents and wells of the hanger, and the gap between dam and piston."""
+    from cad.hanger import VENT_RADIUS_MM, WELL_DEPTH_MM, WELL_RADIUS_MM
+
+    vents = math.pi * VENT_RADIUS_MM**2 * (layout.hanger_thickness_mm - WELL_DEPTH_MM)
+    wells = math.pi * WELL_RADIUS_MM**2 * WELL_DEPTH_MM
+    inner, outer = layout.piston_radius_mm, layout.piston_radius_mm + layout.joint_clearance_mm
+    gap = math.pi * (outer**2 - inner**2) * (layout.seam_height_mm - layout.dam_top_mm)
+    return len(layout.vent_azimuths_deg) * (vents + wells) + gap
+
+
+def overflow_checks(mix: Recipe) -> list[Check]:
+    """The pour fills the mold, and what is beyond it has its place, a gram of the hand's error either way."""
+    hand = HAND_G * mix.air_mm3_per_g
+    return [
+        Check("recipe.overflow_spare_mm3", mix.overflow_mm3 - mix.spilled_mm3 - hand, low=0.0),
+        Check("recipe.least_beyond_cast_mm3", mix.spilled_mm3 - hand, low=0.0),
+    ]
 
 
 def mix_parts(row: Silicone) -> tuple[float, float]:

@@ -43,6 +43,15 @@ class Variant:
         return "_".join(parts)
 
     @property
+    def identity(self) -> dict[str, float | str]:
+        """Everything that makes this variant what it is, for digests."""
+        return {
+            "design": self.params.digest,
+            "joint_clearance_mm": self.layout.joint_clearance_mm,
+            "silicone": self.silicone,
+        }
+
+    @property
     def words(self) -> str:
         """The options that name this variant on a command line."""
         words = [f"D={plain(self.params.diameter_mm)}", f"T={plain(self.params.wall_mm)}"]

@@ -105,8 +105,8 @@ def evaluate(
         test = read_views([folder], released, markers=False, shape=model.shape)
         _refuse_leaks(model, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
-        tables |= {f"{name}, {Path(folder).name}": cells(told) for name, told in ours.items()}
-        answers: dict[str, Answer] = {name: _answer(told) for name, told in ours.items()}
+        tables |= {f"{name}, {Path(folder).name}": cells(given) for name, given in ours.items()}
+        answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
         answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
         found |= _scores(answers, test, Path(folder).name)
         if np.isin(test.dots.phase, MOVING).any():

@@ -17,11 +17,12 @@ def released_mold():
     from cad.mold_cup import cup_parts
     from cad.mold_layout import MoldLayout
     from cad.params import EndcapParams
-    from fab.meshing.mesh import tessellate
+    from fab.meshing.parts import PartMeshes
 
     layout = MoldLayout(EndcapParams(130.0, 8.0))
     made = [*core_parts(layout, core_body(layout)), *cup_parts(layout)]
-    return layout, {part.name: part for part in made}, {part.name: tessellate(part.solid) for part in made}
+    meshes = PartMeshes()
+    return layout, {part.name: part for part in made}, {part.name: meshes.of(part) for part in made}
 
 
 @pytest.fixture

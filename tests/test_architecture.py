@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 BOTTOM = {f"cad.{name}" for name in ("errors", "extras", "plain_numbers", "scaling", "feasible", "params", "dots")}
 PLAIN = BOTTOM | {
-    f"cad.{name}" for name in ("bought", "led_parts", "led_placement", "mold_layout", "part")
+    f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part")
 }  # standard library only, too
 RECORDS = {"cad.materials"}  # what sensing may take from cad besides the bottom layer
 SHARED = {
@@ -59,7 +59,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     },
 }
 SHARED_WITH_SIMULATOR = {"sensing.records", "sensing.records_labelled"}  # besides the package camera
-PACKAGES = ("cad", "fab", "sensing")
+PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
 KERNEL = ("OCP", "build123d", "cadquery")
 

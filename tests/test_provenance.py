@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "docs" / "provenance.md"
 FAMILIES = "GEO|CAM|MAT|LED|NET|GYR|BND"
 ID = re.compile(rf"\b(?:{FAMILIES})\d\d\b")
-PLACES = ("cad", "fab", "sensing", "tests", "bench", "scripts", "docs", "README.md", "CHANGELOG.md")
+PLACES = ("cad", "endcap", "fab", "sensing", "tests", "bench", "scripts", "docs", "README.md", "CHANGELOG.md")
 SUFFIXES = {".py", ".md", ".csv", ".js", ".html", ".toml", ".sh"}
 RELEASED = EndcapParams(130.0, 8.0)
 
@@ -174,8 +174,7 @@ def test_values_of_the_released_network():
 
 
 def test_values_of_fabrication():
-    from fab.cavity import VISCOSITY_PA_S
-
+    from cad.leak import VISCOSITY_PA_S
     from fab.led_ring.budget import LED_A, RING_A
     from fab.slice import settings
 

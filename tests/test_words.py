@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 GLOSSARY = ROOT / "docs" / "glossary.md"
 ALLOWED = Path(__file__).with_name("old_words_allowed.txt")
-FOLDERS = ("cad", "fab", "sensing", "tests", "bench", "scripts", "docs")
+FOLDERS = ("cad", "endcap", "fab", "sensing", "tests", "bench", "scripts", "docs")
 FILES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "Makefile", "pyproject.toml")
 SUFFIXES = {".py", ".md", ".js", ".html", ".css", ".sh", ".csv", ".toml", ".ipynb"}
 EXCEPT = {GLOSSARY, Path(__file__).resolve()}  # the two that must name the old words

@@ -83,7 +83,7 @@ def make_sheet(variant: Variant, exports: Path) -> int:
         write_pdf(document, folder / "build_sheet.pdf")
         (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
         write_record(folder, RECORD, own)
-    note = "" if sliced else " (without print times: run make slice)"
+    note = "" if sliced else f" (without print times: run make slice {variant.words})"
     print(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
 
@@ -113,33 +113,38 @@ def _collect(
     export: Export, sliced: dict[str, Any] | None, folder: Path, progress: Progress
 ) -> tuple[SheetData, dict[str, Any]]:
     """Measure, gate and draw; returns the sheet's data and its own record."""
+    from cad.mold_core import REMOVAL_ORDER
     from fab.bom import all_joints, bom_checks, bom_lines
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import draw_ring_light, ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
     from fab.checks.check import Check
-    from fab.recipe import recipe, shell_volume_mm3
+    from fab.checks.extraction import core_path
+    from fab.recipe import overflow_checks, overflow_mm3, recipe, shell_volume_mm3
+    from fab.steps.endcap import all_steps
 
     progress("parts and screws")
     shop = open_workshop(export)
-    mix = recipe(shell_volume_mm3(export.manifest), export.variant.silicone)
+    mix = recipe(shell_volume_mm3(export.manifest), overflow_mm3(shop.layout), export.variant.silicone)
     lines = bom_lines(export.manifest, shop.fits, mix, sliced)
-    poured = mix.cast_volume_mm3 * (1 + mix.surplus)
-    depth = fill_depth_mm(shop.layout, poured)
+    depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.spilled_mm3)
+    ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
+    steps = all_steps(shop.layout, ways)
     checks = [
         *bom_checks(export.manifest, all_joints(shop.layout), shop.fits, lines),
         Check("recipe.pot_life_to_spare_min", mix.pot_life_to_spare_min, low=0.0),
         Check("recipe.poured_below_seam_mm", depth, low=0.0),
+        *overflow_checks(mix),
         *ring_checks(export.params),
     ]
     require_passed(checks, f"at {export.variant.label}")
-    pictures = step_pictures(shop, depth, folder, progress)
+    pictures = step_pictures(shop, steps, depth, folder, progress)
     pictures |= {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
     pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
     pictures["ring_light"] = draw_ring_light(export.params, folder)
     records = [check.record(FIGURES) for check in checks]
     every = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
-    data = SheetData(shop.layout, export.manifest, sliced, mix, shop.fits, lines, every, depth, pictures)
+    data = SheetData(shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures)
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
 
 
@@ -165,10 +170,11 @@ def open_workshop(export: Export) -> Workshop:
 
 def part_colors(export: Export) -> dict[str, tuple[float, float, float]]:
     """The parts' own colours, as in the assembly."""
-    from cad import hanger, interface, mold_core, mold_cup, shell
+    from cad import arm_adapter, hanger, interface, mold_core, mold_cup, shell
 
     stems = {"cup_": mold_cup.COLOR, "core_": mold_core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}
     stems |= {"shell": shell.COLOR, "base": (0.30, 0.33, 0.38), "ring_spacer": (0.96, 0.84, 0.36)}
+    stems["arm_adapter"] = arm_adapter.COLOR
     names = [part["name"] for part in export.manifest["parts"] if part["role"] != "bought"]
     return {name: next((c for stem, c in stems.items() if name.startswith(stem)), (0.7, 0.7, 0.7)) for name in names}
 

@@ -9,6 +9,7 @@ from typing import Any
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
+from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling, light_check, painting
 from fab.build_sheet.lighting import led_ring
@@ -81,7 +82,8 @@ def _bill(data: SheetData) -> list[Block]:
 def _prints(data: SheetData) -> list[Block]:
     title = Heading("Print", 1)
     if data.sliced is None:
-        return [title, Paragraph("Not sliced yet: run make slice with the same numbers, then make sheet again.")]
+        first, second = (make_command(target, data) for target in ("slice", "sheet"))
+        return [title, Paragraph(f"Not sliced yet: run {first}, then {second} again.")]
     projects = data.sliced["projects"]
     return [
         title,

@@ -11,6 +11,7 @@ from cad.fasteners import BomLine
 from cad.mold_layout import MoldLayout
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import Recipe
+from fab.steps.record import Step
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class SheetData:
         sliced: ``slice.json``, or ``None``.
         recipe: of the cast.
         fits: screws.
+        steps: of the whole work, in order.
         lines: bill of materials.
         checks: gates of manifest, slices and sheet, as records ``name, value, limit, ok``.
         fill_depth_mm: how far below the bowl's seam the poured silicone stands.
@@ -34,6 +36,7 @@ class SheetData:
     sliced: Mapping[str, Any] | None
     recipe: Recipe
     fits: Sequence[ScrewFit]
+    steps: Sequence[Step]
     lines: Sequence[BomLine]
     checks: Sequence[Mapping[str, Any]]
     fill_depth_mm: float

@@ -5,9 +5,10 @@ from __future__ import annotations
 from cad.dots import dot_pattern, ring_count
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
+from fab.build_sheet.commands import program_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import DISC_PX, FRAME_PX, SQUARE_PX, camera_pixels, dots_in, first_light, gores, ruler
-from fab.build_sheet.steps import screws, steps
+from fab.build_sheet.steps import stage_blocks, steps
 
 
 def painting(data: SheetData) -> list[Block]:
@@ -50,18 +51,7 @@ def assembling(data: SheetData) -> list[Block]:
     """Camera, ring, base; every screw as measured."""
     return [
         Heading("Assemble", 1),
-        *steps(data, "A", [
-            ("Camera into the base",
-             ("Cable through the slot first. Board into its pocket, lens up.",
-              f"{screws(data, 'camera_to_base')} into the plastic; stop when they bear."), "camera"),
-            ("Spacer and LED ring",
-             ("A drop of glue at two places of the recess, spacer in, notch over the cable's side.",
-              "Ring on the spacer, plug in the notch; its wires leave beside the camera's."), "ring"),
-            ("Base to endcap",
-             ("Base under the interface; the ring goes through the bore. Turn until the holes meet the nuts.",
-              f"{screws(data, 'base_to_interface')} from below, crosswise, until the heads bear.",
-              "Other silicones and walls of the same D fit the same base."), "base"),
-        ]),
+        *stage_blocks(data, "A", ("assemble",)),
         Heading("Screws, as measured on the parts"),
         Table(
             ("joint", "screw", "grip", "held by the shortest", "wanted", "room before the tip"),
@@ -78,7 +68,8 @@ def assembling(data: SheetData) -> list[Block]:
 
 def light_check(data: SheetData) -> list[Block]:
     """What the first frame should show."""
-    pixels = camera_pixels(data.layout.params)
+    params = data.layout.params
+    pixels = camera_pixels(params)
     frame, square = dots_in(pixels, *FRAME_PX), dots_in(pixels, SQUARE_PX, SQUARE_PX)
     return [
         Heading("First light", 1),
@@ -104,8 +95,10 @@ def light_check(data: SheetData) -> list[Block]:
             (1.4, 2.2, 2),
         ),
         Paragraph(
-            "Then save the frame as a.jpg and run: python -m sensing.calibrate --photo a.jpg --out camera.json "
-            "--picture "
-            "fit.png. Its fit shows the same dots with circles on them."
+            "Then save the frame as a.jpg in the toolkit's folder, open a terminal there, and run: "
+            + program_command(
+                "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
+            )
+            + " (after `make setup`). fit.png shows the same dots with circles on them."
         ),
     ]  # fmt: skip

@@ -7,6 +7,7 @@ from pathlib import Path
 from cad.led_placement import LED_COUNT, LED_RANGE
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Table
+from fab.build_sheet.commands import ring_command
 from fab.checks.check import Check
 from fab.led_ring.budget import RING_A, driver_checks, warmest_room_c
 from fab.led_ring.driver import fitted_driver
@@ -37,7 +38,7 @@ def led_ring(params: EndcapParams, picture: Path) -> list[Block]:
     return [
         Heading("LED ring", 1),
         Paragraph(
-            f"make ring D={params.diameter_mm:g} T={params.wall_mm:g} writes the board's files (Gerber, drills, bill, "
+            f"{ring_command(params)} writes the board's files (Gerber, drills, bill, "
             f"placement) and its own checks. With {LED_COUNT} LEDs and R_set = {driver.r_set_ohm:g} ohm it draws "
             f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V (at most {1e3 * RING_A:.0f}), efficiency "
             f"{100 * driver.efficiency:.0f} %. A spacer of PLA keeps its shape in rooms up to "

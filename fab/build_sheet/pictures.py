@@ -16,12 +16,12 @@ import trimesh
 from cad.bought import bought_mm
 from cad.dots import DOT_RADIUS_MM, dot_pattern, dot_position_mm
 from cad.fasteners import ScrewJoint
-from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
-from fab.checks.extraction import core_path
+from fab.checks.extraction import Leg
 from fab.checks.screw_fit import ScrewFit
 from fab.meshing.mesh import from_manifold, joined, to_manifold
 from fab.pictures.canvas import Canvas, Frame, Surface, View
+from fab.steps.record import Step
 
 WIDTH_PX, HEIGHT_PX = 900, 640
 THUMB_PX = 240
@@ -33,6 +33,14 @@ UP_LOW = View.looking_from((0.50, -0.85, 0.30), up=(0.0, 0.0, 1.0))
 DOME_DOWN = View.looking_from((0.55, -0.80, -0.62), up=(0.0, 0.0, -1.0))
 DOME_DOWN_LOW = View.looking_from((0.50, -0.85, -0.30), up=(0.0, 0.0, -1.0))
 INTO_DOME = View.looking_from((0.25, -0.45, -0.90), up=(0.0, 0.0, -1.0))
+LOOKS = {
+    "from above": UP,
+    "from the side": UP_LOW,
+    "dome down": DOME_DOWN,
+    "dome down, from the side": DOME_DOWN_LOW,
+    "into the dome": INTO_DOME,
+}
+SCREW_BACK_MM = 22.0  # screws are drawn this far before their place
 
 
 @dataclass(frozen=True)
@@ -63,20 +71,6 @@ class Workshop:
     def part(self, name: str, *shift: float) -> Thing:
         """A part, displaced."""
         return Thing(self.meshes[name], self.colors[name], (shift[0], shift[1], shift[2]) if shift else (0.0, 0.0, 0.0))
-
-    def named(self, prefix: str, *shift: float) -> list[Thing]:
-        """All parts whose names begin so."""
-        return [self.part(name, *shift) for name in self.meshes if name.startswith(prefix)]
-
-    def apart(self, prefix: str, radial: float, lift: float = 0.0) -> list[Thing]:
-        """Parts pulled away from the axis, each in its own direction."""
-        things = []
-        for name in self.meshes:
-            if name.startswith(prefix):
-                x, y, _ = self.meshes[name].center_mass
-                reach = math.hypot(x, y) or 1.0
-                things.append(self.part(name, radial * x / reach, radial * y / reach, lift))
-        return things
 
     def screws(self, prefix: str, back_mm: float = 0.0, lift: float = 0.0) -> list[Thing]:
         """The screws of joints whose names begin so, drawn back along their axes."""
@@ -178,120 +172,70 @@ def halved(things: Sequence[Thing]) -> list[Thing]:
     return halves
 
 
-def step_pictures(shop: Workshop, depth_mm: float, folder: Path, progress: Callable[[str], None]) -> dict[str, Path]:
-    """Every step's picture, name -> file.
+def step_pictures(
+    shop: Workshop, steps: Sequence[Step], depth_mm: float, folder: Path, progress: Callable[[str], None]
+) -> dict[str, Path]:
+    """Every step's picture, key -> file, from the same records as its sweep and its words.
 
     Args:
         shop: what can be drawn.
+        steps: of the whole work.
         depth_mm: how far below the seam the poured silicone stands.
-        folder: receives ``<name>.jpg``.
+        folder: receives ``<key>.jpg``.
         progress: called with the name of each picture as it begins.
     """
     pictures = {}
-    for name, (view, things) in {**_casting(shop, depth_mm), **_demolding(shop), **_assembling(shop)}.items():
-        progress(f"picture: {name}")
-        pictures[name] = draw(things(), view, folder / f"{name}.jpg")
+    for step in steps:
+        things = step_things(shop, step, depth_mm)
+        if things:
+            progress(f"picture: {step.key}")
+            pictures[step.key] = draw(things, LOOKS[step.look], folder / f"{step.key}.jpg")
+    dots = [shop.part("shell"), shop.part("interface"), Thing(dots_mesh(shop.layout), INK)]
+    pictures["dots"] = draw(dots, LOOKS["into the dome"], folder / "dots.jpg")
     return pictures
+
+
+def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
+    """What a step's picture shows: parts in place, parts on their way, screws drawn back, and extras."""
+    things = [*_drawn(shop, step, step.in_place, np.zeros(3))]
+    shifts = [np.zeros(3)]
+    for number, move in enumerate(step.moves):
+        order = number + 1 if step.enters else len(step.moves) - number
+        shift = place_on_way(move.way_out, step.drawn_mm * order / len(step.moves))
+        shifts.append(shift)
+        things += _drawn(shop, step, move.parts, shift)
+    owner = shifts[-1] if not step.enters and any("hanger" in move.parts for move in step.moves) else np.zeros(3)
+    if "camera" in {name for move in step.moves for name in move.parts}:
+        owner = shifts[-1]
+    if {"base"} & {name for move in step.moves for name in move.parts}:
+        owner = shifts[-1]
+    for joint in step.screws:
+        things += shop.screws(joint, SCREW_BACK_MM, owner[2])
+    if "nuts" in step.extras:
+        things.append(Thing(nuts_mesh(shop.layout, 16.0), STEEL))
+    if "silicone" in step.extras:
+        things.append(Thing(poured_mesh(shop.layout, depth_mm), LIQUID))
+    return things
+
+
+def place_on_way(legs: Sequence[Leg], travel_mm: float) -> np.ndarray:
+    """Displacement (3,) after some travel along a way; with several legs, at least to the start of the last."""
+    corner = np.zeros(3)
+    for leg in legs[:-1]:
+        corner = corner + leg.length_mm * np.array(leg.direction)
+    return corner + min(travel_mm, legs[-1].length_mm) * np.array(legs[-1].direction)
+
+
+def _drawn(shop: Workshop, step: Step, names: Sequence[str], shift: np.ndarray) -> list[Thing]:
+    """Parts as the step's picture has them: whole, or cut in half."""
+    things = [shop.part(name, *shift.tolist()) for name in names]
+    return [
+        thing
+        for name, whole in zip(names, things, strict=True)
+        for thing in (halved([whole]) if name in step.cut else [whole])
+    ]
 
 
 def thumbnails(shop: Workshop, folder: Path) -> dict[str, Path]:
     """A small picture of every part."""
     return {name: draw([shop.part(name)], UP, folder / f"thumb_{name}.jpg", THUMB_PX, THUMB_PX) for name in shop.meshes}
-
-
-Scenes = dict[str, tuple[View, Callable[[], list[Thing]]]]
-
-
-def _upper_half(shop: Workshop, lift: float = 0.0) -> list[Thing]:
-    """Hanger, interface, core and collar, as one."""
-    names = ("hanger", "interface", "core_", "cup_collar")
-    return [thing for name in names for thing in shop.named(name, 0.0, 0.0, lift)]
-
-
-def _casting(shop: Workshop, depth_mm: float) -> Scenes:
-    layout = shop.layout
-    tall = layout.params.tip_height_mm
-    core = [name for name in REMOVAL_ORDER]
-    return {
-        "nuts": (UP, lambda: [shop.part("interface"), Thing(nuts_mesh(layout, 16.0), STEEL)]),
-        "core": (UP_LOW, lambda: [
-            shop.part("core_centre"), *shop.apart("core_wide", 55.0), *shop.apart("core_key", 18.0, 0.75 * tall)
-        ]),
-        "interface_on_hanger": (UP_LOW, lambda: [
-            shop.part("hanger"), shop.part("interface", 0, 0, 30.0), *shop.screws("hanger_to_interface", 22.0)
-        ]),
-        "core_on_hanger": (UP_LOW, lambda: [
-            shop.part("hanger"), shop.part("interface"), *(shop.part(name, 0, 0, 0.75 * tall) for name in core),
-            *shop.screws("hanger_to_core", 22.0),
-        ]),
-        "core_inside": (DOME_DOWN, lambda: [
-            *halved([shop.part("interface")]), *_core_state(shop, 1)
-        ]),
-        "core_held": (UP_LOW, lambda: [
-            shop.part("hanger"), shop.part("interface"), *shop.named("core_"), *shop.screws("hanger_to_core", 22.0)
-        ]),
-        "collar": (UP_LOW, lambda: [
-            shop.part("hanger"), shop.part("interface"), *shop.named("core_"), *shop.apart("cup_collar", 45.0, 12.0),
-            *shop.screws("hanger_to_cup", 22.0),
-        ]),
-        "bowl": (DOME_DOWN, lambda: shop.apart("cup_bowl", 35.0)),
-        "pour": (DOME_DOWN, lambda: [*shop.named("cup_bowl"), Thing(poured_mesh(layout, depth_mm), LIQUID)]),
-        "close": (DOME_DOWN_LOW, lambda: [*shop.named("cup_bowl"), *_upper_half(shop, -0.8 * tall)]),
-        "closed": (DOME_DOWN_LOW, lambda: halved([*shop.named("cup_"), *shop.named("core_"), shop.part("hanger"),
-                                                  shop.part("interface"), shop.part("shell")])),
-    }  # fmt: skip
-
-
-def _demolding(shop: Workshop) -> Scenes:
-    rest = ("shell", "interface")
-    return {
-        "bowl_off": (DOME_DOWN_LOW, lambda: [
-            *_upper_half(shop), shop.part("shell"), *shop.apart("cup_bowl", 40.0, 55.0),
-            *shop.screws("cup_collar", 30.0),
-        ]),
-        "hanger_off": (DOME_DOWN_LOW, lambda: [
-            *(shop.part(name) for name in rest), *shop.named("cup_collar"), *shop.named("core_"),
-            shop.part("hanger", 0, 0, -40.0), *shop.screws("hanger_to", 25.0, -40.0),
-        ]),
-        "collar_off": (DOME_DOWN_LOW, lambda: [
-            *(shop.part(name) for name in rest), *shop.named("core_"), *shop.apart("cup_collar", 25.0, -55.0)
-        ]),
-        "centre_out": (DOME_DOWN, lambda: [*_cast(shop), *_core_state(shop, 0)]),
-        "keys_out": (DOME_DOWN, lambda: [*_cast(shop), *_core_state(shop, 2)]),
-        "wides_out": (DOME_DOWN, lambda: [*_cast(shop), *_core_state(shop, 5)]),
-    }  # fmt: skip
-
-
-def _cast(shop: Workshop) -> list[Thing]:
-    return halved([shop.part("shell"), shop.part("interface")])
-
-
-def _core_state(shop: Workshop, leaving: int) -> list[Thing]:
-    """The core while one piece leaves: those before it are gone, it stands at the end of its path's last leg."""
-    things = []
-    for number, name in enumerate(REMOVAL_ORDER):
-        if number > leaving:
-            things.append(shop.part(name))
-        elif number == leaving:
-            legs = core_path(shop.layout, name, shop.meshes[name])
-            shift = sum((np.array(leg.direction) * leg.length_mm for leg in legs[:-1]), np.zeros(3))
-            shift = shift + 0.75 * legs[-1].length_mm * np.array(legs[-1].direction)
-            things.append(shop.part(name, *shift.tolist()))
-    return things
-
-
-def _assembling(shop: Workshop) -> Scenes:
-    return {
-        "dots": (INTO_DOME, lambda: [shop.part("shell"), shop.part("interface"), Thing(dots_mesh(shop.layout), INK)]),
-        "camera": (UP, lambda: [
-            shop.part("base"), shop.part("camera", 0, 0, 25.0), *shop.screws("camera_to_base", 18.0, 25.0)
-        ]),
-        "ring": (UP, lambda: [
-            shop.part("base"), shop.part("camera"), shop.part("ring_spacer", 0, 0, 22.0),
-            shop.part("led_ring", 0, 0, 40.0),
-        ]),
-        "base": (UP_LOW, lambda: [
-            shop.part("shell", 0, 0, 55.0), shop.part("interface", 0, 0, 30.0), shop.part("base"), shop.part("camera"),
-            shop.part("ring_spacer"), shop.part("led_ring"), *shop.screws("base_to_interface", 25.0),
-        ]),
-    }  # fmt: skip

@@ -1,23 +1,59 @@
-"""Numbered steps with their screws."""
+"""Numbered steps with their screws: the records of :mod:`fab.steps` as blocks of the sheet."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from fab.bom import screw_name
-from fab.build_sheet.blocks import Block, Step
+from fab.build_sheet.blocks import Block
+from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.data import SheetData
+
+BLANK = re.compile(r"\{(\w+)(?::(\w+))?\}")
+
+
+def stage_blocks(data: SheetData, letter: str, stages: Sequence[str]) -> list[Block]:
+    """Steps <letter>1, 2, ... of some stages of the work, in order."""
+    chosen = [step for step in data.steps if step.stage in stages]
+    return [
+        StepBlock(f"{letter}{number}", step.title, filled(data, step.lines), data.pictures.get(step.key))
+        for number, step in enumerate(chosen, 1)
+    ]
 
 
 def screws(data: SheetData, prefix: str) -> str:
     """Number and name of the screws of the joints whose name begins so."""
     fits = [fit for fit in data.fits if fit.joint.name.startswith(prefix)]
-    return f"{sum(len(fit.joint.places) for fit in fits)} x {screw_name(fits[0])}"
+    washers = ", each with a washer" if fits[0].joint.washers and fits[0].joint.holder == "captured nut" else ""
+    return f"{sum(len(fit.joint.places) for fit in fits)} x {screw_name(fits[0])}{washers}"
 
 
-def steps(data: SheetData, letter: str, told: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:
-    """Steps <letter>1, 2, ... from (title, lines, name of the picture or None)."""
+def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
+    """Lines with their blanks filled in: ``{screws:joint}`` and the recipe's numbers.
+
+    Raises:
+        KeyError: a blank of an unknown name.
+    """
+    recipe = data.recipe
+    values = {
+        "part_a_g": f"{recipe.part_a_g:.1f}",
+        "part_b_g": f"{recipe.part_b_g:.1f}",
+        "poured_g": f"{recipe.poured_g:.0f}",
+        "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
+        "cure_h": f"{recipe.silicone.cure_h:g}",
+        "overflow_ml": f"{recipe.overflow_mm3 / 1000:.1f}",
+    }
+
+    def fill(match: re.Match[str]) -> str:
+        return screws(data, match[2]) if match[1] == "screws" else values[match[1]]
+
+    return tuple(BLANK.sub(fill, line) for line in lines)
+
+
+def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:
+    """Steps <letter>1, 2, ... of work without parts, from (title, lines, name of the picture or None)."""
     return [
-        Step(f"{letter}{number}", title, lines, data.pictures[picture] if picture else None)
-        for number, (title, lines, picture) in enumerate(told, 1)
+        StepBlock(f"{letter}{number}", title, lines, data.pictures[picture] if picture else None)
+        for number, (title, lines, picture) in enumerate(records, 1)
     ]

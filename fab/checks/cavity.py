@@ -6,15 +6,19 @@ Millimetres, endcap frame; the mold is poured with +z down.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from heapq import heapify, heappop, heappush
 
 import manifold3d
 import numpy as np
 import trimesh
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.interface import COLLAR_CLEARANCE_MM, VENT_DIAMETER_MM, vent_azimuths_deg
+from cad.leak import LEAK_RATIO, leak_ratio
 from cad.mold_core import ramp_end
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
@@ -26,15 +30,15 @@ OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfa
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
 FACETS = 256  # on a circle: 0.01 mm of chord, well under the two lengths above
 WALL_SAMPLES = 3000
+LEVEL_DEG = 1.0  # E: a table levelled by eye
+# E: a film of less than 0.1 mm at the gyroid's foot; a hundredth of the least air that the weight of a cast shows
+FLANGE_AIR_MM3 = 15.0
+SLIT_RAYS = 2  # rays of a bundle that lie before the one that measures
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 FACING = 0.95  # cosine of a facet's normal to the radius
+TRAP_MM = 0.05  # E: a quarter of a printed layer of the TPU, whose own steps hold more air
 LEVEL_MM = 1e-3  # vertices this near in height are on one level: facets of a flat roof or a ring
-LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
-VISCOSITY_PA_S = 35.0  # S, MAT07: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
-POT_LIFE_S = 45 * 60.0  # S
-SILICONE_KG_M3 = 1240.0  # S
-GRAVITY_M_S2 = 9.81
 
 
 def balance_check(
@@ -55,21 +59,27 @@ def balance_check(
     return Check("cavity.balance_error_ratio", abs(cavity.volume() / shell_volume_mm3 - 1), high=BALANCE_RATIO)
 
 
-def cavity_body(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> manifold3d.Manifold:
-    """The space between the pieces of cup and core above the flange, with what of the joints lies next to it."""
+def cavity_body(
+    layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh], flash_mm: float = INSIDE_MM
+) -> manifold3d.Manifold:
+    """The space between the pieces of cup and core above the flange, with ``flash_mm`` of the joints next to it."""
     params = layout.params
     centre = [0.0, 0.0, params.centre_height_mm]
     ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, FACETS).translate(centre)
     space = ball.trim_by_plane([0.0, 0.0, 1.0], params.flange_thickness_mm)
     bodies = [to_manifold(mesh) for mesh in pieces.values()]
-    return manifold3d.Manifold.batch_boolean([space, *bodies, _core_filler(layout)], manifold3d.OpType.Subtract)
+    return manifold3d.Manifold.batch_boolean(
+        [space, *bodies, _core_filler(layout, flash_mm)], manifold3d.OpType.Subtract
+    )
 
 
 def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:
     """Largest deviation of the wall from T, sampled on bundles of rays from the sphere's centre.
 
-    Left out, as the wall is not T there by design: the bumps and the ramp at the rim. A joint is a slit: of seven rays
-    on a circle it lets two through at most, so the bundle's median does not see it.
+    Left out, as the wall is not T there by design: the bumps and the ramp at the rim. A joint is a slit, which lets
+    rays through: always too far into the core, and too far out of the cup. Where slits meet, and where one of the core
+    crosses one of the cup, up to four of a bundle's seven rays may pass a slit of their own side, so each side is
+    measured by itself, at its third ray: three agree on a surface that is there.
     """
     params = layout.params
     rng = np.random.default_rng(0)
@@ -86,23 +96,15 @@ def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Che
     rays = bundles.reshape(-1, 3)
     core = _radii(_joined(pieces, "core_"), origin, rays, np.fmax, 0.0)
     cup = _radii(_joined(pieces, "cup_"), origin, rays, np.fmin, np.inf)
-    walls = np.median((cup - core).reshape(bundles.shape[:2]), axis=1)
+    inner = np.sort(core.reshape(bundles.shape[:2]), axis=1)[:, -1 - SLIT_RAYS]
+    walls = np.sort(cup.reshape(bundles.shape[:2]), axis=1)[:, SLIT_RAYS] - inner
     return Check("cavity.wall_error_mm", float(np.abs(walls - params.wall_mm).max()), high=WALL_ERROR_MM)
 
 
 def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
-    """Share of the pour that could creep through the bowl's joints before it sets.
-
-    Notes:
-        Flow between parallel plates, q = g^3 dp / (12 mu l) for each length of joint (Batchelor, An Introduction to
-        Fluid Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone.
-    """
-    params = layout.params
-    gap, path = layout.joint_clearance_mm * 1e-3, layout.bowl_wall_mm * 1e-3
-    head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
-    joints = len(layout.bowl_seams_deg) * np.pi / 2 * params.outer_radius_mm * 1e-3
-    flow_m3_s = gap**3 * head / (12 * VISCOSITY_PA_S * path) * joints
-    return Check("cavity.leak_ratio", float(flow_m3_s * POT_LIFE_S * 1e9 / shell_volume_mm3), high=LEAK_RATIO)
+    """Share of the pour that could creep through the bowl's joints before it sets (:mod:`cad.leak`)."""
+    ratio = leak_ratio(layout.params, layout.joint_clearance_mm, layout.bowl_wall_mm, shell_volume_mm3)
+    return Check("cavity.leak_ratio", ratio, high=LEAK_RATIO)
 
 
 def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
@@ -110,7 +112,8 @@ def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
 
     Poured with +z down, air moves to lower z. A vertex of the cast, or a patch of vertices on one level (a flat roof, a
     ring), whose neighbours all lie deeper, and above which (outside the cast) is mold, holds air, unless it is on the
-    flange's level, where the vents are.
+    flange's level, where the vents are. A hollow that spills within :data:`TRAP_MM` is none: facets of a saddle make
+    such ones (the gyroid is all saddles), and the layers of the printed TPU deeper ones.
     """
     z = np.asarray(shell.vertices[:, 2])
     first, second = np.asarray(shell.edges_unique).T
@@ -124,14 +127,70 @@ def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
     # the mold lies on the upper side, as the machine is poured
     roofed = np.bincount(patch, weights=shell.vertex_normals[:, 2] < 0, minlength=number) > 0
     summit = roofed & (around > top) & (top > layout.params.flange_thickness_mm + 0.01)
-    return Check("cavity.air_traps", float(summit.sum()), high=0)
+    if not summit.any():
+        return Check("cavity.air_traps", 0.0, high=0)
+    edges = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(z), len(z)))
+    links = (edges + edges.T).tocsr()
+    depths = [_spill_depth_mm(links, z, np.flatnonzero(patch == place)) for place in np.flatnonzero(summit)]
+    return Check("cavity.air_traps", float(sum(depth > TRAP_MM for depth in depths)), high=0)
 
 
-def _core_filler(layout: MoldLayout) -> manifold3d.Manifold:
+def _spill_depth_mm(links: csr_matrix, z: np.ndarray, summit: np.ndarray) -> float:
+    """How deep the air under a summit stands before it finds a way up past it; infinite where there is none."""
+    top = float(z[summit].min())
+    spill, seen = top, set(summit.tolist())
+    heap = [(float(z[vertex]), vertex) for vertex in seen]
+    heapify(heap)
+    while heap:
+        height, vertex = heappop(heap)
+        if height < top:
+            return spill - top
+        spill = max(spill, height)
+        for other in links.indices[links.indptr[vertex] : links.indptr[vertex + 1]].tolist():
+            if other not in seen:
+                seen.add(other)
+                heappush(heap, (float(z[other]), other))
+    return math.inf
+
+
+def flange_air_check(layout: MoldLayout) -> Check:
+    """Air that stays under the flat flange between two vents when the mold stands off level by :data:`LEVEL_DEG`."""
+    vents = len(vent_azimuths_deg())
+    params = layout.params
+    outer = math.sqrt(
+        (params.outer_radius_mm - COLLAR_CLEARANCE_MM) ** 2
+        - (params.flange_thickness_mm - params.centre_height_mm) ** 2
+    )
+    return Check(
+        "cavity.flange_air_mm3", flange_air_mm3(outer, vents, VENT_DIAMETER_MM, LEVEL_DEG), high=FLANGE_AIR_MM3
+    )
+
+
+def flange_air_mm3(outer_mm: float, vents: int, vent_mm: float, tilt_deg: float) -> float:
+    """Trapped air under a flat ceiling of radius ``outer_mm`` with vents at its edge, tilted so that the middle between
+    two vents is highest: the worst direction.
+
+    Air flows along the ceiling to its highest place and out where a vent reaches as high. What lies higher than the
+    nearer ends of both vents, x > x0 = R cos(pi / n - a) with a = vent / (2 R), stays:
+    V = tan(tilt) (2/3 (R^2 - x0^2)^(3/2) - x0 (R^2 acos(x0 / R) - x0 sqrt(R^2 - x0^2))).
+
+    Args:
+        outer_mm: radius of the ceiling's edge R.
+        vents: how many, equally spaced, n.
+        vent_mm: diameter of a vent.
+        tilt_deg: off level.
+    """
+    start = outer_mm * math.cos(math.pi / vents - vent_mm / (2 * outer_mm))
+    half_chord = math.sqrt(outer_mm**2 - start**2)
+    area = outer_mm**2 * math.acos(start / outer_mm) - start * half_chord
+    return math.tan(math.radians(tilt_deg)) * (2 / 3 * half_chord**3 - start * area)
+
+
+def _core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:
     """A body just inside the core, that fills the joints between its pieces."""
     params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
-    radius, centre = params.inner_radius_mm - INSIDE_MM, params.centre_height_mm
-    start = max(layout.neck_radius_mm - INSIDE_MM, 0.0)
+    radius, centre = params.inner_radius_mm - inside_mm, params.centre_height_mm
+    start = max(layout.neck_radius_mm - inside_mm, 0.0)
     floor = params.flange_thickness_mm - 1.0
     heights = centre + radius * np.sin(np.linspace(np.arcsin((floor - centre) / radius), np.pi / 2, FACETS))
     cone = start + np.maximum(0.0, heights - params.flange_thickness_mm) / slope

@@ -16,7 +16,7 @@ from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from fab.checks.bumps import bump_checks
-from fab.checks.cavity import balance_check, leak_check, trapped_air_check, wall_check
+from fab.checks.cavity import balance_check, flange_air_check, leak_check, trapped_air_check, wall_check
 from fab.checks.check import Check
 from fab.checks.extraction import Extraction, extract_core, extract_cup
 from fab.checks.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
@@ -25,6 +25,8 @@ from fab.checks.meshes import mesh_checks, overlap_check, step_check
 from fab.checks.nuts import nut_checks
 from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
 from fab.meshing.mesh import read_stl, to_manifold
+from fab.steps.endcap import all_steps
+from fab.steps.sweep import sweep_checks
 
 SHELL = "shell"
 CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
@@ -55,13 +57,15 @@ def run_gates(design: Design, folder: Path, workers: Executor, progress: Progres
     ]
     progress("checks: extraction")
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
-    checks = extraction_checks(
-        [*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)], design.layout.joint_clearance_mm
-    )
+    ways = [*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)]
+    checks = extraction_checks(ways, design.layout.joint_clearance_mm)
+    steps = all_steps(design.layout, {way.piece: way.legs for way in ways})
+    swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
+    sweeps = workers.submit(sweep_checks, design.layout, steps, swept)
     progress("checks: fit")
     fit = fit_gates(design, meshes)
     progress("checks: cavity, gyroid and files")
-    checks += cavity.result() + [overlap.result() for overlap in overlaps] + fit
+    checks += sweeps.result() + cavity.result() + [overlap.result() for overlap in overlaps] + fit
     for pending in (*single, gyroid):
         checks += pending.result()
     return checks
@@ -76,6 +80,7 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
         *bump_checks(layout, [mesh for name, mesh in pieces.items() if name.startswith("core_")]),
         leak_check(layout, cast_mm3),
         trapped_air_check(layout, meshes[SHELL]),
+        flange_air_check(layout),
     ]
 
 

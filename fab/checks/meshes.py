@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 
 import manifold3d
 import trimesh
 
 from fab.checks.check import Check
-from fab.checks.self_intersections import self_intersections
 from fab.meshing.mesh import to_manifold
+from fab.meshing.self_intersections import self_intersections
 
 VOLUME_RATIO = 1e-3  # mesh against solid
 STEP_VOLUME_RATIO = 1e-5  # solid against its STEP file: OCCT's own integrals repeat to 5e-6 after a round trip
+HEAVY_TRIANGLES = 100_000
 OVERLAP_MM3 = 1.0  # a hundredth of a printed dot: tessellation of touching faces, nothing a print could feel
 
 
@@ -48,9 +50,16 @@ def step_check(name: str, volumes_mm3: Sequence[float], path: Path) -> Check:
 
 
 def overlap_check(label: str, bodies: Sequence[manifold3d.Manifold]) -> Check:
-    """Volume that the parts of an assembly share: the sum of their volumes less that of their union, in mm3.
+    """Volume that the parts of an assembly share, in mm3: summed over pairs, so at least that of all together.
 
     Faces that touch are allowed: two tessellations of one contact surface may share slivers, which the limit bounds.
+    Bodies with a gyroid (half a million facets) are met once by the union of all others, not by each of them.
     """
-    union = manifold3d.Manifold.batch_boolean(list(bodies), manifold3d.OpType.Add)
-    return Check(f"{label}.overlap_mm3", sum(body.volume() for body in bodies) - union.volume(), high=OVERLAP_MM3)
+    light = [body for body in bodies if body.num_tri() < HEAVY_TRIANGLES]
+    heavy = [body for body in bodies if body.num_tri() >= HEAVY_TRIANGLES]
+    union = manifold3d.Manifold.batch_boolean(light, manifold3d.OpType.Add)
+    shared = sum(body.volume() for body in light) - union.volume()
+    shared += sum((union ^ body).volume() for body in heavy)
+    for first, second in combinations(heavy, 2):  # shell and gyroid fit face to face: a union is six times cheaper
+        shared += first.volume() + second.volume() - (first + second).volume()
+    return Check(f"{label}.overlap_mm3", shared, high=OVERLAP_MM3)

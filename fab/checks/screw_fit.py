@@ -23,6 +23,11 @@ LENGTHS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 35.0, 40.0
 PLASTIC_DIAMETERS = 2.5  # E: engagement in printed plastic, in thread diameters
 SEAT_MM = 0.05  # a head bears all round when its seat is this flat
 TIP_MM = 0.1  # room that stays under the tip of the longest screw
+# Room under TPU, which gives: the 2.2 mm under a nut yield by F t / (E A) = 200 N x 2.2 mm / (45 MPa x 21 mm2), that is
+# 0.46 mm (E: hand-tight M3, modulus of TPU 95A; A: square nut less its hole), and at worst the roof comes down as much.
+TPU_TIP_MM = 0.5
+INSERT_RING_MM = 4.2  # round the insert's hole (5.6)
+INSERT_HOLE_MM = 9.2  # M: depth of the insert's hole
 ANGLES = 8
 INSIDE_MM = 0.01
 FAR_MM = 500.0
@@ -56,7 +61,7 @@ class ScrewFit:
         name = self.joint.name
         return [
             Check(f"{name}.engagement_mm", self.engagement_mm, low=self.needed_mm),
-            Check(f"{name}.tip_room_mm", self.tip_room_mm, low=TIP_MM),
+            Check(f"{name}.tip_room_mm", self.tip_room_mm, low=tip_room_wanted_mm(self.joint)),
             Check(f"{name}.seat_error_mm", self.seat_error_mm, high=SEAT_MM),
         ]
 
@@ -65,8 +70,13 @@ def fitted(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> ScrewFit
     """The shortest screw of the standard that holds; if none does, the longest with room (its gates then fail)."""
     fits = [screw_fit(joint, meshes, length) for length in LENGTHS_MM]
     sound = [fit for fit in fits if all(check.ok for check in fit.checks)]
-    roomy = [fit for fit in fits if fit.tip_room_mm >= TIP_MM]
+    roomy = [fit for fit in fits if fit.tip_room_mm >= tip_room_wanted_mm(joint)]
     return sound[0] if sound else (roomy[-1] if roomy else fits[0])
+
+
+def tip_room_wanted_mm(joint: ScrewJoint) -> float:
+    """Room wanted before the tip: more where TPU is over it."""
+    return TPU_TIP_MM if joint.holder == "captured nut" else TIP_MM
 
 
 def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_mm: float) -> ScrewFit:
@@ -94,6 +104,11 @@ def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_m
             ahead = [[span for span in line if span[1] > seat] for line in spans]
             held = min(_overlap(line, seat, seat + length_mm - slack) for line in ahead)
             start, end = max(line[0][0] for line in ahead), _first_hit(joint, meshes, place, seat)
+        elif joint.holder == "insert":
+            mouths = [spans[0][0] for spans in _rings(joint, meshes, joint.anchor, place, INSERT_RING_MM)]
+            start = max(mouths)
+            end = start + INSERT_HOLE_MM
+            held = _overlap([(start, start + bought_mm("insert_m4", "length"))], seat, seat + length_mm - slack)
         elif joint.holder == "captured nut":
             floors = [spans[0][1] for spans in _rings(joint, meshes, joint.anchor, place, ring)]
             start, end = max(floors), _first_hit(joint, meshes, place, seat)
@@ -130,6 +145,8 @@ def _needed(joint: ScrewJoint, thread: float) -> float:
     """All of a captured nut, a loose nut and one pitch beyond it, or 2.5 diameters of plastic."""
     if joint.holder == "captured nut":
         return bought_mm("nut_m3", "thickness") - INSIDE_MM
+    if joint.holder == "insert":
+        return thread  # S: one diameter of brass
     if joint.holder == "loose nut":
         return bought_mm("nut_m4", "thickness") + bought_mm(joint.thread, "pitch") - INSIDE_MM
     return PLASTIC_DIAMETERS * thread

@@ -9,18 +9,21 @@ import json
 import re
 import uuid
 from collections.abc import Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import trimesh
 
-from cad.assembly import build_assembly, exploded_offsets, write_assembly
+from cad.assembly import build_assembly, exploded_offsets, write_step
 from cad.interface import build_zone
 from cad.materials import DEFAULT_SILICONE
+from cad.part import Part
 from cad.step_file import canonical_step
 from fab.checks.check import Check
 from fab.design import PRODUCT, Design
+from fab.exports.glb import write_glb
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import write_stl
 from fab.pictures.parts import PictureItem, render_exploded, render_parts, render_section
@@ -70,16 +73,32 @@ def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
 
 
 def write_assemblies(design: Design, folder: Path) -> None:
-    """Write the endcap assembled and exploded, as STEP and GLB."""
-    product = [design.parts[name] for name in PRODUCT]
-    write_assembly(build_assembly(product), folder / "assembly.step", folder / "assembly.glb")
-    exploded = build_assembly(product, _offsets(design))
-    write_assembly(exploded, folder / "exploded.step", folder / "exploded.glb")
+    """Write the endcap assembled and exploded, and the closed mold, each as STEP and GLB.
+
+    The GLB has the interface's gyroid; the STEP has its flange and the gyroid's envelope.
+    """
+    mold = (*design.mold, "interface")
+    for stem, names, offsets in (
+        ("assembly", PRODUCT, {}),
+        ("exploded", PRODUCT, _offsets(design)),
+        ("mold", mold, {}),
+    ):
+        parts = [_with_envelope(design, name) for name in names]
+        write_step(build_assembly(parts, offsets, stem), folder / f"{stem}.step")
+        write_glb(design, names, offsets, folder / f"{stem}.glb")
+
+
+def _with_envelope(design: Design, name: str) -> Part:
+    """A part as it goes into a STEP assembly."""
+    from build123d import Compound
+
+    part = design.parts[name]
+    return replace(part, solid=Compound([part.solid, build_zone(design.params)])) if name == "interface" else part
 
 
 def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
     """Displacements that pull the endcap apart along its axis."""
-    order = ("base", "camera", "ring_spacer", "led_ring", "interface", "shell")
+    order = ("arm_adapter", "base", "camera", "ring_spacer", "led_ring", "interface", "shell")
     spans = {name: (design.meshes[name].bounds[0][2], design.meshes[name].bounds[1][2]) for name in order}
     return exploded_offsets(spans, EXPLODED_GAP_MM)
 

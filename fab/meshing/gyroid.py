@@ -28,7 +28,8 @@ from cad.interface import build_flange, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.meshing.gyroid_sheet import sheet_mesh
 from fab.meshing.mesh import from_manifold, tessellate, to_manifold
-from fab.meshing.zone_grid import ZoneGrid, zone_grid
+from fab.meshing.repair import without_crossings
+from fab.meshing.zone_grid import SKIRT_MM, ZoneGrid, zone_grid
 
 WALL_MM = 0.45  # E: one line of a 0.4 mm nozzle
 DENSITY = 0.10  # the paper's interlock
@@ -36,7 +37,10 @@ DENSITY_TOLERANCE = 5e-4  # relative: 10.00 % in print; the export gates at 3e-3
 STEP_MM = 0.6  # knee of bench/gyroid.csv
 AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
 PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero
-MAX_TRIALS = 5
+PHASE_SHIFTS_MM = (0.0, 1.9, 3.8, 5.7)  # along the axis, off the gyroid's own half and quarter periods
+WALL_FREEDOM = 1.5e-3  # relative, by which the wall may leave its nominal; facets add up to 8e-3 of the gate's 1e-2
+MAX_TRIALS = 6
+Phase = tuple[float, float, float]
 _CLEAR_MM = 0.01  # corners of the sheet keep this far from the plane of the flange: no slivers where the two join
 
 
@@ -80,8 +84,10 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
     nodes = grid.points()
     zone_mm3 = zone_volume_mm3(params)
 
-    def trial(period_mm: float, wall_mm: float) -> InterfaceMesh:
-        sheet, dropped_mm3 = standing_sheet(grid, nodes, period_mm, params.flange_thickness_mm, wall_mm)
+    def trial(period_mm: float, wall_mm: float, phase_mm: Phase) -> InterfaceMesh:
+        sheet, dropped_mm3 = standing_sheet(
+            grid, nodes, period_mm, params.flange_thickness_mm, wall_mm, phase_mm=phase_mm
+        )
         tpu = volume_above(sheet, params.flange_thickness_mm)
         return InterfaceMesh(sheet, period_mm, wall_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
 
@@ -90,7 +96,13 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
 
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
     """The sheet fused with the flange's mesh."""
-    return replace(sheet, mesh=from_manifold(to_manifold(sheet.mesh) + to_manifold(flange)))
+    joined = from_manifold(to_manifold(sheet.mesh) + to_manifold(flange))
+    return replace(sheet, mesh=without_crossings(joined, joint_band_mm(float(flange.bounds[1][2]))))
+
+
+def joint_band_mm(floor_mm: float) -> tuple[float, float]:
+    """Heights between which booleans cut the sheet: round the flange's top. Elsewhere its faces are the grid's own."""
+    return floor_mm - 2 * SKIRT_MM, floor_mm + 2 * SKIRT_MM
 
 
 def standing_sheet(
@@ -100,6 +112,7 @@ def standing_sheet(
     floor_mm: float,
     wall_mm: float = WALL_MM,
     newton_steps: int = 2,
+    phase_mm: Phase = PHASE_MM,
 ) -> tuple[trimesh.Trimesh, float]:
     """The sheet, less what does not stand on the flange.
 
@@ -110,11 +123,12 @@ def standing_sheet(
         floor_mm: top of the flange; bodies of the sheet that reach below it stand on it.
         wall_mm: thickness of the sheet.
         newton_steps: see :func:`gyroid_distance_mm`.
+        phase_mm: where a node of the gyroid lies.
 
     Returns:
         ``(mesh, dropped volume in mm^3)``.
     """
-    distance = gyroid_distance_mm(nodes, period_mm, 3 * grid.step_mm, newton_steps)
+    distance = gyroid_distance_mm(nodes, period_mm, 3 * grid.step_mm, newton_steps, phase_mm)
     sheet = sheet_mesh(grid, distance, wall_mm / 2)
     heights = sheet.vertices[:, 2]
     close = np.abs(heights - floor_mm) < _CLEAR_MM
@@ -139,35 +153,40 @@ def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimes
     return kept, float(mesh.volume - kept.volume)
 
 
-def tune(trial: Callable[[float, float], InterfaceMesh]) -> InterfaceMesh:
-    """Bring the density to its target: once by the period, the last tenths of a per cent by the wall.
+def tune(trial: Callable[[float, float, Phase], InterfaceMesh]) -> InterfaceMesh:
+    """Bring the density to its target: by the period, the last tenths of a per cent by the wall.
 
     Density goes as wall over period. It jumps where a change of period sets an island free or ties it down, so no
-    period may give the target; the wall (a few micrometres) moves no island.
+    period may give the target; the wall (a few micrometres) moves no island. Where a jump lies on the target itself,
+    the gyroid is moved along its axis, which cuts other islands off.
 
     Args:
-        trial: period and wall in mm -> the sheet they give.
+        trial: period and wall in mm, and phase -> the sheet they give.
 
     Raises:
-        GeometryError: not within the tolerance after ``MAX_TRIALS`` meshes.
+        GeometryError: not within the tolerance after ``MAX_TRIALS`` meshes at each phase.
     """
-    period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / DENSITY, WALL_MM
-    result = trial(period_mm, wall_mm)
-    for repeat in range(MAX_TRIALS):
-        if abs(result.density / DENSITY - 1) <= DENSITY_TOLERANCE:
-            return result
-        if repeat == 0:
-            period_mm *= result.density / DENSITY
-        else:
-            wall_mm *= DENSITY / result.density
-        result = trial(period_mm, wall_mm)
+    for shift in PHASE_SHIFTS_MM:
+        phase = (PHASE_MM[0], PHASE_MM[1], PHASE_MM[2] + shift)
+        period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / DENSITY, WALL_MM
+        for _ in range(MAX_TRIALS):
+            result = trial(period_mm, wall_mm, phase)
+            ratio = result.density / DENSITY
+            if abs(ratio - 1) <= DENSITY_TOLERANCE:
+                return result
+            if abs(ratio * WALL_MM / wall_mm - 1) <= WALL_FREEDOM:
+                wall_mm /= ratio
+            else:
+                period_mm, wall_mm = period_mm * ratio, WALL_MM
     raise GeometryError(
-        f"gyroid density {result.density:.5f} outside {DENSITY} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials: "
-        "use a finer step_mm"
+        f"gyroid density {result.density:.5f} outside {DENSITY} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials "
+        f"at each of {len(PHASE_SHIFTS_MM)} phases: use a finer step_mm"
     )
 
 
-def gyroid_distance_mm(points: np.ndarray, period_mm: float, band_mm: float, newton_steps: int = 2) -> np.ndarray:
+def gyroid_distance_mm(
+    points: np.ndarray, period_mm: float, band_mm: float, newton_steps: int = 2, phase_mm: Phase = PHASE_MM
+) -> np.ndarray:
     """Signed distance to the gyroid surface, held to ``-band_mm..band_mm``.
 
     Args:
@@ -175,12 +194,13 @@ def gyroid_distance_mm(points: np.ndarray, period_mm: float, band_mm: float, new
         period_mm: period of the gyroid.
         band_mm: where the distance matters; outside it only its sign does.
         newton_steps: 1 for g / |grad g|; each further step goes on from the foot of the last, inside the band.
+        phase_mm: where a node of the gyroid lies.
 
     Returns:
         (...) distances in mm.
     """
     wave = np.float32(2 * math.pi / period_mm)
-    start = (points.reshape(-1, 3) - np.asarray(PHASE_MM, dtype=points.dtype)) * wave
+    start = (points.reshape(-1, 3) - np.asarray(phase_mm, dtype=points.dtype)) * wave
     value, gradient = _gyroid(start)
     shift = gradient * (value / np.maximum((gradient**2).sum(-1), 0.05))[:, None]
     distance = np.sign(value) * np.sqrt((shift**2).sum(-1)) / wave

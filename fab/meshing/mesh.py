@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 TOLERANCE_MM = 0.01  # knee of bench/tessellation.csv: printers resolve 0.05 mm
 ANGLE_RAD = 0.5  # keeps small fillets and holes round; 0.5 rad is 13 facets a turn at the least
 REFINEMENTS = 4
+KEPT_SOLIDS = 24  # all parts of a design
+_solids: dict[int, manifold3d.Manifold] = {}
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -154,11 +156,20 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def to_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
-    """Hand a closed mesh to manifold3d.
+    """Hand a closed mesh to manifold3d; the last few are kept, as the gates ask for the same mesh many times.
 
     Raises:
         GeometryError: the mesh is not an oriented 2-manifold.
     """
+    key = hash(mesh)  # of its vertices and faces
+    if key not in _solids:
+        while len(_solids) >= KEPT_SOLIDS:
+            _solids.pop(next(iter(_solids)))
+        _solids[key] = _checked_manifold(mesh)
+    return _solids[key]
+
+
+def _checked_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
     solid = manifold3d.Manifold(
         manifold3d.Mesh(
             vert_properties=np.asarray(mesh.vertices, dtype=np.float32),

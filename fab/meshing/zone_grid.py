@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cad.interface import zone_clip_radius_mm, zone_radii_mm
+from cad.interface import vent_reach_mm, zone_clip_radius_mm, zone_radii_mm
 from cad.params import EndcapParams
 
 SKIRT_MM = 0.3  # E: how far the sheet reaches into the flange, a printed layer and a half
-SKIRT_LEAN_MM = 0.9  # E: the skirt's outer side leans inward, away from the vents
+VENT_MARGIN_MM = 0.1  # E: the sheet's foot stays this far inside the notches of the vents: nothing stands over them
 FOOT_MM = 0.05  # lowest layer of nodes of the zone, kept off the flange's own plane
 
 
@@ -72,7 +72,10 @@ def zone_grid(params: EndcapParams, step_mm: float) -> ZoneGrid:
     inner = np.maximum(inner, zone_clip_radius_mm(params))
     heights = np.concatenate([[floor - SKIRT_MM], rows])
     inner = np.concatenate([inner[:1] + SKIRT_MM, inner])
-    outer = np.concatenate([outer[:1] - SKIRT_LEAN_MM, outer])
+    outer = np.concatenate([outer[:1], outer])
+    # Skirt and lowest row end before the notches, so the sheet meets the flange in its flat top only, at every size.
+    reach = [vent_reach_mm(params, height) - VENT_MARGIN_MM for height in heights[:2]]
+    outer[:2] = np.minimum(outer[:2], reach)
     shares = math.ceil(float((outer - inner).max()) / step_mm) + 1
     turn = math.ceil(2 * math.pi * float(outer.max()) / step_mm)
     return ZoneGrid(step_mm, turn, heights, inner, outer - inner, shares)

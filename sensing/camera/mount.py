@@ -92,7 +92,9 @@ class MountedCamera:
             FileError: a file that is missing, is no such JSON, or holds numbers that make no camera.
         """
         try:
-            record = json.loads(Path(path).read_text())
+            if Path(path).exists() and not Path(path).is_file():
+                raise ValueError("no regular file")
+            record = json.loads(Path(path).read_text(encoding="utf-8"))
             if record["format"] not in (FILE_FORMAT, OLD_FORMAT):
                 raise ValueError(f"format={record['format']!r}")
             covariance = record.get("covariance")

@@ -19,7 +19,7 @@ from sensing.simulator.solid.shell import shell_model
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; returns the exit status (0, or 2 for what the user can mend)."""
+    """Run a command; returns the exit status (0, or 2 for what the user can fix)."""
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options))

@@ -96,6 +96,7 @@ def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float6
     mask: Image = (contrast > CONTRAST).astype(np.uint8)
     opening = max(2, round(expected * 0.3))
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3)))
+    mask = _filled(mask, expected)
     padded = cv2.copyMakeBorder(mask, opening, opening, opening, opening, cv2.BORDER_REPLICATE)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (opening, opening))
     mask = np.ascontiguousarray(cv2.morphologyEx(padded, cv2.MORPH_OPEN, kernel)[opening:-opening, opening:-opening])
@@ -109,11 +110,18 @@ def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float6
         patch = label[y : y + h, x : x + w] == index
         cut = x == 0 or y == 0 or x + w == mask.shape[1] or y + h == mask.shape[0]
         if cut or _is_dot(patch):
-            weight = np.where(patch, contrast[y : y + h, x : x + w], 0)
+            weight = np.where(patch, np.maximum(contrast[y : y + h, x : x + w], 0), 0)  # a glint counts nothing
             rows, columns = np.mgrid[0:h, 0:w]
             total = weight.sum()
             found.append((x + (weight * columns).sum() / total, y + (weight * rows).sum() / total, diameter, cut))
     return np.array(found, float).reshape(-1, 4)
+
+
+def _filled(mask: Image, expected: float) -> Image:
+    """The mask without holes smaller than a dot: ink that mirrors the lamp shows as a dark ring."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(1 - mask, connectivity=4)
+    small = stats[:, cv2.CC_STAT_AREA] < np.pi / 4 * expected**2
+    return np.where(small[label], 1, mask).astype(np.uint8)
 
 
 def _apart(blobs: NDArray[np.float64], usual: float) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,9 @@ from sensing.tracking.patch_kernels import MARGIN, SATURATED, align_windows
 ITERATIONS = 10
 STOP_PX = 0.02
 LEAST_INSIDE = 0.25  # share of a window that must lie inside the frame and be unsaturated
+OUTLINE = 0.15  # of a window's half width: how far the outline's slope reaches into a dot
+LEAST_SILICONE = 0.7  # of a window's border must be lit for the dot in it to be a whole one
+INK_WEIGHT = 0.0  # left to the inside of a dot
 SHEAR_DAMPING = 0.02  # of the mean curvature: what a window cannot tell about its stretch stays as it was
 
 
@@ -84,11 +88,32 @@ def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half:
         inside = (columns >= 0) & (columns < width) & (lines >= 0) & (lines < height)
         value = image[np.clip(lines, 0, height - 1), np.clip(columns, 0, width - 1)].astype(float)
         weight = window * inside * (value < SATURATED)
+        weight *= _outside_of_ink(value.reshape(2 * half + 1, -1), half)
         if weight.sum() >= LEAST_INSIDE * window.sum():
             weight /= weight.sum()
             gradient = np.stack([slope[lines + half + 2, columns + half + 2] for slope in slopes], axis=1)
             _prepare(patches, index, value - weight @ value, weight, gradient, dx.astype(float), dy.astype(float))
     return patches
+
+
+def _outside_of_ink(value: NDArray, half: int) -> NDArray:
+    """(M,) weights that leave out the inside of the window's dot: dried ink mirrors the lamp, its outline stays.
+
+    The dot is what a level halfway between ink and silicone cuts off from the window's border; its inside begins
+    :data:`OUTLINE` of the window's half width from there. A window in which that finds no whole dot keeps all.
+    """
+    square = value[:, : 2 * half + 1]
+    dark, bright = np.percentile(square, (4, 75))
+    light = (square > (dark + bright) / 2).astype(np.uint8)
+    _, label = cv2.connectedComponents(light, connectivity=4)
+    border = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
+    lit_border = np.concatenate([light[0], light[-1], light[:, 0], light[:, -1]])
+    weight = np.ones_like(value)
+    if lit_border.mean() > LEAST_SILICONE:
+        dot = ~np.isin(label, np.unique(border[lit_border > 0]))
+        depth = cv2.distanceTransform(np.pad(dot, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+        weight[:, : 2 * half + 1] = np.clip(1 + OUTLINE * half - depth, INK_WEIGHT, 1)
+    return weight.ravel()
 
 
 def _prepare(

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,14 +18,17 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import __main__ as command
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
-from fab.build_sheet.casting import lowers
+from fab.build_sheet.content import _prints
+from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.finishing import light_check
 from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
 from fab.build_sheet.pdf import write_pdf
 from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
+from fab.recipe import recipe
 from fab.slice.projects import Export
 from fab.variant import Variant
 
@@ -70,10 +74,6 @@ def test_the_poured_silicone_has_its_volume_and_fills_to_the_depth():
     assert fill_depth_mm(layout, half) == pytest.approx(0.0, abs=1e-6)
     depth = fill_depth_mm(layout, 325_000.0)
     assert poured_mesh(layout, depth).volume == pytest.approx(325_000.0, rel=0.01)
-
-
-def test_the_core_is_lowered_only_where_the_gyroid_stays_below_its_equator():
-    assert lowers(MoldLayout(PARAMS)) and not lowers(MoldLayout(EndcapParams(100.0, 8.0)))
 
 
 @pytest.fixture
@@ -165,3 +165,17 @@ def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
     wrong = replace(fitted_driver(), r_set_ohm=4.7)
     monkeypatch.setattr("fab.build_sheet.lighting.fitted_driver", lambda: wrong)
     assert any(not check.ok for check in ring_checks(PARAMS))
+
+
+def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
+    params = EndcapParams(150.0, 9.0)
+    material = "Dragon Skin 30"
+    data = SheetData(MoldLayout(params, 0.2), {}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {})
+    blocks = [*_prints(data), *light_check(data), *led_ring(params, Path("none.png"))]
+    text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
+    variant = "D=150 T=9 joint_clearance=0.2 material='Dragon Skin 30'"
+    commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)
+    assert len(commands) == 4
+    assert f"make slice {variant}, then make sheet {variant} again" in text
+    assert "make ring D=150 T=9 writes" in text
+    assert ".venv/bin/python -m sensing.calibrate --diameter 150 --wall 9 --photo a.jpg" in text

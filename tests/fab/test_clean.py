@@ -13,8 +13,9 @@ from fab.exports.whole_folder import whole_folder, write_record
 
 
 @pytest.fixture
-def exports(tmp_path: Path) -> Path:
+def exports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An export with slices and a note, a data set, weights, a recording, a dead run, and the folder's README."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     folder = tmp_path / "exports"
     for final, record, name in ((folder / "D130_T8", "manifest.json", "base.stl"),) * 1:
         with whole_folder(final, record) as new:

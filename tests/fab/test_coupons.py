@@ -119,15 +119,14 @@ def test_the_measured_step_goes_back_into_the_molds():
     layout = MoldLayout(EndcapParams(130, 8), 0.20)
     usual = MoldLayout(EndcapParams(130, 8))
     assert layout.neck_radius_mm == pytest.approx(usual.neck_radius_mm - 0.05)
-    assert (usual.bowl_wall_mm, layout.bowl_wall_mm) == (6.0, pytest.approx(6.998, abs=1e-3))
+    assert usual.bowl_wall_mm == 6.0 < layout.bowl_wall_mm < 9.0  # a wider joint leaks more: a longer way through it
     pour_mm3 = 2.8e5  # of this shell
-    wider = replace(layout, joint_clearance_mm=0.25)
-    assert leak_check(layout, pour_mm3).value < LEAK_RATIO < leak_check(wider, pour_mm3).value
+    assert leak_check(layout, pour_mm3).value < LEAK_RATIO
     assert min(coupons.CLEARANCES_MM) == JOINT_CLEARANCE_RANGE_MM[0]
     assert max(coupons.CLEARANCES_MM) == JOINT_CLEARANCE_RANGE_MM[1]
     assert JOINT_CLEARANCE_MM in coupons.CLEARANCES_MM
-    for wrong in (0.04, 0.31, math.nan):
-        with pytest.raises(ParameterError, match=r"joint_clearance=.* outside 0\.05\.\.0\.3 mm"):
+    for wrong in (0.04, 0.22, 0.31, math.nan):
+        with pytest.raises(ParameterError, match=r"joint_clearance=.* outside 0\.05\.\.0\.217 mm a side at D=130 T=8"):
             MoldLayout(EndcapParams(130, 8), wrong)
 
 
@@ -141,7 +140,7 @@ def test_molds_command_takes_the_clearance(monkeypatch, tmp_path, capsys):
     assert seen[0].joint_clearance_mm == 0.20
     assert [path.name for path in tmp_path.iterdir()] == ["D130_T8_c0.2"]
     assert molds.main(["joint_clearance=0.5"]) == 2
-    assert "joint_clearance=0.5 outside 0.05..0.3" in capsys.readouterr().err
+    assert "joint_clearance=0.5 outside 0.05..0.217" in capsys.readouterr().err
 
 
 def test_bad_options(capsys, tmp_path):

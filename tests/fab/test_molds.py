@@ -29,11 +29,11 @@ ROOT = Path(__file__).resolve().parents[2]
 SMALL = ("D=100", "T=8")
 
 
-def start(*words: str) -> subprocess.Popen[str]:
+def start(*words: str, cache: Path | None = None) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "fab.molds", *words],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cache or "/nonexistent")},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -47,11 +47,11 @@ def left_in(folder: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """The whole command twice: folders and what was printed."""
+    """The whole command three times: folders and what was printed. The last takes what the first put in the cache."""
     made = []
-    for k in range(2):
+    for k, use in enumerate(("yes", "no", "yes")):
         exports = tmp_path_factory.mktemp(f"exports{k}")
-        process = start(*SMALL, f"exports={exports}")
+        process = start(*SMALL, f"exports={exports}", f"cache={use}", cache=tmp_path_factory.getbasetemp() / "cache")
         out, err = process.communicate()
         assert process.returncode == 0, err
         made.append((exports / "D100_T8", out, err))
@@ -64,7 +64,7 @@ def written(runs):
 
 
 def test_in_a_pipe_the_command_prints_a_plain_line_a_step_and_one_line_of_result(runs):
-    for folder, out, err in runs:
+    for folder, out, err in runs[:2]:
         assert len(out.splitlines()) == 1 and str(folder) in out and "checks passed" in out
         assert len(err.splitlines()) > 5 and "\r" not in err and "\033" not in err
         assert all(re.fullmatch(r" *\d+\.\d s \S.*", line) for line in err.splitlines()), err
@@ -81,7 +81,7 @@ def test_manifest_names_every_part_with_its_figures(written):
     parts = {part["name"]: part for part in manifest["parts"]}
     mold = [f"cup_{half}_{k}" for half in ("bowl", "collar") for k in (1, 2, 3)]
     mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wide") for k in (1, 2, 3)), "hanger"]
-    assert set(parts) == {*mold, "interface", "base", "ring_spacer", "shell", "led_ring", "camera"}
+    assert set(parts) == {*mold, "interface", "base", "ring_spacer", "arm_adapter", "shell", "led_ring", "camera"}
     for name, part in parts.items():
         assert part["role"] in ("printed", "cast", "bought") and part["quantity"] >= 1 and part["material"]
         assert part["volume_mm3"]["solid"] > 0 and part["volume_mm3"]["mesh"] > 0
@@ -129,6 +129,15 @@ def test_a_second_run_reproduces_every_mesh_and_the_manifest(runs):
     names = [*sorted(path.name for path in first.glob("*.stl")), "manifest.json"]
     assert len(names) > 15
     assert [n for n in names if (first / n).read_bytes() != (second / n).read_bytes()] == []
+
+
+def test_the_cache_gives_the_same_bytes_without_building_anything(runs):
+    first, third, out, err = runs[0][0], *runs[2]
+    names = sorted(path.name for path in first.iterdir())
+    assert names == sorted(path.name for path in third.iterdir())
+    assert [n for n in names if (first / n).read_bytes() != (third / n).read_bytes()] == []
+    assert "from the cache" in out and "from the cache" not in runs[0][1] + runs[1][1]
+    assert [line.split(" s ")[1] for line in err.splitlines()] == ["cache"]
 
 
 # --- bad input ----------------------------------------------------------------------------------------------------
@@ -236,7 +245,7 @@ class Inline(Executor):
 
 
 @pytest.fixture
-def stub(monkeypatch):
+def stub(monkeypatch, tmp_path_factory):
     """Everything after the design replaced by writers of one small file, and one gate that holds."""
     design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
     monkeypatch.setattr("fab.design.build_design", lambda *_: design)
@@ -250,6 +259,8 @@ def stub(monkeypatch):
         monkeypatch.setattr(f"fab.exports.writer.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
     monkeypatch.setattr("fab.exports.writer.manifest", lambda *_: {})
     monkeypatch.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
 
     @contextmanager
     def inline_pool(_count):
@@ -289,7 +300,7 @@ def test_a_failing_run_keeps_what_an_earlier_one_wrote(stub, tmp_path):
     assert molds.main([f"exports={tmp_path}"]) == 0
     before = left_in(tmp_path)
     stub.setattr("fab.exports.writer.write_pictures", full_disk)
-    assert molds.main([f"exports={tmp_path}"]) == 2
+    assert molds.main([f"exports={tmp_path}", "cache=no"]) == 2
     assert left_in(tmp_path) == before
 
 

@@ -27,7 +27,7 @@ LAYOUT = MoldLayout(EndcapParams(130.0, 8.0))
 
 @pytest.mark.parametrize("name", sorted(silicones()))
 def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
-    mix = recipe(200_000.0, name, surplus=0.2)
+    mix = recipe(200_000.0, 2_000.0, name, surplus=0.2)
     row = silicone(name)
     a, b = mix_parts(row)
     assert mix.part_a_g / mix.part_b_g == pytest.approx(a / b, rel=0.01)
@@ -38,14 +38,14 @@ def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
 
 
 def test_smooth_sil_950_of_a_litre_is_a_hundred_to_ten():
-    mix = recipe(1e6, surplus=0.0)
+    mix = recipe(1e6, 2e3, surplus=0.0)
     assert (mix.part_a_g, mix.part_b_g) == (pytest.approx(1127.3), pytest.approx(112.8))
     assert mix.fits_pot_life and mix.air_mm3_per_g == pytest.approx(806.45, abs=0.01)
 
 
 def test_the_clock_runs_without_gaps_and_a_short_pot_life_is_not_degassed():
     for name in silicones():
-        mix = recipe(3e5, name)
+        mix = recipe(3e5, 2e3, name)
         ends = [0.0, *(step.end_min for step in mix.timeline)]
         assert [step.start_min for step in mix.timeline] == ends[:-1]
         degassed = any("degas" in step.what for step in mix.timeline)
@@ -54,7 +54,7 @@ def test_the_clock_runs_without_gaps_and_a_short_pot_life_is_not_degassed():
 
 def test_unknown_material_ratio_and_manifest_are_refused():
     with pytest.raises(ParameterError, match="Smooth-Sil 950"):
-        recipe(1e5, "Smooth-Sil 951")
+        recipe(1e5, 2e3, "Smooth-Sil 951")
     with pytest.raises(FileError, match="mix_ratio 'some of each'"):
         mix_parts(dataclasses.replace(silicone(), mix_ratio="some of each"))
     with pytest.raises(FileError, match="no part named shell"):
@@ -147,7 +147,7 @@ def fits():
     return {j.name: (j, meshes) for j in joints}
 
 
-@pytest.mark.parametrize(("name", "length"), [("base_to_interface", 10.0), ("hanger_to_interface", 12.0)])
+@pytest.mark.parametrize(("name", "length"), [("base_to_interface", 8.0), ("hanger_to_interface", 12.0)])
 def test_the_real_screws_hold_all_of_their_nuts(fits, name, length):
     group, meshes = fits[name]
     fit = fitted(group, meshes)
@@ -176,9 +176,9 @@ MANIFEST = {
 
 
 def test_every_part_screw_and_nut_has_its_line():
-    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3), None)
+    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, 2e3), None)
     assert all(check.ok for check in bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), lines))
-    assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 10 + 6 + 8 + 6
+    assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 5 + 10 + 6 + 8 + 6
     rows = list(csv.DictReader(io.StringIO(bom_csv(lines))))
     assert len(rows) == len(lines) and math.isclose(float(rows[0]["quantity"]), 1)
 
@@ -188,7 +188,7 @@ def test_every_part_screw_and_nut_has_its_line():
     [("camera", "bom.parts_without_line"), ("screws", "bom.screws_short"), ("nuts", "bom.nuts_short")],
 )
 def test_a_missing_line_fails_its_gate(dropped, gate):
-    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3), None)
+    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, 2e3), None)
     index = next(k for k, line in enumerate(lines) if line.owner == dropped)
     checks = bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), [*lines[:index], *lines[index + 1 :]])
     assert [check.name for check in checks if not check.ok] == [gate]

@@ -37,6 +37,7 @@ from sensing.whole_file import replace_file
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_CAPS = 32
+MOST_BYTES = 1 << 20  # of endcaps.toml
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
@@ -155,7 +156,11 @@ def load_config(path: Path) -> LiveConfig:
         FileError: missing, no TOML, an unknown or missing key. ParameterError: a bad value.
     """
     try:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as stream:
+            text = stream.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES:
+            raise ValueError(f"more than {MOST_BYTES} bytes")
+        told = tomllib.loads(text.decode("utf-8"))
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
     except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting

@@ -56,10 +56,14 @@ class Lines:
             if self.failed:
                 continue
             try:
-                self._stream.write(text)
-                self._stream.flush()
-            except UnicodeEncodeError:  # a terminal of another encoding
-                self._stream.write(text.encode("ascii", "backslashreplace").decode())
+                self._put(text)
             except (OSError, ValueError) as error:
                 self.gone = isinstance(error, BrokenPipeError) or getattr(error, "errno", 0) == 5  # EIO: no terminal
                 self.failed = getattr(error, "strerror", None) or str(error)
+
+    def _put(self, text: str) -> None:
+        try:
+            self._stream.write(text)
+        except UnicodeEncodeError:  # a terminal of another encoding
+            self._stream.write(text.encode("ascii", "backslashreplace").decode())
+        self._stream.flush()

@@ -26,7 +26,7 @@ class Recording:
     def __init__(self, run: LiveRun, folder: Path) -> None:
         self._run, self._folder = run, folder
         self._recorder: Recorder | None = None
-        self._last: Recorder | None = None
+        self._ended: list[Recorder] = []  # those that are not whole
         self._said = ""
         self._lock = threading.Lock()
 
@@ -44,9 +44,9 @@ class Recording:
 
     @property
     def loss(self) -> str:
-        """Why the last file is not whole, in one line; empty if it is."""
-        last = self._recorder or self._last
-        return last.note if last is not None and last.failed else ""
+        """Which files are not whole, in one line; empty if all are."""
+        recorders = [*self._ended, *([] if self._recorder is None else [self._recorder])]
+        return "; ".join(each.note for each in recorders if each.failed or each.dropped)
 
     def start(self, path: Path | None = None) -> None:
         """Begin a file.
@@ -96,4 +96,6 @@ class Recording:
         if recorder is not None:
             self._run.engine.remove_sink(recorder)
             recorder.close(max(self._run.patience_s, LEAST_S))
-            self._said, self._last = recorder.note, recorder
+            self._said = recorder.note
+            if recorder.failed or recorder.dropped:
+                self._ended.append(recorder)

@@ -42,9 +42,7 @@ class RosTopics(QueuedSink):
         try:
             from cyclonedds.core import DDSException
         except ImportError:
-            raise ParameterError(
-                "--ros needs Cyclone DDS: run pip install 'endcap-toolkit[live]'", name="ros"
-            ) from None
+            raise ParameterError("--ros needs Cyclone DDS: run pip install 'endcap-toolkit[ros]'", name="ros") from None
         try:
             self._writers = _writers(caps, self._domain)
         except DDSException as error:

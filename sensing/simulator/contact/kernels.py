@@ -11,6 +11,7 @@ from numba import njit
 
 from sensing.simulator.contact.body import BodyKind
 from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.mesh import Index
 
 _HELPER = {"forceinline": True}
 
@@ -18,7 +19,7 @@ _HELPER = {"forceinline": True}
 class Quadrature(NamedTuple):
     """Where contact is integrated: nodes (f, 9), shape functions (g, 9), areas (f, g), penalties eps_n and eps_t."""
 
-    nodes: Array
+    nodes: Index
     shape: Array
     area: Array
     eps_n: float

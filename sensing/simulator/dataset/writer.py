@@ -69,7 +69,7 @@ def write_dataset(request: DataRequest, folder: Path, workers: int = 1, schedule
     except OSError as error:
         raise FileError(
             f"{folder}: cannot be written ({error.strerror or error}): the shards there stay readable; free some space "
-            "or mend the folder and run the same command again"
+            "or repair the folder and run the same command again"
         ) from error
     return len(missing)
 

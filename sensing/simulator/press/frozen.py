@@ -64,7 +64,7 @@ class FrozenPress:
                 self.fast_steps += 1
                 if found.certificate is not None and found.certificate.iterations > RENEW_AFTER:
                     self._store(self.press.step_model(state, target), found, target)
-                return self.press.felt(found)
+                return self.press.within_reach(found)
         self.fallbacks += 1
         found = self.press.advance(state, target)
         if found.normal_n > 0:

@@ -109,7 +109,7 @@ class Press:
             switched |= here.certificate.switched
         assert here.certificate is not None
         certificate = replace(here.certificate, iterations=spent, substeps=substeps, switched=switched)
-        return self.felt(replace(here, certificate=certificate))
+        return self.within_reach(replace(here, certificate=certificate))
 
     def problem(self, state: State, target: Target) -> newton.StepProblem:
         """The step from a state to a target, ready for :func:`sensing.simulator.press.newton.solve`."""
@@ -186,7 +186,7 @@ class Press:
             history=self._history(state, target, here.displacement),
         )
 
-    def felt(self, state: State) -> State:
+    def within_reach(self, state: State) -> State:
         """The state itself.
 
         Raises:
@@ -199,9 +199,9 @@ class Press:
         if unfelt > limit:
             raise Refusal(
                 "mesh",
-                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where contact "
-                f"is felt, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small for this mesh "
-                "at this depth; take a finer density, a larger radius, or press deeper",
+                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where "
+                f"contact is measured, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small "
+                "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
             )
         return state
 

@@ -32,13 +32,13 @@ class Refusal(EndcapError):
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why a state may be believed.
+    """Why a state can be trusted.
 
     Attributes:
         residual: norm of the force imbalance over the norm of the contact forces.
         wrench_gap: largest difference of contact and clamp wrench, over the load (moments over load times R).
         penetration_mm: deepest at a Gauss point (gap times pressure is nowhere else violated: penalty contact).
-        reach_mm: deepest anywhere on the surface; what it exceeds ``penetration_mm`` by, no Gauss point felt.
+        reach_mm: deepest anywhere on the surface; what it exceeds ``penetration_mm`` by, no Gauss point sees.
         cone_excess_mpa: largest excess of friction over mu p.
         negative_pivots: of the last symmetric tangent; 0 means a stable branch at the controlled depth, -1 unknown.
         force_stiffness_n_mm: slope of normal force by depth; positive means stable under force control too.
@@ -74,7 +74,7 @@ class State:
         normal_n: normal force along the inward normal at first touch.
         certificate: see above; None for the start of a path.
         level: that answered (1 is the full model).
-        error_estimate: expected relative rms error of the markers against level 1; None where the certificate tells.
+        error_estimate: expected relative rms error of the markers against level 1; None where the certificate gives it.
         time_s: when, on the path's clock. history: of the material, for the next step; None without rate effects.
     """
 

@@ -41,9 +41,9 @@ class LoadPath:
         azimuths_deg: azimuths for which the solved states are labelled (rotations of one solution).
         waypoints: frames in order.
         exposure_s: of the camera; 0 for states at rest. latency_s: from mid-exposure to publication.
-        scene, cap: of a robot, -1 without.
-        T_world_sphere: that cap's rotation and its sphere's centre, heights from the lowest cap's centre (4 x 4, row by
-            row); empty without a robot.
+        scene, endcap: of a robot, -1 without.
+        T_world_sphere: that endcap's rotation and its sphere's centre, heights from the lowest endcap's centre (4 x 4,
+            row by row); empty without a robot.
         began_s: when the untouched shell was last at rest, for rate effects; None where states are at rest, and no time
             passes between them.
     """
@@ -56,7 +56,7 @@ class LoadPath:
     exposure_s: float = 0.0
     latency_s: float = 0.0
     scene: int = -1
-    cap: int = -1
+    endcap: int = -1
     T_world_sphere: tuple[float, ...] = ()
     began_s: float | None = None
 

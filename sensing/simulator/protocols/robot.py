@@ -1,7 +1,7 @@
-"""``robot`` protocol: six caps of a three-bar robot that is lowered onto 0, 1, 2 or 3 of them (N, mm, s).
+"""``robot`` protocol: six endcaps of a three-bar robot that is lowered onto 0, 1, 2 or 3 of them (N, mm, s).
 
-A scene is six paths, one a cap, in step: at every frame the forces on all caps and the ropes add up to the weight.
-``azimuths`` does not apply: every cap stands as the robot does.
+A scene is six paths, one for each endcap, in step: at every frame the forces on all endcaps and the ropes add up to
+the weight. ``azimuths`` does not apply: every endcap stands as the robot does.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from sensing.simulator.protocols.static import FRICTION_RANGE
 from sensing.simulator.robot.statics import Stand, random_stand
 from sensing.simulator.solid.surface import turn_about_axis
 
-CAPS = 6
+ENDCAPS = 6
 SHARES = (0.2, 0.45, 0.7, 1.0, 1.0)  # of the load while the ropes let go
 LOWERED_MM = (20.0, 5.0)
 
 
 def robot_path(seed: int, number: int, azimuths: int) -> LoadPath:
-    """One cap of a scene; the number of contacts is 0, 1, 2, 3 in turn."""
-    scene, cap = divmod(number, CAPS)
+    """One endcap of a scene; the number of contacts is 0, 1, 2, 3 in turn."""
+    scene, endcap = divmod(number, ENDCAPS)
     stand, friction = scene_stand(seed, scene)
-    rotation = stand.rotation[cap]
+    rotation = stand.rotation[endcap]
     outward = -rotation[2]  # straight down, in the endcap frame
     tilt, azimuth = (
         math.degrees(math.acos(np.clip(outward[2], -1, 1))),
         math.degrees(math.atan2(outward[1], outward[0])),
     )
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, stand.centre_mm[cap]
-    points = [Waypoint("airborne", None, apart + float(stand.centre_mm[cap, 2])) for apart in LOWERED_MM]
-    if stand.touching[cap]:
+    pose[:3, :3], pose[:3, 3] = rotation, stand.centre_mm[endcap]
+    points = [Waypoint("airborne", None, apart + float(stand.centre_mm[endcap, 2])) for apart in LOWERED_MM]
+    if stand.touching[endcap]:
         _, meridian, lateral = (turn_about_axis(azimuth) @ Indenter(tilt).frame()).T
-        force = rotation.T @ stand.force_n[cap]
-        normal, pull = float(stand.force_n[cap, 2]), (float(force @ meridian), float(force @ lateral))
+        force = rotation.T @ stand.force_n[endcap]
+        normal, pull = float(stand.force_n[endcap, 2]), (float(force @ meridian), float(force @ lateral))
         points += [
             Waypoint("stand", Target(normal_n=s * normal, tangential_n=(s * pull[0], s * pull[1]))) for s in SHARES
         ]
     else:
-        points += [Waypoint("airborne", None, float(stand.centre_mm[cap, 2]))] * len(SHARES)
+        points += [Waypoint("airborne", None, float(stand.centre_mm[endcap, 2]))] * len(SHARES)
         tilt = min(tilt, 90.0)  # of no meaning in the air
     flat = tuple(float(value) for value in pose.ravel())
-    return LoadPath(number, tilt, friction, (azimuth,), timed(points), scene=scene, cap=cap, T_world_sphere=flat)
+    return LoadPath(number, tilt, friction, (azimuth,), timed(points), scene=scene, endcap=endcap, T_world_sphere=flat)
 
 
 @lru_cache(maxsize=4)

@@ -83,7 +83,7 @@ class ReducedPress:
             if found is not None and found[1] * self.reduced.estimate_factor <= self.limit:
                 self.fast_steps += 1
                 estimate = found[1] * self.reduced.estimate_factor
-                return self.press.felt(replace(found[0], error_estimate=estimate))
+                return self.press.within_reach(replace(found[0], error_estimate=estimate))
         self.fallbacks += 1
         return self.fast.advance(state, target)
 

@@ -4,7 +4,7 @@
     for frame in source: ...                     # sensing.records.Frame, as from a camera
 
 Input is displacement fields of the inner surface (mm, endcap frame) from any mechanics. Times count from zero at the
-frame rate; nothing downstream can tell such a frame from a camera's.
+frame rate; nothing downstream can distinguish such a frame from a camera's.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Pictures of the robot scene on a clock: what six cameras would see, rendered once and kept.
 
     film = load_film(Path.home() / ".cache/endcap")
-    film.jpeg(cap, tick), film.truth(cap, tick)           # tick: 1/30 s, the scene repeats after film.ticks
+    film.jpeg(endcap, tick), film.truth(endcap, tick)           # tick: 1/30 s, the scene repeats after film.ticks
 
 Every picture has noise of its own or that of one of three variants: no two that follow one another are equal. Forces in
 N, torques in N m on the endcap, endcap frame.
@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Paint, RenderSettings
-from sensing.simulator.robot.scene import CAPS, FILE, PARAMS, RobotScene, load_scene
+from sensing.simulator.robot.scene import ENDCAPS, FILE, PARAMS, RobotScene, load_scene
 from sensing.simulator.robot.statics import WEIGHT_N
 
 RATE_HZ = 30.0
 REST, RAMP, HOLD, GAP = 75, 30, 60, 30  # ticks: in the air, let down, standing, between stands
 VARIANTS = 3  # noise of pictures that are shown again
-Key = tuple[int, int, int, int]  # cap, stand (-1 at rest), ramp step, variant
+Key = tuple[int, int, int, int]  # endcap, stand (-1 at rest), ramp step, variant
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Moment:
     """Where the scene is.
 
     Attributes:
-        stand: 0, 1, 2 for one, two, three caps on the ground; -1 in the air. step: of the ramp, 0..RAMP.
+        stand: 0, 1, 2 for one, two, three endcaps on the ground; -1 in the air. step: of the ramp, 0..RAMP.
     """
 
     stand: int
@@ -75,22 +75,22 @@ class Film:
         """Of the robot."""
         return WEIGHT_N
 
-    def jpeg(self, cap: int, tick: int) -> bytes:
-        """What a cap's camera sees."""
+    def jpeg(self, endcap: int, tick: int) -> bytes:
+        """What a endcap's camera sees."""
         moment = self.moments[tick % self.ticks]
-        return self.pictures[_key(self.scene, cap, moment, tick)]
+        return self.pictures[_key(self.scene, endcap, moment, tick)]
 
     def touching(self, tick: int) -> tuple[bool, ...]:
-        """Which caps carry load."""
+        """Which endcaps carry load."""
         moment = self.moments[tick % self.ticks]
-        return tuple(moment.stand >= 0 and bool(self.scene.touching[moment.stand, cap]) for cap in range(CAPS))
+        return tuple(moment.stand >= 0 and bool(self.scene.touching[moment.stand, endcap]) for endcap in range(ENDCAPS))
 
-    def truth(self, cap: int, tick: int) -> NDArray[np.float64]:
-        """(6,) wrench on a cap."""
+    def truth(self, endcap: int, tick: int) -> NDArray[np.float64]:
+        """(6,) wrench on a endcap."""
         moment = self.moments[tick % self.ticks]
-        if moment.stand < 0 or not self.scene.touching[moment.stand, cap]:
+        if moment.stand < 0 or not self.scene.touching[moment.stand, endcap]:
             return np.zeros(6)
-        return self.scene.state(moment.stand, cap, moment.step / RAMP)[1]
+        return self.scene.state(moment.stand, endcap, moment.step / RAMP)[1]
 
 
 def load_film(folder: Path | None = None, progress: Callable[[int, int], None] | None = None) -> Film:
@@ -100,7 +100,9 @@ def load_film(folder: Path | None = None, progress: Callable[[int, int], None] |
         folder: None to keep nothing. progress: called with (pictures made, pictures in all).
     """
     scene, moments = load_scene(), timeline()
-    keys = sorted({_key(scene, cap, moment, tick) for tick, moment in enumerate(moments) for cap in range(CAPS)})
+    keys = sorted(
+        {_key(scene, endcap, moment, tick) for tick, moment in enumerate(moments) for endcap in range(ENDCAPS)}
+    )
     kept = None if folder is None else folder / f"robot_scene_{_digest()}.npz"
     pictures = None if kept is None else _read(kept, keys)
     if pictures is None:
@@ -110,21 +112,21 @@ def load_film(folder: Path | None = None, progress: Callable[[int, int], None] |
     return Film(scene, pictures, moments)
 
 
-def _key(scene: RobotScene, cap: int, moment: Moment, tick: int) -> Key:
-    if moment.stand < 0 or not scene.touching[moment.stand, cap]:
-        return cap, -1, 0, tick % VARIANTS
-    return cap, moment.stand, moment.step, tick % VARIANTS if moment.step == RAMP else 0
+def _key(scene: RobotScene, endcap: int, moment: Moment, tick: int) -> Key:
+    if moment.stand < 0 or not scene.touching[moment.stand, endcap]:
+        return endcap, -1, 0, tick % VARIANTS
+    return endcap, moment.stand, moment.step, tick % VARIANTS if moment.step == RAMP else 0
 
 
 def _render(scene: RobotScene, keys: list[Key], progress: Callable[[int, int], None]) -> dict[Key, bytes]:
     pictures: dict[Key, bytes] = {}
-    for cap in range(CAPS):
-        settings = RenderSettings(seed=cap, paint=Paint(digit=str(cap))).at_level("draft")
+    for endcap in range(ENDCAPS):
+        settings = RenderSettings(seed=endcap, paint=Paint(digit=str(endcap))).at_level("draft")
         renderer = DomeRenderer(PARAMS, None, settings)
-        for number, key in enumerate(k for k in keys if k[0] == cap):
+        for number, key in enumerate(k for k in keys if k[0] == endcap):
             _, stand, step, _ = key
-            field = None if stand < 0 else scene.state(stand, cap, step / RAMP)[0]
-            azimuth = 0.0 if stand < 0 else float(scene.azimuth_deg[stand, cap])
+            field = None if stand < 0 else scene.state(stand, endcap, step / RAMP)[0]
+            azimuth = 0.0 if stand < 0 else float(scene.azimuth_deg[stand, endcap])
             pictures[key] = renderer.render(field, azimuth_deg=azimuth, frame=number).jpeg
             progress(len(pictures), len(keys))
     return pictures

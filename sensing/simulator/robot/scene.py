@@ -1,4 +1,4 @@
-"""The robot that ``python -m sensing.live`` shows without cameras: lowered onto one, two and three of its caps.
+"""The robot that ``python -m sensing.live`` shows without cameras: lowered onto one, two and three of its endcaps.
 
     python -m sensing.simulator.robot.scene --out sensing/simulator/robot/scene.npz     # solves it anew (minutes)
 
@@ -40,7 +40,7 @@ from sensing.simulator.solid.surface import turn_about_axis, turn_wrench
 Array = NDArray[np.float64]
 FILE = Path(__file__).with_name("scene.npz")
 PARAMS = EndcapParams(130.0, 8.0)
-CAPS = 6
+ENDCAPS = 6
 FRICTION = 0.6
 SEED = 3
 MIRROR_N = 1e-6
@@ -53,9 +53,9 @@ class RobotScene:
     """Solved states of three stands.
 
     Attributes:
-        T_robot_endcap: (6, 4, 4) how the caps are screwed on, mm.
+        T_robot_endcap: (6, 4, 4) how the endcaps are screwed on, mm.
         R_world_robot: (3, 3, 3) of each stand.
-        touching: (3, 6) which caps stand.
+        touching: (3, 6) which endcaps stand.
         azimuth_deg: (3, 6) of the contact, endcap frame.
         wrench: (3, 6, S, 6) on the endcap, N and N m, for the :data:`SHARES`.
         coefficients: (3, 6, S, M) of the modes. modes: (M, n, 3) mm at the renderer's draft nodes.
@@ -69,18 +69,18 @@ class RobotScene:
     coefficients: Array
     modes: NDArray[np.float16]
 
-    def state(self, stand: int, cap: int, share: float) -> tuple[Array, Array]:
-        """((n, 3) displacement at azimuth 0, (6,) wrench) of a cap under a share 0..1 of its load."""
+    def state(self, stand: int, endcap: int, share: float) -> tuple[Array, Array]:
+        """((n, 3) displacement at azimuth 0, (6,) wrench) of a endcap under a share 0..1 of its load."""
         shares = (0.0, *SHARES)
         zero = np.zeros(1)
         coefficients = np.array(
             [
                 np.interp(share, shares, np.concatenate([zero, column]))
-                for column in self.coefficients[stand, cap].T  # no load: no displacement
+                for column in self.coefficients[stand, endcap].T  # no load: no displacement
             ]
         )
         wrench = np.array(
-            [np.interp(share, shares, np.concatenate([zero, column])) for column in self.wrench[stand, cap].T]
+            [np.interp(share, shares, np.concatenate([zero, column])) for column in self.wrench[stand, endcap].T]
         )
         return np.tensordot(coefficients, self.modes.astype(float), axes=1), wrench
 
@@ -103,29 +103,29 @@ def solve_scene() -> RobotScene:
     """Solve all states of the scene (minutes)."""
     plan = plan_scene()
     simulator = Simulator(shell_geometry(PARAMS.diameter_mm, PARAMS.wall_mm), silicone().neo_hooke(), tolerance=1e-4)
-    solved = {place: solve_cap(simulator, plan, *place) for place in plan.places()}
+    solved = {place: solve_endcap(simulator, plan, *place) for place in plan.places()}
     return assemble_scene(plan, solved)
 
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """What is to be solved: three stands, and how the caps are screwed on."""
+    """What is to be solved: three stands, and how the endcaps are screwed on."""
 
     stands: tuple[Stand, ...]
     T_robot_endcap: Array
     R_world_robot: Array
 
     def places(self) -> list[tuple[int, int]]:
-        """(stand, cap) of every cap that carries load."""
-        return [(s, int(cap)) for s, stand in enumerate(self.stands) for cap in np.flatnonzero(stand.touching)]
+        """(stand, endcap) of every endcap that carries load."""
+        return [(s, int(endcap)) for s, stand in enumerate(self.stands) for endcap in np.flatnonzero(stand.touching)]
 
-    def path(self, stand: int, cap: int) -> tuple[LoadPath, float]:
-        """Loading of a cap and the azimuth of its contact."""
-        return _path(self.stands[stand], cap, self.R_world_robot[stand] @ self.T_robot_endcap[cap, :3, :3])
+    def path(self, stand: int, endcap: int) -> tuple[LoadPath, float]:
+        """Loading of a endcap and the azimuth of its contact."""
+        return _path(self.stands[stand], endcap, self.R_world_robot[stand] @ self.T_robot_endcap[endcap, :3, :3])
 
 
 def plan_scene() -> ScenePlan:
-    """Stands on one, two and three caps; the cables are slack, so that the ground pushes straight up."""
+    """Stands on one, two and three endcaps; the cables are slack, so that the ground pushes straight up."""
     stands = []
     for contacts in (1, 2, 3):
         stand = random_stand(np.random.default_rng([SEED, contacts]), contacts, FRICTION)
@@ -134,13 +134,13 @@ def plan_scene() -> ScenePlan:
     return ScenePlan(tuple(stands), _screwed_on(np.random.default_rng(SEED)), rotation)
 
 
-def solve_cap(simulator: Simulator, plan: ScenePlan, stand: int, cap: int) -> tuple[Array, Array]:
+def solve_endcap(simulator: Simulator, plan: ScenePlan, stand: int, endcap: int) -> tuple[Array, Array]:
     """((S, n, 3) displacement at azimuth 0 at the renderer's draft nodes, (S, 6) wrench in N and N m).
 
     Raises:
         FileError: a state that the simulator refuses.
     """
-    path, azimuth = plan.path(stand, cap)
+    path, azimuth = plan.path(stand, endcap)
     states, refused = path_states(simulator, path)
     if refused:
         raise FileError(f"the scene cannot be solved: {refused[0]}")
@@ -149,17 +149,17 @@ def solve_cap(simulator: Simulator, plan: ScenePlan, stand: int, cap: int) -> tu
     fields = np.array([to_nodes @ state.end.surface_mm for state in states])
     wrench = np.array([turn_wrench(state.end.wrench, azimuth) for state in states])
     wrench[:, 3:] /= 1000
-    print(f"stand {stand} cap {cap}: {states[-1].end.normal_n:.2f} N", file=sys.stderr)
+    print(f"stand {stand} endcap {endcap}: {states[-1].end.normal_n:.2f} N", file=sys.stderr)
     return fields, wrench
 
 
 def assemble_scene(plan: ScenePlan, solved: dict[tuple[int, int], tuple[Array, Array]]) -> RobotScene:
-    """The scene from its solved caps."""
+    """The scene from its solved endcaps."""
     nodes = next(iter(solved.values()))[0].shape[1]
-    fields, wrench = np.zeros((3, CAPS, len(SHARES), nodes, 3)), np.zeros((3, CAPS, len(SHARES), 6))
-    azimuth = np.zeros((3, CAPS))
-    for place, (field, told) in solved.items():
-        fields[place], wrench[place], azimuth[place] = field, told, plan.path(*place)[1]
+    fields, wrench = np.zeros((3, ENDCAPS, len(SHARES), nodes, 3)), np.zeros((3, ENDCAPS, len(SHARES), 6))
+    azimuth = np.zeros((3, ENDCAPS))
+    for place, (field, column) in solved.items():
+        fields[place], wrench[place], azimuth[place] = field, column, plan.path(*place)[1]
     coefficients, modes = _modes(fields)
     touching = np.array([stand.touching for stand in plan.stands])
     return RobotScene(plan.T_robot_endcap, plan.R_world_robot, touching, azimuth, wrench, coefficients, modes)
@@ -174,18 +174,18 @@ def save_scene(scene: RobotScene, path: Path) -> None:
 
 
 def _screwed_on(rng: np.random.Generator) -> Array:
-    """(6, 4, 4) endcap to robot: z outward along the bar, turned about it at random, tip sphere at the prism's cap."""
-    caps = prism_mm()
-    poses = np.tile(np.eye(4), (CAPS, 1, 1))
-    for cap in range(CAPS):
-        outward = caps[cap] - caps[cap ^ 1]
+    """(6, 4, 4) endcap to robot: z outward along the bar, random turn about it; tip sphere at the prism's corner."""
+    endcaps = prism_mm()
+    poses = np.tile(np.eye(4), (ENDCAPS, 1, 1))
+    for endcap in range(ENDCAPS):
+        outward = endcaps[endcap] - endcaps[endcap ^ 1]
         outward /= np.linalg.norm(outward)
         side = np.cross(outward, [0.0, 0.0, 1.0])
         side /= np.linalg.norm(side)
         roll = float(rng.uniform(0, 2 * math.pi))
         first = math.cos(roll) * side + math.sin(roll) * np.cross(outward, side)
-        poses[cap, :3, :3] = np.stack([first, np.cross(outward, first), outward], axis=1)
-        poses[cap, :3, 3] = caps[cap] - outward * PARAMS.centre_height_mm
+        poses[endcap, :3, :3] = np.stack([first, np.cross(outward, first), outward], axis=1)
+        poses[endcap, :3, 3] = endcaps[endcap] - outward * PARAMS.centre_height_mm
     return poses
 
 
@@ -197,18 +197,18 @@ def _attitude(stand: Stand) -> Array:
     return np.asarray(left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right)
 
 
-def _path(stand: Stand, cap: int, rotation: Array) -> tuple[LoadPath, float]:
-    """Loading of one cap in its own frame, and the azimuth of its contact."""
+def _path(stand: Stand, endcap: int, rotation: Array) -> tuple[LoadPath, float]:
+    """Loading of one endcap in its own frame, and the azimuth of its contact."""
     outward = -rotation[2]  # straight down
     tilt = math.degrees(math.acos(float(np.clip(outward[2], -1, 1))))
     azimuth = math.degrees(math.atan2(outward[1], outward[0]))
     _, meridian, lateral = (turn_about_axis(azimuth) @ Indenter(tilt).frame()).T
-    force, normal = rotation.T @ stand.force_n[cap], float(stand.force_n[cap, 2])
+    force, normal = rotation.T @ stand.force_n[endcap], float(stand.force_n[endcap, 2])
     pull = float(force @ meridian), float(force @ lateral)
     if abs(pull[1]) < MIRROR_N:
         pull = pull[0], 0.0  # rounding alone must not cost the whole mesh
     points = [Waypoint("stand", Target(normal_n=s * normal, tangential_n=(s * pull[0], s * pull[1]))) for s in SHARES]
-    return LoadPath(cap, tilt, FRICTION, (azimuth,), timed(points)), azimuth
+    return LoadPath(endcap, tilt, FRICTION, (azimuth,), timed(points)), azimuth
 
 
 def _modes(fields: Array) -> tuple[Array, NDArray[np.float16]]:

@@ -1,9 +1,9 @@
-"""Statics of the three-bar robot: which caps stand on the ground and what each carries (N, mm; world z up).
+"""Statics of the three-bar robot: which endcaps stand on the ground and what each carries (N, mm; world z up).
 
-Three bars form a twisted prism: bar i runs from cap 2i on the lower ring to cap 2i + 1 on the upper one. The robot
-weighs 12 kg (P); its size is ours (E). It stands on three caps, or is held by ropes at the caps that do not: then two,
-one or none touch, as in the paper's four configurations. Caps count as rigid spheres: that a loaded cap sinks by some
-millimetres on a base of half a metre changes the loads by under 2 %.
+Three bars form a twisted prism: bar i runs from endcap 2i on the lower ring to endcap 2i + 1 on the upper one. The
+robot weighs 12 kg (P); its size is ours (E). It stands on three endcaps, or is held by ropes at the endcaps that do
+not: then two, one or none touch, as in the paper's four configurations. Endcaps count as rigid spheres: that a loaded
+endcap sinks by some millimetres on a base of half a metre changes the loads by under 2 %.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ MASS_KG = 12.0  # P, NET27
 GRAVITY_M_S2 = 9.81
 WEIGHT_N = MASS_KG * GRAVITY_M_S2
 RING_RADIUS_MM = 320.0  # E
-BAR_MM = 900.0  # E: between the centres of its two caps
+BAR_MM = 900.0  # E: between the centres of its two endcaps
 TWIST_DEG = 150.0  # of the upper ring against the lower one: pi/2 + pi/n, the n-strut prism's only prestressed state
 PAYLOAD_MM = 60.0  # E: the centre of mass lies at random within this of the middle
 TIP_RANGE_DEG = (2.0, 10.0)  # how far ropes lift a side
-PULL_SHARE = 0.5  # of the friction limit that cables may spread between two caps
+PULL_SHARE = 0.5  # of the friction limit that cables may spread between two endcaps
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Stand:
     """The robot on the ground.
 
     Attributes:
-        rotation: (6, 3, 3) endcap axes in the world. centre_mm: (6, 3) of the caps' spheres, lowest at height 0.
-        mass_centre_mm: (3,). touching: (6,) which caps stand.
-        force_n: (6, 3) of the ground on each cap. rope_n: (6,) upward, of the rope at each cap.
+        rotation: (6, 3, 3) endcap axes in the world. centre_mm: (6, 3) of the endcaps' spheres, lowest at height 0.
+        mass_centre_mm: (3,). touching: (6,) which endcaps stand.
+        force_n: (6, 3) of the ground on each endcap. rope_n: (6,) upward, of the rope at each endcap.
     """
 
     rotation: Array
@@ -46,36 +46,39 @@ class Stand:
 
 
 def prism_mm() -> Array:
-    """Centres (6, 3) of the caps' spheres, standing upright, lower ring at height 0."""
+    """Centres (6, 3) of the endcaps' spheres, standing upright, lower ring at height 0."""
     azimuth = np.radians([0.0, 120.0, 240.0])
     twist = math.radians(TWIST_DEG)
     height = math.sqrt(BAR_MM**2 - (2 * RING_RADIUS_MM * math.sin(twist / 2)) ** 2)
-    caps = np.zeros((6, 3))
-    caps[0::2, 0], caps[0::2, 1] = RING_RADIUS_MM * np.cos(azimuth), RING_RADIUS_MM * np.sin(azimuth)
-    caps[1::2, 0], caps[1::2, 1] = RING_RADIUS_MM * np.cos(azimuth + twist), RING_RADIUS_MM * np.sin(azimuth + twist)
-    caps[1::2, 2] = height
-    return caps
+    endcaps = np.zeros((6, 3))
+    endcaps[0::2, 0], endcaps[0::2, 1] = RING_RADIUS_MM * np.cos(azimuth), RING_RADIUS_MM * np.sin(azimuth)
+    endcaps[1::2, 0], endcaps[1::2, 1] = (
+        RING_RADIUS_MM * np.cos(azimuth + twist),
+        RING_RADIUS_MM * np.sin(azimuth + twist),
+    )
+    endcaps[1::2, 2] = height
+    return endcaps
 
 
 def random_stand(rng: np.random.Generator, contacts: int, friction: float) -> Stand:
-    """A stand on 0 to 3 caps of the lower ring, the robot turned at random about the vertical."""
-    caps = prism_mm() @ _rotation([0, 0, 1], float(rng.uniform(0, 2 * math.pi))).T
-    middle = caps.mean(axis=0) + PAYLOAD_MM * rng.uniform(-1, 1, 3) / math.sqrt(3)
+    """A stand on 0 to 3 endcaps of the lower ring, the robot turned at random about the vertical."""
+    endcaps = prism_mm() @ _rotation([0, 0, 1], float(rng.uniform(0, 2 * math.pi))).T
+    middle = endcaps.mean(axis=0) + PAYLOAD_MM * rng.uniform(-1, 1, 3) / math.sqrt(3)
     lower = rng.permutation([0, 2, 4])
     standing, hung = lower[:contacts], lower[contacts:]
     if 0 < contacts < 3:
-        pivot, axis = caps[standing].mean(axis=0), _edge(caps, standing, hung)
+        pivot, axis = endcaps[standing].mean(axis=0), _edge(endcaps, standing, hung)
         tip = _rotation(axis, math.radians(float(rng.uniform(*TIP_RANGE_DEG))))
-        caps, middle = (caps - pivot) @ tip.T + pivot, (middle - pivot) @ tip.T + pivot
-    lift = caps[:, 2].min() if contacts else caps[:, 2].min() - 100.0
-    caps, middle = caps - [0, 0, lift], middle - [0, 0, lift]
-    carried = supports(caps[lower, :2], middle[:2])
+        endcaps, middle = (endcaps - pivot) @ tip.T + pivot, (middle - pivot) @ tip.T + pivot
+    lift = endcaps[:, 2].min() if contacts else endcaps[:, 2].min() - 100.0
+    endcaps, middle = endcaps - [0, 0, lift], middle - [0, 0, lift]
+    carried = supports(endcaps[lower, :2], middle[:2])
     force, rope = np.zeros((6, 3)), np.zeros(6)
     force[standing, 2], rope[hung] = carried[:contacts], carried[contacts:]
-    force += _cables(rng, caps, standing, force[:, 2], friction)
+    force += _cables(rng, endcaps, standing, force[:, 2], friction)
     touching = np.zeros(6, dtype=bool)
     touching[standing] = True
-    return Stand(_cap_axes(rng, caps), caps, middle, touching, force, rope)
+    return Stand(_endcap_axes(rng, endcaps), endcaps, middle, touching, force, rope)
 
 
 def supports(places_mm: Array, mass_centre_mm: Array) -> Array:
@@ -85,27 +88,27 @@ def supports(places_mm: Array, mass_centre_mm: Array) -> Array:
 
 
 def _cables(
-    rng: np.random.Generator, caps: Array, standing: NDArray[np.int64], normal_n: Array, friction: float
+    rng: np.random.Generator, endcaps: Array, standing: NDArray[np.int64], normal_n: Array, friction: float
 ) -> Array:
-    """Horizontal forces (6, 3) that tensioned cables spread between standing caps: along their lines, zero together."""
+    """Horizontal forces (6, 3) that tensioned cables spread between standing endcaps, along their lines; sum zero."""
     force = np.zeros((6, 3))
     for first in range(len(standing)):
         for second in range(first):
             i, j = standing[first], standing[second]
-            line = caps[j] - caps[i]
+            line = endcaps[j] - endcaps[i]
             line[2] = 0.0
-            most = PULL_SHARE * friction * min(normal_n[i], normal_n[j]) / 2  # a cap has two such neighbours
+            most = PULL_SHARE * friction * min(normal_n[i], normal_n[j]) / 2  # a endcap has two such neighbours
             pull = float(rng.uniform(-most, most)) * line / np.linalg.norm(line)
             force[i] += pull
             force[j] -= pull
     return force
 
 
-def _cap_axes(rng: np.random.Generator, caps: Array) -> Array:
+def _endcap_axes(rng: np.random.Generator, endcaps: Array) -> Array:
     """Endcap axes in the world (6, 3, 3): z outward along the bar, turned about it as it was screwed on."""
     axes = []
-    for cap in range(6):
-        outward = caps[cap] - caps[cap ^ 1]
+    for endcap in range(6):
+        outward = endcaps[endcap] - endcaps[endcap ^ 1]
         outward = outward / np.linalg.norm(outward)
         side = np.cross(outward, [0.0, 0.0, 1.0])
         side = side / np.linalg.norm(side)
@@ -115,10 +118,10 @@ def _cap_axes(rng: np.random.Generator, caps: Array) -> Array:
     return np.array(axes)
 
 
-def _edge(caps: Array, standing: NDArray[np.int64], hung: NDArray[np.int64]) -> Array:
+def _edge(endcaps: Array, standing: NDArray[np.int64], hung: NDArray[np.int64]) -> Array:
     """Horizontal axis through what stands, about which the hung side rises."""
-    away = caps[hung].mean(axis=0) - caps[standing].mean(axis=0)
-    line = caps[standing[1]] - caps[standing[0]] if len(standing) == 2 else np.cross([0.0, 0.0, 1.0], away)
+    away = endcaps[hung].mean(axis=0) - endcaps[standing].mean(axis=0)
+    line = endcaps[standing[1]] - endcaps[standing[0]] if len(standing) == 2 else np.cross([0.0, 0.0, 1.0], away)
     line = line / np.linalg.norm(line)
     return np.asarray(line if np.cross(line, away)[2] > 0 else -line)
 

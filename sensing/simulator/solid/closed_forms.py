@@ -57,13 +57,14 @@ def flattening_force_n(geometry: ShellGeometry, law: HyperelasticLaw, depth_mm: 
 
     Notes:
         A plane flattens the dome first (Updike, Kalnins 1970, doi:10.1115/1.3408580): the ring of contact grows and the
-        force stays nearly linear in the depth until the cap inverts, at a depth of about 2 T. Beyond: the full model.
+        force stays nearly linear in the depth until the flattened part inverts, at a depth of about 2 T. Beyond it the
+        full model answers.
     """
     return point_stiffness_n_mm(geometry, law) * depth_mm
 
 
 def flattening_radius_mm(outer_radius_mm: float, depth_mm: float) -> float:
-    """Radius of a flattened cap, a = sqrt(R d): half the geometric intersection's area, as in Hertz.
+    """Radius of a flattened spherical cap, a = sqrt(R d): half the geometric intersection's area, as in Hertz.
 
     The intersection of sphere and plane, sqrt(2 R d), is the upper bound.
     """

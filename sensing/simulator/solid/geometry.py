@@ -3,7 +3,7 @@
 The shell lies between two concentric spheres and ends on the plane on which it is clamped: the top of the TPU flange.
 Model assumptions: the gyroid zone above the flange (25 mm of interlocked TPU and silicone) counts as plain silicone,
 and the flange as rigid; dents of the dots (0.6 mm) are left out. The interlock is stiffer than silicone, so the real
-shell sways a little less than this one.
+shell shifts as a whole a little less than this one.
 """
 
 from __future__ import annotations

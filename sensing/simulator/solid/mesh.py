@@ -2,7 +2,7 @@
 
 The shell's disc (tip at the centre, clamp at radius 1) is a core of ``core x core`` quads inside ``rings`` rings of
 ``4 core`` quads, mirrored exactly in y = 0. Rings shrink toward the clamp, because the bonded edge of a nearly
-incompressible solid is singular and its error shows as sway of the whole dome.
+incompressible solid is singular and its error shows as a shift of the whole dome.
 """
 
 from __future__ import annotations

@@ -25,16 +25,16 @@ LEAF_ELEMENTS = 4
 
 @dataclass(frozen=True)
 class Front:
-    """One dense front: its unknowns (own first, then those it shares), and where its parts come from.
+    """One dense front: its unknowns (pivots first, then the contribution block), and where its parts come from.
 
     Attributes:
-        variables: unknowns, ascending (k,). own: how many are eliminated here.
+        variables: unknowns, ascending (k,). pivot_count: how many are eliminated here.
         elements: elements assembled here (leaf) and their unknowns' places, -1 where fixed (count, 81).
         children: numbers of earlier fronts. child_places: places of their shared unknowns in this front.
     """
 
     variables: Index
-    own: int
+    pivot_count: int
     elements: Index
     places: Index
     children: tuple[int, ...]
@@ -97,13 +97,13 @@ def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]
     numbered = np.where(live, equation[np.maximum(dofs, 0)], -1)
     for number, (begin, end, children) in enumerate(spans):
         elements = order[begin:end] if not children else np.zeros(0, dtype=np.int64)
-        inputs = [numbered[elements].ravel()] + [fronts[c].variables[fronts[c].own :] for c in children]
+        inputs = [numbered[elements].ravel()] + [fronts[c].variables[fronts[c].pivot_count :] for c in children]
         variables = np.unique(np.concatenate(inputs))
         variables = variables[variables >= 0]
         places = np.where(numbered[elements] >= 0, np.searchsorted(variables, numbered[elements]), -1)
-        child_places = tuple(np.searchsorted(variables, fronts[c].variables[fronts[c].own :]) for c in children)
-        own = int((owner == number).sum())
-        fronts.append(Front(variables, own, elements, places, children, child_places))
+        child_places = tuple(np.searchsorted(variables, fronts[c].variables[fronts[c].pivot_count :]) for c in children)
+        pivot_count = int((owner == number).sum())
+        fronts.append(Front(variables, pivot_count, elements, places, children, child_places))
     return equation, fronts
 
 
@@ -117,37 +117,37 @@ class FrontalFactors:
     def __init__(self, fronts: list[Front], blocks: Array, symmetric: bool) -> None:
         self.fronts = fronts
         self.symmetric = symmetric
-        self.count = sum(front.own for front in fronts)
+        self.count = sum(front.pivot_count for front in fronts)
         self.parts: list[tuple[Any, ...]] = []
         self._columns: tuple[Any, Index, Index] | None = None
-        rests: dict[int, Array] = {}
+        contributions: dict[int, Array] = {}
         for number, front in enumerate(fronts):
-            size, own = len(front.variables), front.own
+            size, pivot_count = len(front.variables), front.pivot_count
             matrix = np.zeros((size, size), order="F")
             if len(front.elements):
                 _add_elements(matrix, blocks, front.elements, front.places)
             for child, places in zip(front.children, front.child_places, strict=True):
-                _add_child(matrix, rests.pop(child), places)
+                _add_child(matrix, contributions.pop(child), places)
             eliminate = self._cholesky if symmetric else self._lu
-            rests[number] = eliminate(matrix, own)
+            contributions[number] = eliminate(matrix, pivot_count)
 
     def solve(self, right: Array) -> Array:
         """Solution for one (n,) or several (n, m) right-hand sides."""
         one = right.ndim == 1
         x = np.array(right.reshape(self.count, -1), order="C" if right.ndim > 1 else "F")
         for front, part in zip(self.fronts, self.parts, strict=True):
-            own, shared = front.variables[: front.own], front.variables[front.own :]
-            if not len(own):
+            pivot_rows, shared = front.variables[: front.pivot_count], front.variables[front.pivot_count :]
+            if not len(pivot_rows):
                 continue
-            first = self._forward(part, x[own])
-            x[own] = first
+            first = self._forward(part, x[pivot_rows])
+            x[pivot_rows] = first
             if len(shared):
                 x[shared] -= part[1] @ first
         for front, part in zip(self.fronts[::-1], self.parts[::-1], strict=True):
-            own, shared = front.variables[: front.own], front.variables[front.own :]
-            if not len(own):
+            pivot_rows, shared = front.variables[: front.pivot_count], front.variables[front.pivot_count :]
+            if not len(pivot_rows):
                 continue
-            x[own] = self._backward(part, x[own], x[shared])
+            x[pivot_rows] = self._backward(part, x[pivot_rows], x[shared])
         return x[:, 0] if one else np.ascontiguousarray(x)
 
     def solve_roughly(self, right: Array) -> Array:
@@ -158,55 +158,55 @@ class FrontalFactors:
         """
         if self._columns is None:
             parts = [np.concatenate(part[:2]).ravel(order="F").astype(np.float32) for part in self.parts]
-            sizes = np.array([(front.own, len(front.variables)) for front in self.fronts])
+            sizes = np.array([(front.pivot_count, len(front.variables)) for front in self.fronts])
             self._columns = np.concatenate(parts), np.concatenate([front.variables for front in self.fronts]), sizes
         solution = right.astype(np.float32)
         values, variables, sizes = self._columns
         _solve_columns(values, variables, sizes, solution)
         return solution.astype(np.float64)
 
-    def _cholesky(self, matrix: Array, own: int) -> Array:
-        if not own:
+    def _cholesky(self, matrix: Array, pivot_count: int) -> Array:
+        if not pivot_count:
             self.parts.append((matrix[:0, :0], matrix[:, :0]))
             return matrix
-        lower, info = lapack.dpotrf(matrix[:own, :own], lower=1, clean=0)
+        lower, info = lapack.dpotrf(matrix[:pivot_count, :pivot_count], lower=1, clean=0)
         if info or not np.isfinite(lower[-1, -1]):  # LAPACK may take NaN for positive
             raise NotPositive
-        if own == len(matrix):
-            self.parts.append((lower, matrix[own:, :own]))
-            return matrix[own:, own:]
-        below = blas.dtrsm(1.0, lower, matrix[own:, :own], side=1, lower=1, trans_a=1)
-        rest = blas.dsyrk(-1.0, below, beta=1.0, c=matrix[own:, own:], lower=1)
+        if pivot_count == len(matrix):
+            self.parts.append((lower, matrix[pivot_count:, :pivot_count]))
+            return matrix[pivot_count:, pivot_count:]
+        below = blas.dtrsm(1.0, lower, matrix[pivot_count:, :pivot_count], side=1, lower=1, trans_a=1)
+        contribution = blas.dsyrk(-1.0, below, beta=1.0, c=matrix[pivot_count:, pivot_count:], lower=1)
         self.parts.append((lower, below))
-        return np.asarray(rest)
+        return np.asarray(contribution)
 
-    def _lu(self, matrix: Array, own: int) -> Array:
-        if not own:
+    def _lu(self, matrix: Array, pivot_count: int) -> Array:
+        if not pivot_count:
             self.parts.append((matrix[:0, :0], matrix[:, :0], matrix[:0], np.zeros(0, dtype=np.int32)))
             return matrix
-        both, pivots, info = lapack.dgetrf(matrix[:own, :own])
+        both, pivots, info = lapack.dgetrf(matrix[:pivot_count, :pivot_count])
         if info > 0:
             raise np.linalg.LinAlgError("exactly singular tangent")
-        right = matrix[:own, own:]
+        right = matrix[:pivot_count, pivot_count:]
         order = _permutation(pivots)
         right = np.asfortranarray(right[order])
-        if own == len(matrix):
-            self.parts.append((both, matrix[own:, :own], right, order))
-            return matrix[own:, own:]
+        if pivot_count == len(matrix):
+            self.parts.append((both, matrix[pivot_count:, :pivot_count], right, order))
+            return matrix[pivot_count:, pivot_count:]
         right = blas.dtrsm(1.0, both, right, lower=1, diag=1)
-        below = blas.dtrsm(1.0, both, matrix[own:, :own], side=1, lower=0)
+        below = blas.dtrsm(1.0, both, matrix[pivot_count:, :pivot_count], side=1, lower=0)
         self.parts.append((both, below, right, order))
-        return np.asarray(matrix[own:, own:] - below @ right, order="F")
+        return np.asarray(matrix[pivot_count:, pivot_count:] - below @ right, order="F")
 
     def _forward(self, part: tuple[Any, ...], right: Array) -> Array:
         if self.symmetric:
             return np.asarray(blas.dtrsm(1.0, part[0], right, lower=1))
         return np.asarray(blas.dtrsm(1.0, part[0], right[part[3]], lower=1, diag=1))
 
-    def _backward(self, part: tuple[Any, ...], own: Array, shared: Array) -> Array:
+    def _backward(self, part: tuple[Any, ...], pivot_rows: Array, shared: Array) -> Array:
         if self.symmetric:
-            return np.asarray(blas.dtrsm(1.0, part[0], own - part[1].T @ shared, lower=1, trans_a=1))
-        return np.asarray(blas.dtrsm(1.0, part[0], own - part[2] @ shared, lower=0))
+            return np.asarray(blas.dtrsm(1.0, part[0], pivot_rows - part[1].T @ shared, lower=1, trans_a=1))
+        return np.asarray(blas.dtrsm(1.0, part[0], pivot_rows - part[2] @ shared, lower=0))
 
 
 def _permutation(pivots: Index) -> Index:
@@ -220,40 +220,40 @@ def _permutation(pivots: Index) -> Index:
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def _solve_columns(values, variables, sizes, x):  # type: ignore[no-untyped-def]
-    """Forward and backward substitution in place; every front is a trapezoid of ``own`` columns, ``size`` rows."""
+    """Forward and backward substitution in place; a front is a trapezoid of ``pivot_count`` columns, ``size`` rows."""
     local = np.empty(sizes[:, 1].max(), dtype=np.float32)
     start, place = 0, 0
     for front in range(len(sizes)):
-        own, size = sizes[front]
-        if own:
+        pivot_count, size = sizes[front]
+        if pivot_count:
             for k in range(size):
                 local[k] = x[variables[place + k]]
-            for c in range(own):
+            for c in range(pivot_count):
                 column = values[start + c * size : start + (c + 1) * size]
                 local[c] /= column[c]
                 pivot = local[c]
-                tail, rest = local[c + 1 : size], column[c + 1 :]
-                for k in range(len(rest)):  # from 0, or it does not vectorise
-                    tail[k] -= pivot * rest[k]
+                tail, below = local[c + 1 : size], column[c + 1 :]
+                for k in range(len(below)):  # from 0, or it does not vectorise
+                    tail[k] -= pivot * below[k]
             for k in range(size):
                 x[variables[place + k]] = local[k]
-        start += own * size
+        start += pivot_count * size
         place += size
     for front in range(len(sizes) - 1, -1, -1):
-        own, size = sizes[front]
-        start -= own * size
+        pivot_count, size = sizes[front]
+        start -= pivot_count * size
         place -= size
-        if own:
+        if pivot_count:
             for k in range(size):
                 local[k] = x[variables[place + k]]
-            for c in range(own - 1, -1, -1):
+            for c in range(pivot_count - 1, -1, -1):
                 column = values[start + c * size : start + (c + 1) * size]
                 total = np.float32(0.0)
-                tail, rest = local[c + 1 : size], column[c + 1 :]
-                for k in range(len(rest)):
-                    total += rest[k] * tail[k]
+                tail, below = local[c + 1 : size], column[c + 1 :]
+                for k in range(len(below)):
+                    total += below[k] * tail[k]
                 local[c] = (local[c] - total) / column[c]
-            for k in range(own):
+            for k in range(pivot_count):
                 x[variables[place + k]] = local[k]
 
 
@@ -269,7 +269,7 @@ def _add_elements(matrix, blocks, elements, places):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _add_child(matrix, rest, places):  # type: ignore[no-untyped-def]
+def _add_child(matrix, contribution, places):  # type: ignore[no-untyped-def]
     for b in range(len(places)):
         for a in range(len(places)):
-            matrix[places[a], places[b]] += rest[a, b]
+            matrix[places[a], places[b]] += contribution[a, b]

@@ -19,11 +19,11 @@ from cad.params import EndcapParams
 from fab.checks import gyroid as gyroid_checks
 from fab.checks.check import Check
 from fab.checks.nuts import nut_checks
-from fab.checks.self_intersections import self_intersections
 from fab.meshing import gyroid
 from fab.meshing.gyroid import InterfaceMesh, gyroid_distance_mm, interface_mesh, volume_above
 from fab.meshing.gyroid_sheet import sheet_mesh
 from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, write_stl
+from fab.meshing.self_intersections import self_intersections
 from fab.meshing.voxels import VoxelBox, inside, within
 from fab.meshing.zone_grid import zone_grid
 
@@ -145,7 +145,7 @@ def test_islands_are_dropped_and_counted() -> None:
 
 
 def test_tuning_gives_up_with_a_message_when_nothing_helps() -> None:
-    def stuck(period_mm: float, wall_mm: float) -> InterfaceMesh:
+    def stuck(period_mm: float, wall_mm: float, phase_mm: gyroid.Phase) -> InterfaceMesh:
         return InterfaceMesh(trimesh.Trimesh(), period_mm, wall_mm, 0.2, 0.0, 1.0)
 
     with pytest.raises(GeometryError, match=r"density 0\.20000 outside 0\.1"):

@@ -60,3 +60,19 @@ def test_finding_survives_lamp_and_noise(damage):
 def test_no_dots_is_said(gray):
     with pytest.raises(NoDotsError, match="0 dots found, at least 1 needed"):
         find_dots(gray)
+
+
+def test_dots_that_mirror_the_lamp_are_found_where_they_are():
+    """Glossy ink shows as a dark ring round a bright middle, in the undeformed picture too."""
+    image, _ = draw_dots(Drawing(specks=0, digit=""))
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    plain = find_dots(gray)
+    y, x = np.mgrid[0:480, 0:640]
+    big = np.flatnonzero(~plain.cut & (plain.diameter_px > 15))[::3]
+    shiny = gray.copy()
+    for cx, cy in plain.position_px[big]:
+        shiny[np.hypot(x - cx, y - cy) < 4] = 200
+    found = find_dots(shiny)
+    assert len(big) > 5
+    near = np.linalg.norm(found.position_px[:, None] - plain.position_px[big][None], axis=2).min(axis=0)
+    assert near.max() < 0.6, near

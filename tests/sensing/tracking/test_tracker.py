@@ -204,3 +204,30 @@ def test_dots_that_the_frames_edge_cuts_are_left_out_while_there_are_enough_othe
     few[40:] = cv2.medianBlur(IMAGE, 91)[40:]  # the dots of the uppermost rows alone
     left = DotTracker(Frame(0.0, 0, "few", image=few)).dots
     assert left.cut.any() and np.count_nonzero(~left.cut) < 8
+
+
+@pytest.mark.parametrize("light", ["glint", "drop", "shadow"])
+def test_light_on_a_dot(light):
+    """A glint within a dot's outline hardly moves it; a drop or a shadow's border over the outline costs quality."""
+    shift = np.array([1.5, -1.0])
+    motion = Displacement((1.5, -1.0))
+    picture = warp_image(IMAGE, motion).astype(float)
+    tracker = DotTracker(REST)
+    chosen = np.flatnonzero(inner(tracker.update(REST)))[::5]
+    y, x = np.mgrid[0:480, 0:640]
+    for cx, cy in tracker.reference_px[chosen] + shift:
+        if light == "glint":
+            picture[(np.hypot(x - cx, y - cy) < 3.5) & (x > cx)] += 90
+        elif light == "drop":
+            picture[np.hypot(x - cx - 8, y - cy + 3) < 5] += 60
+        else:
+            picture[(np.hypot(x - cx, y - cy) < 16) & (y - cy > 5)] *= 0.75
+    clean = tracker.update(frame(motion))
+    tracks = tracker.update(Frame(0.0, 1, light, image=np.clip(picture, 0, 251).astype(np.uint8)))
+    off = np.linalg.norm(tracks.displacement_px - shift, axis=1)[chosen]
+    assert not tracks.lost[chosen].any()
+    if light == "glint":
+        assert np.median(off) < 0.06 and off.max() < 0.2
+    else:
+        assert np.median(off) < 0.4 and off.max() < 1.0
+        assert np.median(tracks.quality[chosen]) < np.median(clean.quality[chosen]) - 0.05

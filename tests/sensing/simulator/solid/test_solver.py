@@ -41,9 +41,9 @@ def test_negative_pivots_are_counted(solid) -> None:
 
 
 def test_every_unknown_is_eliminated_once(solid) -> None:
-    own = np.concatenate([front.variables[: front.own] for front in solid.fronts])
+    own = np.concatenate([front.variables[: front.pivot_count] for front in solid.fronts])
     assert np.array_equal(np.sort(own), np.arange(solid.unknowns))
-    assert solid.fronts[-1].own == len(solid.fronts[-1].variables)
+    assert solid.fronts[-1].pivot_count == len(solid.fronts[-1].variables)
 
 
 def test_what_cannot_be_factorised_says_so(solid) -> None:

@@ -1,4 +1,4 @@
-"""Count self-intersecting faces of a mesh (millimetres).
+"""Find self-intersecting faces of a mesh (millimetres).
 
 Notes:
     pymeshlab is GPL-3, so it is loaded only here, only when this check runs, and nothing else needs it.
@@ -13,7 +13,12 @@ from cad.errors import GeometryError
 
 
 def self_intersections(mesh: trimesh.Trimesh) -> int:
-    """Number of faces that cut another face of the mesh other than along a shared edge or corner.
+    """Number of faces that cut another face of the mesh other than along a shared edge or corner."""
+    return len(crossing_faces(mesh))
+
+
+def crossing_faces(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Indices of the faces that cut another face of the mesh other than along a shared edge or corner.
 
     Raises:
         GeometryError: pymeshlab is not installed.
@@ -25,7 +30,9 @@ def self_intersections(mesh: trimesh.Trimesh) -> int:
             "self-intersections cannot be checked without pymeshlab: run `make setup`, or pip install pymeshlab"
         ) from error
 
+    if len(mesh.faces) == 0:
+        return np.empty(0, dtype=np.int64)
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32)))
     meshes.compute_selection_by_self_intersections_per_face()
-    return int(meshes.current_mesh().selected_face_number())
+    return np.flatnonzero(meshes.current_mesh().face_selection_array())

@@ -1,0 +1,167 @@
+"""Does every size come out? Sizes over the whole valid region, each built and gated as `make molds` does it.
+
+    python bench/bench_sizes.py                       as many as start within ten minutes; what this code has made is
+                                                      not made again, so each run goes on where the last one ended
+    python bench/bench_sizes.py --seconds inf         all of them: a day
+    python bench/bench_sizes.py --only edge           one kind: edge, random, round, clearance
+    python bench/bench_sizes.py --size 200/10 --size 130/8/0.05     these, whatever the table holds
+    python bench/bench_sizes.py --today 3             three sizes of today's seed, nothing written: for continuous tests
+    python bench/bench_sizes.py --plot                the map again from the table
+
+Writes beside this file: sizes.csv (a row a size: kind, D, T, clearance, digest of the code that made it, processor
+seconds, number of checks, what failed) and sizes.png, the map. A row is appended as soon as its size is done, so a
+run may be stopped at any time. Sizes run are those of every digest in the table; the newest row of a size counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from datetime import date
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.sizes import Made, Size, code_digest, make, random_sizes, survey
+from cad.feasible import diameter_range_mm, wall_range_mm
+
+HERE = Path(__file__).parent
+TABLE = HERE / "sizes.csv"
+HEADER = ("kind", "D_mm", "T_mm", "clearance_mm", "code", "cpu_s", "checks", "failed")
+KINDS = {"edge": "s", "random": "o", "round": "D", "clearance": "^", "named": "*"}
+
+
+def main() -> int:
+    """Run what is not done yet, then draw the map; returns 1 where a size failed."""
+    options = _options()
+    if options.today:
+        return _today(options.today, options.date, options.workers)
+    code = code_digest()
+    if not options.plot:
+        sizes = [_named(text) for text in options.size] or _open_sizes(code, options.only)
+        for done in _made(sizes, options.workers, options.seconds):
+            _append(done, code)
+    rows = _newest()
+    _draw_map(rows)
+    failed = [row for row in rows if row["failed"]]
+    codes = len({row["code"] for row in rows})
+    print(f"{len(rows)} sizes in {TABLE.name}, {len(failed)} failed, {codes} versions of the code")
+    return int(bool(failed))
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_sizes.py"
+    )
+    parser.add_argument("--seconds", type=float, default=600.0, help="start no size after so long (default: 600)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
+    parser.add_argument("--only", choices=sorted(set(KINDS) - {"named"}), help="one kind of sizes")
+    parser.add_argument("--size", action="append", default=[], metavar="D/T[/CLEARANCE]", help="a size of your own")
+    parser.add_argument("--today", type=int, default=0, metavar="N", help="N sizes of the day's seed")
+    parser.add_argument("--date", type=date.fromisoformat, default=date.today(), help="the day, YYYY-MM-DD")
+    parser.add_argument("--plot", action="store_true", help="draw only")
+    return parser.parse_args()
+
+
+def _today(count: int, day: date, workers: int) -> int:
+    """Sizes that no list holds, others every day; 1 where one failed."""
+    status = 0
+    for made in _made(random_sizes(day.toordinal(), count, "today"), workers, math.inf):
+        print(f"D={made.size.key[0]} T={made.size.key[1]}: {'; '.join(made.failed) or 'passed'}", flush=True)
+        if made.failed:
+            status = 1
+            print(f"again: python bench/bench_sizes.py --today {count} --date {day}", file=sys.stderr)
+    return status
+
+
+def _named(text: str) -> Size:
+    numbers = [float(word) for word in text.split("/")]
+    return Size("named", *numbers)
+
+
+def _open_sizes(code: str, only: str | None) -> list[Size]:
+    done = {(row["D_mm"], row["T_mm"], row["clearance_mm"]) for row in _rows() if row["code"] == code}
+    return [size for size in survey() if size.key not in done and only in (None, size.kind)]
+
+
+def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
+    """The sizes, made side by side, each as it ends."""
+    end = time.monotonic() + seconds
+    context = multiprocessing.get_context("spawn")
+    queue, running = iter(sizes), set[Future[Made]]()
+    with ProcessPoolExecutor(workers, context, initializer=_one_core, max_tasks_per_child=25) as pool:
+        while True:
+            while len(running) < workers and time.monotonic() < end and (size := next(queue, None)) is not None:
+                running.add(pool.submit(make, size))
+            if not running:
+                return
+            ended, running = wait(running, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in ended)
+
+
+def _one_core() -> None:
+    """Keep a worker on one core: the mesh kernel's threads would wait for each other, and burn time doing so."""
+    if hasattr(os, "sched_setaffinity"):
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})
+
+
+def _append(made: Made, code: str) -> None:
+    size = made.size
+    fresh = not TABLE.exists()
+    with TABLE.open("a", newline="") as stream:
+        writer = csv.writer(stream)
+        if fresh:
+            writer.writerow(HEADER)
+        writer.writerow([size.kind, *size.key, code, f"{made.cpu_s:.1f}", made.checks, "; ".join(made.failed)])
+    print(f"D={size.key[0]} T={size.key[1]} clearance {size.key[2]}: {'; '.join(made.failed) or 'passed'}", flush=True)
+
+
+def _rows() -> list[dict[str, str]]:
+    if not TABLE.exists():
+        return []
+    with TABLE.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _newest() -> list[dict[str, str]]:
+    """The last row of each size."""
+    return list({(row["D_mm"], row["T_mm"], row["clearance_mm"]): row for row in _rows()}.values())
+
+
+def _draw_map(rows: list[dict[str, str]]) -> None:
+    """Passed and failed over the valid region."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    diameters = np.linspace(*diameter_range_mm(), 600)
+    limits = np.array([wall_range_mm(float(diameter)) for diameter in diameters])
+    limits[~np.isfinite(limits)] = np.nan
+    figure, axes = plt.subplots(figsize=(8, 5), dpi=120)
+    axes.fill_between(diameters, limits[:, 0], limits[:, 1], color="0.92", label="valid region")
+    for kind, marker in KINDS.items():
+        for passed, color in ((True, "tab:green"), (False, "tab:red")):
+            chosen = [row for row in rows if row["kind"] == kind and (not row["failed"]) == passed]
+            if chosen:
+                places = np.array([(float(row["D_mm"]), float(row["T_mm"])) for row in chosen])
+                label = f"{kind}: {len(chosen)} {'passed' if passed else 'failed'}"
+                axes.scatter(*places.T, s=14 if passed else 60, marker=marker, color=color, label=label, lw=0)
+    axes.set(xlabel="D, mm", ylabel="T, mm", title=f"{len(rows)} sizes, every gate of the export")
+    axes.legend(loc="upper left", fontsize=8)
+    figure.tight_layout()
+    figure.savefig(HERE / "sizes.png")
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,158 @@
+"""The sizes that bench_sizes.py and the daily test make, and one size made: every gate, no pictures and no folder."""
+
+from __future__ import annotations
+
+import hashlib
+import random
+import tempfile
+import time
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cad.errors import EndcapError
+from cad.feasible import diameter_range_mm, wall_range_mm
+from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout, joint_clearance_range_mm
+from cad.params import EndcapParams
+
+ROOT = Path(__file__).resolve().parent.parent
+SEED = 12
+RANDOM_SIZES = 1000
+CODE = ("cad/*.py", "cad/*.csv", "fab/*.py", "fab/meshing/*.py", "fab/checks/*.py")
+
+
+@dataclass(frozen=True)
+class Size:
+    """One run: kind of size, the two numbers and the joint clearance (mm)."""
+
+    kind: str
+    diameter_mm: float
+    wall_mm: float
+    clearance_mm: float = JOINT_CLEARANCE_MM
+
+    @property
+    def layout(self) -> MoldLayout:
+        """Its mold."""
+        return MoldLayout(EndcapParams(self.diameter_mm, self.wall_mm), self.clearance_mm)
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """The numbers as the table holds them."""
+        return (f"{self.diameter_mm:g}", f"{self.wall_mm:g}", f"{self.clearance_mm:g}")
+
+
+@dataclass(frozen=True)
+class Made:
+    """How one size came out.
+
+    Attributes:
+        size: what was made.
+        failed: each check that failed with value and limit, or the error.
+        checks: number of checks that ran.
+        cpu_s: processor time.
+    """
+
+    size: Size
+    failed: tuple[str, ...]
+    checks: int
+    cpu_s: float
+
+
+class Inline(Executor):
+    """Runs each job at once, in this process."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Run it."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def random_sizes(seed: int, count: int, kind: str = "random") -> list[Size]:
+    """Sizes uniform over the valid region, to 0.01 mm: the first so many of a seed's endless list."""
+    draw = random.Random(seed)
+    low, high = diameter_range_mm()
+    sizes: list[Size] = []
+    while len(sizes) < count:
+        diameter, wall = round(draw.uniform(low, high), 2), round(draw.uniform(6.5, high / 10), 2)
+        thinnest, thickest = wall_range_mm(diameter)
+        if thinnest <= wall <= thickest:
+            sizes.append(Size(kind, diameter, wall))
+    return sizes
+
+
+def round_sizes() -> list[Size]:
+    """Every 5 mm of D by every half mm of T."""
+    sizes = []
+    for diameter in range(100, 251, 5):
+        low, high = wall_range_mm(float(diameter))
+        sizes += [Size("round", float(diameter), half / 2) for half in range(13, 51) if low <= half / 2 <= high]
+    return sizes
+
+
+def edge_sizes(count: int = 17) -> list[Size]:
+    """Thinnest and thickest wall at diameters from end to end, kept 0.005 mm inside the region."""
+    low, high = diameter_range_mm()
+    sizes = []
+    for step in range(count):
+        diameter = round(low + 0.01 + (high - low - 0.01) * step / (count - 1), 2)
+        thin, thick = wall_range_mm(diameter)
+        sizes += [Size("edge", diameter, round(wall, 3)) for wall in (thin, thick - 0.001) if thin <= wall <= thick]
+    return sizes
+
+
+def clearance_sizes(count: int = 24) -> list[Size]:
+    """Sizes spread over the region, each at four clearances: its least, 0.10, its middle and its widest."""
+    sizes = []
+    for size in random_sizes(SEED + 1, count):
+        low, high = joint_clearance_range_mm(EndcapParams(size.diameter_mm, size.wall_mm))
+        for clearance in (low, 0.10, round((low + high) / 2, 3), high):
+            sizes.append(Size("clearance", size.diameter_mm, size.wall_mm, clearance))
+    return sizes
+
+
+def survey() -> list[Size]:
+    """All sizes, stratified: edges first, then the kinds in turn, so that any part of a run covers the region."""
+    rounds, clearances = round_sizes(), clearance_sizes()
+    random.Random(SEED).shuffle(rounds)
+    random.Random(SEED).shuffle(clearances)
+    mixed: list[tuple[float, Size]] = []
+    for sizes in (random_sizes(SEED, RANDOM_SIZES), rounds, clearances):
+        mixed += [((k + 1) / len(sizes), size) for k, size in enumerate(sizes)]
+    return edge_sizes() + [size for _, size in sorted(mixed, key=lambda item: item[0])]
+
+
+def code_digest() -> str:
+    """Digest of the code that a row depends on: first 12 hex digits of SHA-256 over its files."""
+    digest = hashlib.sha256()
+    for pattern in CODE:
+        for path in sorted(ROOT.glob(pattern)):
+            digest.update(f"{path.relative_to(ROOT)}\0".encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def make(size: Size) -> Made:
+    """Make one size and run every gate on its files."""
+    from fab.checks.gates import run_gates
+    from fab.design import build_design
+    from fab.exports import writer
+
+    start, count = time.process_time(), 0
+    try:
+        design = build_design(size.layout, Inline(), lambda _: None)
+        with tempfile.TemporaryDirectory(prefix="size-") as name:
+            folder = Path(name)
+            writer.write_meshes(design, folder)
+            writer.write_solids(design, folder)
+            checks = run_gates(design, folder, Inline(), lambda _: None)
+        count = len(checks)
+        failed = [f"{check.name} = {check.value:.4g}, wanted {check.limit}" for check in checks if not check.ok]
+    except EndcapError as error:
+        failed = [str(error)]
+    except Exception as error:  # a crash is a failure of this size, not of the survey
+        failed = [f"{type(error).__name__}: {error}"]
+    return Made(size, tuple(failed), count, time.process_time() - start)

@@ -1,0 +1,155 @@
+"""The arm adapter: between the base's five lugs, whose circle grows with D, and a robot's flange, which does not.
+
+A hub with five arms, 20 mm thick (M, the released arm part), below the base. Endcap frame, millimetres. Its robot side
+is a pattern of ``robot_sides.csv``: holes for the flange's screws, whose heads sink into the hub's upper face, and a
+pin. The heads of the interface's ten M3 screws stay free between the arms, so a dome is changed with the base on the
+robot. Cables leave through the hub's bore and a groove to its edge. Printed as it stands; nothing hangs over but the
+floors of head pockets.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from cad import base
+from cad.errors import ParameterError
+from cad.fasteners import ScrewJoint
+from cad.part import Part
+
+if TYPE_CHECKING:
+    from cad.params import EndcapParams
+
+THICKNESS_MM = 20.0  # M
+HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
+BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 5 mm inside the heads of the flange's screws
+GROOVE_HALF_WIDTH_MM = 6.0  # E: from the bore outward, between two arms, for the cable
+GROOVE_DEPTH_MM = 10.0  # E
+GROOVE_AZIMUTH_DEG = 0.0  # between two arms, between two screws of either pattern
+SCREW_RADIUS_MM = 2.25  # M: M4 through
+HEAD_RADIUS_MM = 4.125  # M
+HEAD_DEPTH_MM = 6.0  # E: M4 x 20 then holds 6 mm of the insert
+DEFAULT_PATTERN = "iso_9409_1_50_4_m6"
+COLOR = (0.42, 0.36, 0.50)
+
+
+@dataclass(frozen=True)
+class RobotHoles:
+    """One row: equal holes on a circle of the robot's flange.
+
+    Attributes:
+        element: ``screw``, ``pin`` or ``none``.
+        count: how many, equally spaced.
+        circle_radius_mm: of their axes.
+        first_azimuth_deg: of the first.
+        hole_diameter_mm: through.
+        head_diameter_mm: of the pocket for the head, from above; 0 for none.
+        head_depth_mm: of that pocket.
+    """
+
+    element: str
+    count: int
+    circle_radius_mm: float
+    first_azimuth_deg: float
+    hole_diameter_mm: float
+    head_diameter_mm: float
+    head_depth_mm: float
+
+    @property
+    def places_mm(self) -> tuple[tuple[float, float], ...]:
+        """Axes (x, y)."""
+        angles = [math.radians(self.first_azimuth_deg + 360.0 * k / self.count) for k in range(self.count)]
+        return tuple((self.circle_radius_mm * math.cos(a), self.circle_radius_mm * math.sin(a)) for a in angles)
+
+
+@cache
+def robot_sides() -> dict[str, tuple[RobotHoles, ...]]:
+    """All patterns: name -> holes (none for the blank side)."""
+    sides: dict[str, list[RobotHoles]] = {}
+    with files("cad").joinpath("robot_sides.csv").open(encoding="utf-8") as stream:
+        for row in csv.DictReader(stream):
+            holes = sides.setdefault(row["pattern"], [])
+            if row["element"] != "none":
+                sizes = [float(row[name]) for name in list(row)[3:8]]
+                holes.append(RobotHoles(row["element"], int(row["count"]), *sizes))
+    return {name: tuple(holes) for name, holes in sides.items()}
+
+
+def robot_side(pattern: str) -> tuple[RobotHoles, ...]:
+    """The holes of one pattern.
+
+    Raises:
+        ParameterError: no such pattern; the message lists them.
+    """
+    if pattern not in robot_sides():
+        raise ParameterError(
+            f"robot={pattern} is not in cad/robot_sides.csv: choose one of {', '.join(robot_sides())} or add rows",
+            name="robot",
+            value=pattern,
+        )
+    return robot_sides()[pattern]
+
+
+def adapter_part(params: EndcapParams, pattern: str = DEFAULT_PATTERN) -> Part:
+    """Build the adapter for a diameter and a robot.
+
+    Raises:
+        ParameterError: an unknown pattern.
+        GeometryError: the kernel did not return one valid solid.
+    """
+    from build123d import Pos, Rot, Solid, Vector
+
+    from cad.outlines import disc, rectangle
+    from cad.solids import cut_holes, drill, one_solid
+
+    high = -params.base_thickness_mm
+    low = high - THICKNESS_MM
+    outline = disc((0.0, 0.0), HUB_RADIUS_MM)
+    reach, half = params.arm_circle_radius_mm, base.LUG_RADIUS_MM
+    arm = rectangle(BORE_RADIUS_MM + 5.0, reach, -half, half) + disc((reach, 0.0), half)
+    for azimuth in params.arm_azimuths_deg:
+        outline = outline + Rot(0, 0, azimuth) * arm
+    body = Solid.extrude(Pos(0, 0, low) * outline, Vector(0, 0, THICKNESS_MM))
+    tools = [drill((0.0, 0.0), BORE_RADIUS_MM, low - 1, high + 1)]
+    groove = rectangle(0.0, HUB_RADIUS_MM + half, -GROOVE_HALF_WIDTH_MM, GROOVE_HALF_WIDTH_MM)
+    groove = Solid.extrude(Pos(0, 0, high - GROOVE_DEPTH_MM) * groove, Vector(0, 0, GROOVE_DEPTH_MM + 1))
+    tools.append(Rot(0, 0, GROOVE_AZIMUTH_DEG) * groove)
+    for place in arm_places_mm(params):
+        tools.append(drill(place, SCREW_RADIUS_MM, low - 1, high + 1))
+        tools.append(drill(place, HEAD_RADIUS_MM, low - 1, low + HEAD_DEPTH_MM))
+    for holes in robot_side(pattern):
+        for place in holes.places_mm:
+            tools.append(drill(place, holes.hole_diameter_mm / 2, low - 1, high + 1))
+            if holes.head_depth_mm:
+                tools.append(drill(place, holes.head_diameter_mm / 2, high - holes.head_depth_mm, high + 1))
+    solid = one_solid(cut_holes(body, tools), "arm_adapter")
+    return Part("arm_adapter", "printed", "PLA", solid, COLOR)
+
+
+def arm_places_mm(params: EndcapParams) -> tuple[tuple[float, float], ...]:
+    """Axes (x, y) of the five M4 screws."""
+    angles = [math.radians(azimuth) for azimuth in params.arm_azimuths_deg]
+    return tuple((params.arm_circle_radius_mm * math.cos(a), params.arm_circle_radius_mm * math.sin(a)) for a in angles)
+
+
+def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
+    """Five M4 from below into the inserts of the base's lugs."""
+    return (
+        ScrewJoint(
+            "adapter_to_base",
+            "arm_adapter",
+            "screw_m4",
+            "ISO 4762 cap screw, steel",
+            "assembly",
+            arm_places_mm(params),
+            True,
+            "arm_adapter",
+            ("arm_adapter",),
+            "base",
+            "insert",
+        ),
+    )

@@ -1,0 +1,62 @@
+"""How much silicone creeps through the joints of the bowl, and so how wide a joint may be (standard library only).
+
+Notes:
+    Flow between parallel plates, q = g^3 dp / (12 mu l) for each length of joint (Batchelor, An Introduction to Fluid
+    Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cad.params import EndcapParams
+
+LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
+DESIGN_RATIO = 0.0095  # what walls are made for: the closed form of the volume leaves dents and fillet out
+VISCOSITY_PA_S = 35.0  # S: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
+POT_LIFE_S = 45 * 60.0  # S
+SILICONE_KG_M3 = 1240.0  # S
+GRAVITY_M_S2 = 9.81
+BOWL_SEAMS = 3
+GYROID_DENSITY = 0.10  # P
+LEAST_BOWL_WALL_MM = 6.0
+MOST_BOWL_WALL_MM = 9.0  # a millimetre inside the dam, so that no surfaces of the bowl touch
+
+
+def leak_ratio(params: EndcapParams, joint_clearance_mm: float, bowl_wall_mm: float, cast_mm3: float) -> float:
+    """Fraction of the pour that could creep through the bowl's joints before it sets."""
+    gap, path, radius = (1e-3 * mm for mm in (joint_clearance_mm, bowl_wall_mm, params.outer_radius_mm))
+    head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
+    joints = BOWL_SEAMS * math.pi / 2 * radius
+    flow_m3_s = gap**3 * head / (12 * VISCOSITY_PA_S * path) * joints
+    return flow_m3_s * POT_LIFE_S * 1e9 / cast_mm3
+
+
+def cast_volume_mm3(params: EndcapParams) -> float:
+    """Volume of the cast in closed form: the shell above the flange less the gyroid (dents, fillet left out)."""
+    flange = params.flange_thickness_mm
+    shell = _above_mm3(params, params.outer_radius_mm, flange) - _above_mm3(params, params.inner_radius_mm, flange)
+    outer, inner = params.outer_radius_mm - params.skin_mm, params.inner_radius_mm + params.skin_mm
+    zone = sum(
+        sign * (_above_mm3(params, radius, flange) - _above_mm3(params, radius, params.interlock_top_mm))
+        for sign, radius in ((1, outer), (-1, inner))
+    )
+    return shell - GYROID_DENSITY * zone
+
+
+def bowl_wall_mm(params: EndcapParams, joint_clearance_mm: float) -> float:
+    """Thickness of the bowl's wall, the way that silicone must creep: as much as the joint needs."""
+    thin = leak_ratio(params, joint_clearance_mm, LEAST_BOWL_WALL_MM, cast_volume_mm3(params))
+    return LEAST_BOWL_WALL_MM * min(max(1.0, thin / DESIGN_RATIO), MOST_BOWL_WALL_MM / LEAST_BOWL_WALL_MM)
+
+
+def widest_joint_mm(params: EndcapParams) -> float:
+    """Largest joint clearance whose leak the thickest wall still holds: the leak goes as its cube."""
+    at_one = leak_ratio(params, 1.0, MOST_BOWL_WALL_MM, cast_volume_mm3(params))
+    return (DESIGN_RATIO / at_one) ** (1 / 3)
+
+
+def _above_mm3(params: EndcapParams, radius: float, height_mm: float) -> float:
+    """Volume of a sphere round the dome's centre above a height."""
+    depth = min(max(radius + params.centre_height_mm - height_mm, 0.0), 2 * radius)
+    return math.pi * depth**2 * (3 * radius - depth) / 3

@@ -1,0 +1,151 @@
+"""The command ``endcap``: one table of subcommands, each a module with a ``main`` (standard library only).
+
+    endcap molds 130 8
+    endcap live --camera 0,2,4
+
+The rest of the line goes to that module's ``main`` unchanged, so ``endcap live ...`` and ``python -m sensing.live ...``
+are the same. A module is imported only when it is called: ``endcap --help`` loads neither CAD kernel nor NumPy.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import takewhile
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """One subcommand.
+
+    Attributes:
+        name: as typed.
+        module: where its ``main(arguments) -> exit status`` is.
+        summary: one line of ``endcap --help``.
+        arguments: what comes before the words of the user.
+        takes_design: numbers at the start are D and T.
+    """
+
+    name: str
+    module: str
+    summary: str
+    arguments: tuple[str, ...] = ()
+    takes_design: bool = False
+
+
+GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
+    (
+        "make an endcap",
+        (
+            Subcommand(
+                "molds", "fab.molds", "print and cast files of one endcap: endcap molds 130 8", takes_design=True
+            ),
+            Subcommand("slice", "fab.slice.__main__", "slicer projects, sliced and measured", takes_design=True),
+            Subcommand(
+                "sheet", "fab.build_sheet.__main__", "build sheet, bill of materials, recipe", takes_design=True
+            ),
+            Subcommand(
+                "ring", "fab.led_ring.__main__", "LED ring: board files, budget, light on the dome", takes_design=True
+            ),
+            Subcommand("coupons", "fab.coupons.__main__", "fit coupon of the joints, bond specimens"),
+            Subcommand("bond-tests", "fab.bond_tests.__main__", "statistics of a testing machine's files"),
+        ),
+    ),
+    (
+        "run it",
+        (
+            Subcommand("cameras", "sensing.sources.__main__", "cameras of this computer and their modes"),
+            Subcommand("setup", "sensing.setup", "find the cameras, take the zero, write endcaps.toml"),
+            Subcommand("calibrate", "sensing.calibrate", "camera from one photo of the dots, or a chessboard"),
+            Subcommand("zero", "sensing.zero", "take, check or watch the untouched reference"),
+            Subcommand("live", "sensing.live.cli", "wrench and contact: terminal, page, recording, ROS 2"),
+            Subcommand("field", "sensing.field", "shear field of pictures or a video"),
+            Subcommand("record", "sensing.record", "frames paired with a force/torque sensor"),
+        ),
+    ),
+    (
+        "simulate and train",
+        (
+            Subcommand("press", "sensing.simulator.__main__", "press a simulated endcap once", ("press",)),
+            Subcommand("data", "sensing.simulator.__main__", "labelled, rendered frames", ("data",)),
+            Subcommand("render", "sensing.simulator.render.cli", "one frame of the endcap's camera"),
+            Subcommand("verify", "sensing.simulator.verification.report", "the simulator's verification report"),
+            Subcommand("scene-server", "sensing.live.demo.scene_server", "simulated cameras of six endcaps over HTTP"),
+            Subcommand("export-data", "sensing.export_dataset", "a data set in the authors' format"),
+            Subcommand("train", "sensing.train", "wrench model from labelled frames"),
+            Subcommand("evaluate", "sensing.evaluate", "errors of a wrench model and of the comparisons"),
+            Subcommand("onnx", "sensing.wrench_onnx", "wrench model as ONNX"),
+        ),
+    ),
+)
+SUBCOMMANDS = {command.name: command for _, commands in GROUPS for command in commands}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line.
+
+    Args:
+        arguments: words, by default those of the process.
+
+    Returns:
+        Exit status: that of the subcommand; 2 for an unknown one, or a library that is missing; 130 after Ctrl-C.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["help"]:
+        words = [*words[1:2], "--help"]
+    if not words or words[0] in ("-h", "--help"):
+        print(help_text(), file=sys.stdout if words else sys.stderr)
+        return 0 if words else 2
+    if words[0] == "--version":
+        import cad
+
+        print(f"endcap {cad.__version__}")
+        return 0
+    if words[0] not in SUBCOMMANDS:
+        print(f"endcap: {words[0]!r} is not a command{_nearest(words[0])}; endcap --help lists them", file=sys.stderr)
+        return 2
+    return run(SUBCOMMANDS[words[0]], words[1:])
+
+
+def run(command: Subcommand, words: Sequence[str]) -> int:
+    """Import a subcommand's module and call its ``main``."""
+    from cad.extras import explain
+
+    try:
+        return int(import_module(command.module).main([*command.arguments, *_named(command, words)]) or 0)
+    except ImportError as error:
+        line = explain(error, command.module)
+        if line is None:
+            raise
+        print(f"endcap {command.name}: {line}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"endcap {command.name}: interrupted", file=sys.stderr)
+        return 130
+
+
+def _named(command: Subcommand, words: Sequence[str]) -> list[str]:
+    """Words with the numbers at their start named: ``130 8`` is ``D=130 T=8`` where a design is meant."""
+    if not command.takes_design:
+        return list(words)
+    numbers = list(takewhile(lambda word: word[:1].isdigit() and "=" not in word, words))
+    return [*(f"{name}={number}" for name, number in zip("DT", numbers, strict=False)), *words[len(numbers[:2]) :]]
+
+
+def help_text() -> str:
+    """What ``endcap --help`` prints."""
+    width = max(map(len, SUBCOMMANDS))
+    lines = ["usage: endcap COMMAND [options]", "", "Make, understand and run large visuotactile endcaps."]
+    for title, commands in GROUPS:
+        lines += ["", f"{title}:", *(f"  {command.name:<{width}}  {command.summary}" for command in commands)]
+    lines += ["", "endcap COMMAND --help lists the options of one; endcap --version prints the version."]
+    return "\n".join(lines)
+
+
+def _nearest(word: str) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(word.lower().lstrip("-"), SUBCOMMANDS, n=1, cutoff=0.5)
+    return f": did you mean endcap {near[0]}?" if near else ""

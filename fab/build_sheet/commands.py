@@ -1,0 +1,29 @@
+"""Commands that the sheet prints: each with the numbers of this endcap, and with the interpreter that make set up.
+
+They are typed in the toolkit's folder.
+"""
+
+from __future__ import annotations
+
+from cad.params import EndcapParams
+from cad.plain_numbers import plain
+from fab.build_sheet.data import SheetData
+from fab.variant import Variant
+
+INTERPRETER = ".venv/bin/python"
+
+
+def make_command(target: str, data: SheetData) -> str:
+    """A command of make for this very variant, for example ``make slice D=150 T=9``."""
+    return f"make {target} {Variant(data.layout, data.recipe.silicone.name).words}"
+
+
+def ring_command(params: EndcapParams) -> str:
+    """The command that makes the LED ring's files; clearance and silicone play no part in it."""
+    return f"make ring D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
+
+
+def program_command(module: str, params: EndcapParams, *words: str) -> str:
+    """A program of the sensing side for this endcap."""
+    design = ("--diameter", plain(params.diameter_mm), "--wall", plain(params.wall_mm))
+    return " ".join((INTERPRETER, "-m", module, *design, *words))

@@ -1,0 +1,170 @@
+"""What earlier runs made, kept in the user's cache folder under a digest of everything it depends on.
+
+The key of an entry is the SHA-256 of its parameters, of the code and tables of cad and fab, and of the versions of the
+libraries, so a change in any of them makes a new entry. Files are stored under their own SHA-256 and are compared with
+it on the way out: one that was damaged counts as missing, and is made again. Standard library only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import tomllib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMIT_BYTES = 2_000_000_000  # some 25 designs
+SOURCES = ("cad", "fab")
+SUFFIXES = (".py", ".csv")
+
+
+def user_folder() -> Path:
+    """Where the cache lies: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit" / "molds"
+
+
+@cache
+def code_digest(root: Path = ROOT) -> str:
+    """SHA-256 of the code and tables that make a design, and of the versions of what they run on."""
+    digest = hashlib.sha256()
+    for path in sorted(p for name in SOURCES for p in (root / name).rglob("*") if p.suffix in SUFFIXES):
+        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        digest.update(f"{path.relative_to(root).as_posix()} {content}\n".encode())
+    for name, version in library_versions(root).items():
+        digest.update(f"{name} {version}\n".encode())
+    return digest.hexdigest()
+
+
+def library_versions(root: Path = ROOT) -> dict[str, str]:
+    """Installed versions of the libraries that the CAD side names in pyproject.toml, and of Python."""
+    wanted = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lines = [*wanted["dependencies"], *wanted["optional-dependencies"]["cad"]]
+    names = sorted({line.split(";")[0].split("[")[0].rstrip("0123456789.*,<>=!~ ") for line in lines})
+    versions = {"python": f"{platform.python_version()} {platform.system()} {platform.machine()}"}
+    for name in names:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "absent"
+    return versions
+
+
+@dataclass(frozen=True)
+class Cache:
+    """Entries, each a set of files and values under one key.
+
+    A cache that cannot be read or written is as good as empty: a run never fails for it.
+
+    Attributes:
+        folder: where it lies.
+        limit_bytes: its size after a new entry; what was used longest ago goes first.
+    """
+
+    folder: Path = field(default_factory=user_folder)
+    limit_bytes: int = LIMIT_BYTES
+
+    def key(self, what: str, parameters: Mapping[str, Any]) -> str:
+        """Digest of a name, its parameters, the code and the libraries."""
+        content = {"what": what, "parameters": dict(parameters), "code": code_digest()}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def restore(self, key: str, folder: Path) -> dict[str, Any] | None:
+        """Write an entry's files into a folder.
+
+        Args:
+            key: of the entry.
+            folder: receives the files.
+
+        Returns:
+            The entry's values; ``None`` where there is no such entry or a part of it is damaged, and then the folder
+            holds none of its files.
+        """
+        path = self._entry(key)
+        written = []
+        try:
+            entry = json.loads(path.read_text(encoding="utf-8"))
+            if entry["digest"] != _digest(entry["content"]):
+                raise ValueError("damaged")
+            for name, sha256 in entry["content"]["files"].items():
+                data = self._blob(sha256).read_bytes()
+                if hashlib.sha256(data).hexdigest() != sha256 or Path(name).name != name:
+                    self._blob(sha256).unlink()
+                    raise ValueError("damaged")
+                written.append(folder / name)
+                written[-1].write_bytes(data)
+            os.utime(path)
+            return dict(entry["content"]["values"])
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            for file in written:
+                file.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink()
+            return None
+
+    def store(self, key: str, folder: Path, names: Sequence[str], values: Mapping[str, Any]) -> None:
+        """Keep files of a folder, and values that JSON holds, under a key."""
+        try:
+            files = {}
+            for name in names:
+                data = (folder / name).read_bytes()
+                files[name] = hashlib.sha256(data).hexdigest()
+                blob = self._blob(files[name])
+                if not (blob.exists() and blob.read_bytes() == data):  # a damaged one is made good
+                    _write(blob, data)
+            content = {"files": files, "values": dict(values)}
+            _write(self._entry(key), json.dumps({"digest": _digest(content), "content": content}).encode())
+            self._trim()
+        except OSError:
+            return  # a full disk, or a home that cannot be written: the next run works without
+
+    def _trim(self) -> None:
+        """Remove what was used longest ago until the rest is small enough, and files that no entry names."""
+        entries = sorted((self.folder / "entries").glob("*.json"), key=lambda path: path.stat().st_mtime, reverse=True)
+        kept: dict[str, int] = {}
+        for path in entries:
+            try:
+                named = set(json.loads(path.read_text(encoding="utf-8"))["content"]["files"].values())
+                sizes = {sha256: self._blob(sha256).stat().st_size for sha256 in named}
+            except (OSError, ValueError, KeyError, TypeError, AttributeError):
+                sizes = {"": self.limit_bytes + 1}
+            if sum({**kept, **sizes}.values()) > self.limit_bytes:
+                path.unlink(missing_ok=True)
+            else:
+                kept |= sizes
+        for blob in (self.folder / "files").glob("*"):
+            if blob.name not in kept:
+                blob.unlink(missing_ok=True)
+
+    def clear(self) -> None:
+        """Remove everything."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _entry(self, key: str) -> Path:
+        return self.folder / "entries" / f"{key}.json"
+
+    def _blob(self, sha256: str) -> Path:
+        return self.folder / "files" / Path(sha256).name
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write under a temporary name, then rename."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        draft.write_bytes(data)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)

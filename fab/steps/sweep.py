@@ -1,0 +1,93 @@
+"""Can the steps be done? Every move is swept past everything in place, and what overlaps is an exact boolean volume.
+
+A body is put at places along its way, close together where surfaces still touch, and intersected with each part in
+place (manifold3d, exact on the triangles of the files). The worst volume of a step gates the export. Volumes in mm3.
+
+Two bodies stand for more than they are: the interface is its flange and the whole envelope of its gyroid, and the
+silicone is what the closed mold encloses, gyroid included. So the shape of the cast is that of the pieces themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import manifold3d
+import numpy as np
+import trimesh
+
+from cad.interface import build_zone
+from cad.mold_layout import MoldLayout
+from fab.checks.cavity import cavity_body
+from fab.checks.check import Check
+from fab.checks.extraction import Leg
+from fab.checks.meshes import OVERLAP_MM3
+from fab.meshing.mesh import tessellate, to_manifold
+from fab.steps.record import Move, Step
+
+FIRST = (0.004, 0.02, 0.06, 0.15, 0.3, 0.6, 1.0)  # places on the first leg, as fractions: surfaces still touch there
+FLASH_MM = 0.03  # of the silicone in the joints that counts: the rest is flash, which gives way
+LATER = (0.15, 0.4, 0.7, 1.0)
+
+Bodies = Mapping[str, manifold3d.Manifold]
+
+
+def sweep_checks(layout: MoldLayout, steps: Iterable[Step], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+    """One check for every step with moves: the largest volume in which a moving part meets one in place.
+
+    Args:
+        layout: mold sizes.
+        steps: what is done.
+        meshes: closed meshes of all parts that the steps name, endcap frame.
+    """
+    steps = [step for step in steps if step.moves]
+    bodies = step_bodies(layout, steps, meshes)
+    return [
+        Check(
+            f"step_{step.key}.overlap_mm3", max(move_overlap_mm3(move, bodies) for move in step.moves), high=OVERLAP_MM3
+        )
+        for step in steps
+    ]
+
+
+def step_bodies(layout: MoldLayout, steps: Iterable[Step], meshes: Mapping[str, trimesh.Trimesh]) -> Bodies:
+    """What is moved, and past what, by name of the part."""
+    names = {name for step in steps for move in step.moves for name in (*move.parts, *move.past)}
+    bodies = {name: to_manifold(meshes[name]) for name in sorted(names - {"shell", "interface"})}
+    if "interface" in names:
+        zone = to_manifold(tessellate(build_zone(layout.params)))
+        flange = to_manifold(meshes["interface"]).trim_by_plane((0.0, 0.0, -1.0), -layout.params.flange_thickness_mm)
+        bodies["interface"] = flange + zone
+    if "shell" in names:
+        pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(("cup_", "core_"))}
+        bodies["shell"] = cavity_body(layout, pieces, FLASH_MM)
+    return bodies
+
+
+def move_overlap_mm3(move: Move, bodies: Bodies) -> float:
+    """Largest volume, over the places of the way, that the moving parts share with those in place."""
+    return max(
+        sum(
+            _shared_mm3(bodies[name].translate(place.tolist()), (bodies[other] for other in move.past))
+            for name in move.parts
+        )
+        for place in places(move.way_out)
+    )
+
+
+def places(legs: Sequence[Leg]) -> list[np.ndarray]:
+    """Displacements (3,) along a way, its start left out: what overlaps in place is gated by the assemblies' checks."""
+    found, corner = [], np.zeros(3)
+    for number, leg in enumerate(legs):
+        step = leg.length_mm * np.array(leg.direction)
+        found += [corner + fraction * step for fraction in (LATER if number else FIRST)]
+        corner = corner + step
+    return found
+
+
+def _shared_mm3(body: manifold3d.Manifold, others: Iterable[manifold3d.Manifold]) -> float:
+    box = body.bounding_box()
+    return sum((body ^ other).volume() for other in others if _meet(box, other.bounding_box()))
+
+
+def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return all(a[k] < b[k + 3] and b[k] < a[k + 3] for k in range(3))

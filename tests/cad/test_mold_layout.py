@@ -1,0 +1,75 @@
+"""Closed forms of the mold over the whole region: necks of core tabs, joints that hold the silicone, vents."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cad import leak
+from cad.errors import ParameterError
+from cad.feasible import diameter_range_mm, wall_range_mm
+from cad.interface import vent_reach_mm, zone_radii_mm
+from cad.mold_layout import CORE_NECK_HALF_MM, NECK_FILLET_MM, MoldLayout, joint_clearance_range_mm
+from cad.params import EndcapParams
+
+DIAMETERS = np.linspace(diameter_range_mm()[0] + 1e-6, 250.0, 40)
+REGION = [EndcapParams(float(d), float(t)) for d in DIAMETERS for t in np.linspace(*wall_range_mm(float(d)), 5)]
+
+
+def neck_half_mm(layout: MoldLayout, height_mm: float, radius_mm: float) -> float:
+    """Half the neck of a core tab at a height: the tab's fillets, whose centres stay, widen with the draft."""
+    across = (radius_mm + NECK_FILLET_MM) ** 2 - (0.62 * radius_mm - NECK_FILLET_MM) ** 2
+    return math.sqrt(across) - NECK_FILLET_MM - height_mm * math.tan(math.radians(layout.core_draft_deg))
+
+
+def test_no_neck_of_a_core_tab_is_thinner_than_wanted_up_to_the_tip():
+    for params in REGION:
+        layout = MoldLayout(params)
+        neck = neck_half_mm(layout, params.tip_height_mm, layout.core_tab_radius_mm)
+        assert neck >= CORE_NECK_HALF_MM - 1e-9
+        assert layout.core_tab_radius_mm == 4.0 or neck == pytest.approx(CORE_NECK_HALF_MM)
+        room = layout.neck_radius_mm - layout.centre_inradius_mm - 2 * layout.core_tab_radius_mm
+        assert room > 7.5  # for the key's own screw and 2.4 mm of PLA on either side of it
+    largest = MoldLayout(EndcapParams(250.0, 12.0))
+    assert neck_half_mm(largest, largest.params.tip_height_mm, 4.0) < 0.2  # released tabs would come off
+
+
+def test_every_size_has_joints_from_0_05_to_0_2_mm_and_its_widest_just_holds():
+    for params in REGION:
+        low, high = joint_clearance_range_mm(params)
+        assert low == 0.05 and 0.2 <= high <= 0.3
+        layout = MoldLayout(params, high)
+        assert leak.LEAST_BOWL_WALL_MM <= layout.bowl_wall_mm <= leak.MOST_BOWL_WALL_MM
+        volume = leak.cast_volume_mm3(params)
+        assert leak.leak_ratio(params, high, layout.bowl_wall_mm, volume) <= leak.DESIGN_RATIO * (1 + 1e-9)
+        if high < 0.3:
+            wider = leak.leak_ratio(params, high + 1e-3, leak.MOST_BOWL_WALL_MM, volume)
+            assert wider > leak.DESIGN_RATIO
+            with pytest.raises(ParameterError, match="leak more than 1 %"):
+                MoldLayout(params, high + 1e-3)
+
+
+def test_volume_of_the_cast_by_slices():
+    params = EndcapParams(99.0, 7.0)
+    z = np.linspace(params.flange_thickness_mm, params.tip_height_mm, 400_001)
+
+    def area(radius: float) -> np.ndarray:
+        return math.pi * np.maximum(0.0, radius**2 - (z - params.centre_height_mm) ** 2)
+
+    inner, outer = zone_radii_mm(params)
+    zone = (area(outer) - area(inner)) * (z <= params.interlock_top_mm)
+    slices = area(params.outer_radius_mm) - area(params.inner_radius_mm) - 0.1 * zone
+    assert leak.cast_volume_mm3(params) == pytest.approx(np.trapezoid(slices, z), rel=1e-6)
+
+
+def test_a_vents_reach_is_the_diameter_of_its_cylinder_inside_the_flange():
+    params = EndcapParams(200.0, 10.0)
+    sphere = params.outer_radius_mm - 0.2
+    low, high = (math.sqrt(sphere**2 - (z - params.centre_height_mm) ** 2) for z in (0.0, 6.0))
+    axis = np.array([high - low, 6.0]) / math.hypot(high - low, 6.0)
+    for height in (5.7, 6.0):
+        offset = np.array([vent_reach_mm(params, height) - low, height])
+        assert abs(offset @ [-axis[1], axis[0]]) == pytest.approx(1.5)
+        assert offset[0] < axis[0] / axis[1] * height

@@ -1,0 +1,123 @@
+"""The list of steps: every part gets in, the order follows the geometry, a wrong order overlaps, the words agree."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from cad.feasible import wall_range_mm
+from cad.hanger import hanger_part
+from cad.interface import build_flange, build_zone
+from cad.mold_core import REMOVAL_ORDER
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab.build_sheet.steps import BLANK
+from fab.checks.extraction import Leg, core_path
+from fab.meshing.mesh import joined, tessellate, to_manifold
+from fab.steps.endcap import all_steps
+from fab.steps.mold import BOWL, COLLAR, UPPER, core_passes_gyroid, mold_steps
+from fab.steps.record import Move, one_by_one
+from fab.steps.sweep import move_overlap_mm3, places, sweep_checks
+
+UP = (Leg((0.0, 0.0, 1.0), 120.0),)
+
+
+@pytest.fixture(scope="module")
+def workshop(released_mold):
+    """Layout, meshes of all mold parts and of the interface's envelope, and the ways out of the core's pieces."""
+    layout, _, meshes = released_mold
+    flange, zone = (tessellate(build(layout.params)) for build in (build_flange, build_zone))
+    interface = joined([flange, zone])
+    made = {**meshes, "hanger": tessellate(hanger_part(layout).solid), "interface": interface}
+    return layout, made, {name: core_path(layout, name, meshes[name]) for name in REMOVAL_ORDER}
+
+
+def ways(layout: MoldLayout):
+    """Ways of any size, for the list alone."""
+    return {name: (Leg((0.0, 0.0, -1.0), 100.0),) for name in REMOVAL_ORDER}
+
+
+@pytest.mark.parametrize("size", [(98.86, 6.5), (110.0, 8.0), (130.0, 8.0), (250.0, 25.0)])
+def test_every_part_enters_once_and_leaves_again(size):
+    layout = MoldLayout(EndcapParams(*size))
+    steps = mold_steps(layout, ways(layout))
+    entered = [
+        name for step in steps if step.enters and step.stage != "cast" for move in step.moves for name in move.parts
+    ]
+    left = [name for step in steps if not step.enters for move in step.moves for name in move.parts]
+    assert set(entered) | {"hanger"} == {*UPPER, *BOWL}
+    assert sorted(left) == sorted({*UPPER, *BOWL} - {"interface"})
+    keys = [step.key for step in all_steps(layout, ways(layout))]
+    assert len(set(keys)) == len(keys)
+    assert keys.index("collar") < min(keys.index(key) for key in keys if key.startswith(("interface_on", "upper_unit")))
+
+
+def test_the_core_goes_into_the_interface_first_where_the_gyroid_closes_over_its_equator():
+    assert core_passes_gyroid(MoldLayout(EndcapParams(130.0, 8.0)))
+    assert core_passes_gyroid(MoldLayout(EndcapParams(250.0, 15.0)))
+    assert not core_passes_gyroid(MoldLayout(EndcapParams(99.0, 6.5)))
+    order = [
+        core_passes_gyroid(MoldLayout(EndcapParams(d, wall_range_mm(d)[0] + 1e-6)))
+        for d in np.arange(100.0, 250.0, 5.0)
+    ]
+    assert order == sorted(order)  # one change of order, from the small sizes to the large
+
+
+def test_no_step_of_the_upper_half_overlaps(workshop):
+    layout, meshes, way = workshop
+    steps = [step for step in mold_steps(layout, way) if step.stage in ("upper half", "bowl") or step.key == "close"]
+    checks = sweep_checks(layout, steps, meshes)
+    assert [check.name for check in checks if not check.ok] == []
+    assert {check.name for check in checks} >= {
+        f"step_{key}.overlap_mm3" for key in ("collar", "core_on_hanger", "close")
+    }
+
+
+def test_the_collar_does_not_pass_interface_or_core(workshop):
+    """What the build sheet once asked for: the collar last."""
+    _, meshes, _ = workshop
+    bodies = {name: to_manifold(mesh) for name, mesh in meshes.items() if name != "interface"}
+    bodies["interface"] = to_manifold(trimesh.creation.annulus(45.0, 63.6, 25.0))
+    late = Move(COLLAR[:1], UP, ("core_centre", *REMOVAL_ORDER[1:]))
+    assert move_overlap_mm3(late, bodies) > 1000.0
+    assert move_overlap_mm3(Move(COLLAR[:1], UP, ("interface",)), bodies) > 1000.0
+
+
+def test_a_segment_that_comes_from_the_side_meets_the_tabs(workshop):
+    _, meshes, _ = workshop
+    bodies = {name: to_manifold(meshes[name]) for name in COLLAR}
+    sideways = (Leg((math.cos(math.radians(120.0)), math.sin(math.radians(120.0)), 0.0), 60.0),)
+    assert move_overlap_mm3(Move(COLLAR[:1], sideways, COLLAR[1:]), bodies) > 5.0
+
+
+def test_the_overlap_is_the_volume_of_two_boxes():
+    box = to_manifold(trimesh.creation.box((10, 10, 10)))
+    bodies = {"a": box, "b": box.translate([0, 0, 35])}
+    way = (Leg((0.0, 0.0, 1.0), 50.0),)
+    shifts = [place[2] for place in places(way)]
+    wanted = max(max(0.0, 10 - abs(35 - shift)) for shift in shifts) * 100
+    assert wanted > 0 and move_overlap_mm3(Move(("a",), way, ("b",)), bodies) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_part_passes_those_that_entered_before_and_those_that_leave_after():
+    entering = one_by_one(("a", "b"), UP, ("x",), True)
+    assert [move.past for move in entering] == [("x",), ("x", "a")]
+    leaving = one_by_one(("a", "b"), UP, ("x",), False)
+    assert [move.past for move in leaving] == [("x", "b"), ("x",)]
+
+
+def test_the_readme_has_the_titles_of_the_list_in_order():
+    layout = MoldLayout(EndcapParams(130.0, 8.0))
+    text = " ".join((Path(__file__).resolve().parents[2] / "README.md").read_text().split())
+    at = [text.find(step.title.lower()) for step in mold_steps(layout, ways(layout))]
+    assert min(at) > 0 and at == sorted(at)
+
+
+def test_blanks_of_the_lines_are_known():
+    layout = MoldLayout(EndcapParams(99.0, 6.5))
+    blanks = {m[1] for step in all_steps(layout, ways(layout)) for line in step.lines for m in BLANK.finditer(line)}
+    assert blanks <= {"screws", "part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "overflow_ml"}

@@ -116,6 +116,6 @@ def _unseen(calibration: Calibration, params: EndcapParams) -> int:
     pixels = calibration.mounted.project(pattern_points(params)[0])
     margin = INSIDE_PX * camera.height_px / 480
     size = np.array([camera.width_px, camera.height_px])
-    whole = ((pixels > margin) & (pixels < size - 1 - margin)).all(axis=1)
+    whole = np.asarray(((pixels > margin) & (pixels < size - 1 - margin)).all(axis=1))
     whole[calibration.pattern_index] = False
     return int(whole.sum())

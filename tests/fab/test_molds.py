@@ -248,7 +248,7 @@ class Inline(Executor):
 def stub(monkeypatch, tmp_path_factory):
     """Everything after the design replaced by writers of one small file, and one gate that holds."""
     design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
-    monkeypatch.setattr("fab.design.build_design", lambda *_: design)
+    monkeypatch.setattr("fab.design.build_design", lambda *_, **__: design)
     monkeypatch.setattr("fab.exports.writer.write_meshes", lambda _, folder: (folder / "hanger.stl").write_text("s"))
     monkeypatch.setattr("fab.exports.writer.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
     monkeypatch.setattr("fab.exports.writer.picture_items", lambda _: ([], []))

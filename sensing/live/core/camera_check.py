@@ -33,7 +33,7 @@ class CameraCheck:
 
     Attributes:
         message: what is off and what to do, one line; empty where the camera fits.
-        misfit: outcome of the test.
+        misfit: outcome of the test. flags: of its wrenches, ``camera_misfit`` or none.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class CameraCheck:
         tracker = seen.tracker
         self.misfit = camera_misfit(tracker.reference_px, tracker.size, cap.params, camera)
         self.message = "" if self.misfit.fits else _advice(cap, self.misfit, camera is not None)
-        self._flags = frozenset() if self.misfit.fits else frozenset({FLAG})
+        self.flags: frozenset[str] = frozenset() if self.misfit.fits else frozenset({FLAG})
         uncertain = _with_misfit(camera or nominal_mount(cap.params, *tracker.size), self.misfit)
         self._spread = (
             CameraSpread(seen, estimator, uncertain)
@@ -50,14 +50,11 @@ class CameraCheck:
             else None
         )
 
-    def applied(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
-        """The wrench, about the sphere's centre, with the camera's covariance and, on a misfit, the flag."""
-        if self._spread is None and not self._flags:
+    def widened(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
+        """The wrench, about the sphere's centre, with what the camera adds to its covariance."""
+        if self._spread is None:
             return wrench
-        covariance = wrench.covariance
-        if self._spread is not None:
-            covariance = covariance + self._spread.covariance(tracks)
-        return replace(wrench, covariance=covariance, flags=wrench.flags | self._flags)
+        return replace(wrench, covariance=wrench.covariance + self._spread.covariance(tracks))
 
 
 def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:

@@ -55,21 +55,21 @@ def reading(frames: tuple[Frame, Frame], camera=None):
 
 def test_a_turned_camera_is_named_and_its_wrench_flagged_until_it_is_calibrated(frames, tmp_path) -> None:
     good, told = reading(frames["nominal"])
-    assert good.message == "" and FLAG not in told.estimate.flags
+    assert good.note == "" and FLAG not in told.estimate.flags
     pipeline, uncalibrated = reading(frames["turned"])
-    assert "camera turned by 1.4 degrees" in pipeline.message and "sensing.calibrate --zero" in pipeline.message
+    assert "camera turned by 1.4 degrees" in pipeline.note and "sensing.calibrate --zero" in pipeline.note
     assert FLAG in uncalibrated.estimate.flags
     zero, out = tmp_path / "endcap_0.npz", tmp_path / "endcap_0.json"
     save_zero(single_zero(frames["turned"][0]), zero)
     assert calibrate(["--zero", str(zero), "--out", str(out)]) == 0
     pipeline, calibrated = reading(frames["turned"], out)
-    assert pipeline.message == "" and not calibrated.estimate.flags
+    assert pipeline.note == "" and not calibrated.estimate.flags
     widths = [np.sqrt(np.diag(r.estimate.covariance)) for r in (told, calibrated, uncalibrated)]
     assert (widths[2][:3] > widths[1][:3]).all() and widths[1][2] < 1.5 * widths[0][2]
     off = uncalibrated.estimate.force_n - calibrated.estimate.force_n
     assert (np.abs(off) < 3 * widths[2][:3]).all()
     pipeline, _ = reading(frames["nominal"], out)
-    assert f"{out} does not fit this picture" in pipeline.message
+    assert f"{out} does not fit this picture" in pipeline.note
 
 
 def test_spread_is_the_change_of_the_wrench_with_the_camera(frames) -> None:

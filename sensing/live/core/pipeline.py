@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
+from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import CapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
@@ -73,6 +75,8 @@ class CapPipeline:
         self._taker = ReferenceTaker(
             cap.name, cap.params, zero_frames, self._build, model.estimator, self._threshold.on_n
         )
+        self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
+        self._check: CameraCheck | None = None
         self._used: Reference | None = None
         self._before: Reference | None = None
         self._restart_wanted, self._undo_wanted = False, False
@@ -91,10 +95,11 @@ class CapPipeline:
 
     @property
     def note(self) -> str:
-        """Answer to the last request, or what was unusual lately; empty after some seconds."""
+        """Answer to the last request, or what was unusual lately; after some seconds what is wrong with the camera."""
         if self._used is not None and self._taker.collecting:
             return self._taker.reason
-        return self._note if time.monotonic() < self._note_until_s else ""
+        lasting = "" if self._check is None else self._check.message
+        return self._note if time.monotonic() < self._note_until_s and self._note else lasting
 
     @property
     def confirmable(self) -> bool:
@@ -195,11 +200,12 @@ class CapPipeline:
             method = model_input(zero.frame(), self.model.shape, self.cap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
+            self._checks[method] = CameraCheck(self.cap, method, self.model.estimator, self._camera)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
     def _use(self, reference: Reference) -> None:
-        self._used = reference
+        self._used, self._check = reference, self._checks.get(reference.method)
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
         self._begin()
 
@@ -269,7 +275,9 @@ class CapPipeline:
         self, blank: CapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
     ) -> CapReading:
         """The reading of a picture that was decoded."""
-        estimate = self.model.estimator.estimate(field)
+        estimate, misfit = self.model.estimator.estimate(field), frozenset[str]()
+        if self._check is not None and tracks is not None:
+            estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
         watch.lap("wrench")
         alike = likeness(small_picture(gray), self._alike_to)
         verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
@@ -287,10 +295,11 @@ class CapPipeline:
             self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)  # type: ignore[union-attr]
             watch.lap("drift")
         self._count += 1
-        flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
+        flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return replace(
             blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
-            estimate=self._at_origin(estimate, verdict.flags, seen), wrench=self._at_origin(smooth, flags, seen),
+            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            wrench=self._at_origin(smooth, flags, seen),
             reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
         )  # fmt: skip
 

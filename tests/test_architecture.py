@@ -32,7 +32,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "wrench": {"camera", "tracking"},
     "recording": {"tracking"},
     "learning": {"camera", "tracking", "wrench"},
-    "live.core": {"camera", "sources", "tracking", "wrench"},
+    "live.core": {"calibration", "camera", "sources", "tracking", "wrench"},
     "live.outputs": {"live.core"},
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator

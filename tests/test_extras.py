@@ -95,7 +95,6 @@ def test_the_extras_of_a_module_bring_its_distribution(module):
     known = {name.lower().replace("_", "-") for name in packages_distributions().get(module, ())}
     if not known:
         pytest.skip(f"{module} is not installed here")
-    known |= {"opencv-contrib-python-headless"} if module == "cv2" else set()
     brings = {extra for extra in PROJECT["optional-dependencies"] if requirements(extra) & known}
     assert brings - {"all", "dev"} == set(extras.EXTRAS_OF_MODULE[module])
 

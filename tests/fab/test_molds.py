@@ -80,7 +80,7 @@ def test_manifest_names_every_part_with_its_figures(written):
     folder, manifest = written
     parts = {part["name"]: part for part in manifest["parts"]}
     mold = [f"cup_{half}_{k}" for half in ("bowl", "collar") for k in (1, 2, 3)]
-    mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wide") for k in (1, 2, 3)), "hanger"]
+    mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wedge") for k in (1, 2, 3)), "hanger"]
     assert set(parts) == {*mold, "interface", "base", "ring_spacer", "arm_adapter", "shell", "led_ring", "camera"}
     for name, part in parts.items():
         assert part["role"] in ("printed", "cast", "bought") and part["quantity"] >= 1 and part["material"]

@@ -67,20 +67,20 @@ def sector_prisms(layout: MoldLayout, seams_deg: tuple[float, ...], tabs: tuple[
 
 
 def core_prisms(layout: MoldLayout) -> dict[str, Solid]:
-    """The seven prisms that cut the core: ``core_centre``, ``core_key_1..3``, ``core_wide_1..3``.
+    """The seven prisms that cut the core: ``core_centre``, ``core_key_1..3``, ``core_wedge_1..3``.
 
     The centre is a hexagon with three long edges (toward the keys), a tab on each, and three short ones (toward the
-    wides), drafted so that it lets go at once. A key is a strip of constant width; a wide fills the sector between
+    wedges), drafted so that it lets go at once. A key is a strip of constant width; a wedge fills the sector between
     two keys.
     """
     gap, inner, half = layout.joint_clearance_mm, layout.centre_inradius_mm, layout.key_half_width_mm
     far = FAR_RATIO * layout.params.outer_radius_mm
     key = polygon([(0.8 * inner, gap - half), (far, gap - half), (far, half - gap), (0.8 * inner, half - gap)])
     corner = (half / math.sqrt(3.0), half)  # where the sides of two keys would meet: inside the centre piece
-    wide = polygon([corner, (far, half), rotated((1.2 * far, 0.0), 60.0), rotated((far, -half), 120.0)])
+    wedge = polygon([corner, (far, half), rotated((1.2 * far, 0.0), 60.0), rotated((far, -half), 120.0)])
     socket = drafted(_centre_outline(layout, gap), layout)
     pieces = {"core_centre": drafted(_centre_outline(layout, 0.0), layout)}
-    for stem, outline in (("core_key", key), ("core_wide", wide)):
+    for stem, outline in (("core_key", key), ("core_wedge", wedge)):
         blank = prism(outline, layout)
         for k, azimuth in enumerate(layout.key_azimuths_deg):
             pieces[f"{stem}_{k + 1}"] = one_solid((Rot(0, 0, azimuth) * blank).cut(socket), stem)

@@ -1,7 +1,7 @@
 """The mold core: inner half of the mold, with bumps that leave the dents for the dots, in seven pieces.
 
 The pieces leave through the bore of the TPU interface in this order: centre (straight out), keys (inward, then out),
-wides (inward, then out). Millimetres, endcap frame, casting position.
+wedges (inward, then out). Millimetres, endcap frame, casting position.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ COLOR = (0.93, 0.62, 0.22)
 REMOVAL_ORDER = (
     "core_centre",
     *(f"core_key_{k}" for k in (1, 2, 3)),
-    *(f"core_wide_{k}" for k in (1, 2, 3)),
+    *(f"core_wedge_{k}" for k in (1, 2, 3)),
 )
 
 
 def bump_sphere_radius_mm() -> float:
-    """Radius of the sphere whose cap has a dot's radius and a dent's depth (on a flat)."""
+    """Radius of the sphere of which a segment has a dot's radius and a dent's depth (on a flat)."""
     return (DOT_RADIUS_MM**2 + DENT_DEPTH_MM**2) / (2 * DENT_DEPTH_MM)
 
 

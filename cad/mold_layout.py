@@ -7,7 +7,7 @@ the floor while silicone is poured, so "below the equator" in the workshop is z 
             rises in the last millimetres of closing
     collar  upper half, from the equator seam to the mating plane; slides into the dam like a piston
     hanger  plate on the collar that carries TPU interface and core
-    core    seven pieces: a centre with three jigsaw tabs, three keys with parallel sides, three wides between them
+    core    seven pieces: a centre with three jigsaw tabs, three keys with parallel sides, three wedges between them
 
 Bowl segments leave toward the dome, collar segments toward the rim: both directions open away from the equator, so
 neither has an undercut, although the shell is wider at its equator than at its rim.
@@ -22,7 +22,7 @@ from cad import feasible, leak
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 
-JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon tells your printer's
+JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon shows your printer's
 JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coupons)
 NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
 TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies beyond the edge: locks, and still prints
@@ -183,17 +183,17 @@ class MoldLayout:
 
     @property
     def centre_short_inradius_mm(self) -> float:
-        """Distance of the wides' inner faces from the axis: where the hexagon's corners put its short edges."""
+        """Distance of the wedges' inner faces from the axis: where the hexagon's corners put its short edges."""
         return 0.5 * self.centre_inradius_mm + math.sqrt(0.75) * self.key_half_width_mm
 
     @property
     def key_half_width_mm(self) -> float:
-        """Half the width of a key: wide enough that the wides between the keys still pass the opening."""
+        """Half the width of a key: wide enough that the wedges between the keys still pass the opening."""
         return 0.58 * self.exit_radius_mm
 
     @property
     def core_tab_radius_mm(self) -> float:
-        """Round jigsaw tabs of the centre piece, one into each key (the wides are held between the keys).
+        """Round jigsaw tabs of the centre piece, one into each key (the wedges are held between the keys).
 
         The draft narrows a tab's neck all the way up to the tip: at D=250, by 8 mm. A neck is as wide as its two
         fillets leave it, ``y - fillet - draft`` on either side, with their centres at ``y^2 = (r + fillet)^2 -
@@ -226,12 +226,12 @@ class MoldLayout:
         places: dict[str, tuple[tuple[float, float], ...]] = {"core_centre": ((10.0, 0.0), (-10.0, 0.0))}
         for k, azimuth in enumerate(self.key_azimuths_deg):
             places[f"core_key_{k + 1}"] = (rotated((key_x, 0.0), azimuth),)
-            places[f"core_wide_{k + 1}"] = (rotated((wide_x, 0.0), azimuth + 60.0),)
+            places[f"core_wedge_{k + 1}"] = (rotated((wide_x, 0.0), azimuth + 60.0),)
         return places
 
     @property
     def key_azimuths_deg(self) -> tuple[float, float, float]:
-        """Directions of the three keys; the wides lie 60 degrees further."""
+        """Directions of the three keys; the wedges lie 60 degrees further."""
         return (0.0, 120.0, 240.0)
 
 

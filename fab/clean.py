@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import FileError
-from fab.exports.cache import Cache
+from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
 
 EXPORTS = Path(__file__).resolve().parent.parent / "exports"

@@ -24,7 +24,9 @@ from cad.params import EndcapParams
 from cad.part import Part
 from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
-from fab.meshing.gyroid import InterfaceMesh, interface_mesh, joint_band_mm, volume_above
+from fab.cache import Cache
+from fab.kept import kept_interface_mesh
+from fab.meshing.gyroid import InterfaceMesh, joint_band_mm, volume_above
 from fab.meshing.mesh import TOLERANCE_MM, from_manifold, to_manifold
 from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
@@ -76,7 +78,11 @@ def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
 
 
 def build_design(
-    layout: MoldLayout, workers: Executor, progress: Progress, tolerance_mm: float = TOLERANCE_MM
+    layout: MoldLayout,
+    workers: Executor,
+    progress: Progress,
+    tolerance_mm: float = TOLERANCE_MM,
+    cache: Cache | None = None,
 ) -> Design:
     """Build solids and meshes.
 
@@ -85,8 +91,9 @@ def build_design(
         workers: where the gyroid is made, while this process makes the solids.
         progress: called with the name of each step as it begins.
         tolerance_mm: chord tolerance of the meshes.
+        cache: where the interface's mesh is kept from run to run.
     """
-    pending = workers.submit(interface_mesh, layout.params)
+    pending = workers.submit(kept_interface_mesh, layout.params, cache)
     parts = build_solids(layout, progress)
     progress("meshes")
     maker = PartMeshes(tolerance_mm)

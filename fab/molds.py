@@ -12,9 +12,9 @@ from pathlib import Path
 from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
+from fab.cache import Cache
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
-from fab.exports.cache import Cache
 from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
 from fab.variant import Variant
@@ -86,7 +86,7 @@ def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progres
     interrupts.raise_swallowed()
     # Forked once the libraries are loaded, so that no worker loads them again, and before one starts a thread.
     with worker_pool(WORKERS) as workers:
-        summary = make_molds(variant, folder, workers, progress)
+        summary = make_molds(variant, folder, workers, progress, cache if use_cache else None)
     if use_cache:
         progress("cache")
         cache.store(key, folder, sorted(path.name for path in folder.iterdir()), {"summary": summary})
@@ -100,7 +100,9 @@ def load_libraries(progress: Progress) -> None:
         importlib.import_module(module)
 
 
-def make_molds(variant: Variant, folder: Path, workers: Executor, progress: Progress) -> str:
+def make_molds(
+    variant: Variant, folder: Path, workers: Executor, progress: Progress, cache: Cache | None = None
+) -> str:
     """Build, write and check one endcap.
 
     Args:
@@ -108,6 +110,7 @@ def make_molds(variant: Variant, folder: Path, workers: Executor, progress: Prog
         folder: empty; receives every file.
         workers: processes that share the work.
         progress: called with the name of each step as it begins.
+        cache: where work on parts that do not change with the clearance is kept.
 
     Returns:
         What was made, in words.
@@ -119,7 +122,7 @@ def make_molds(variant: Variant, folder: Path, workers: Executor, progress: Prog
     from fab.design import build_design
     from fab.exports import writer as files
 
-    design = build_design(variant.layout, workers, progress)
+    design = build_design(variant.layout, workers, progress, cache=cache)
     progress("files")
     files.write_meshes(design, folder)
     pending: list[Future[None]] = [workers.submit(files.write_pictures, *files.picture_items(design), folder)]
@@ -127,7 +130,7 @@ def make_molds(variant: Variant, folder: Path, workers: Executor, progress: Prog
         if part.role == "printed":
             pending.append(workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf"))
     files.write_solids(design, folder)
-    checks = run_gates(design, folder, workers, progress)
+    checks = run_gates(design, folder, workers, progress, cache)
     require_passed(checks, f"at {variant.words}")
     progress("assembly and pictures")
     files.write_assemblies(design, folder)

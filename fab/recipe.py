@@ -169,7 +169,7 @@ def mix_parts(row: Silicone) -> tuple[float, float]:
     found = re.match(r"([\d.]+)A:([\d.]+)B by (?:weight|volume or weight)$", row.mix_ratio)
     if not found or float(found[1]) <= 0 or float(found[2]) <= 0:
         raise FileError(
-            f"materials.csv: mix_ratio {row.mix_ratio!r} of {row.name} is not of the form '100A:10B by weight': mend it"
+            f"materials.csv: mix_ratio {row.mix_ratio!r} of {row.name} is not of the form '100A:10B by weight'"
         )
     return float(found[1]), float(found[2])
 

@@ -82,9 +82,9 @@ class Browser:
                 assert time.monotonic() < end, "the page shows nothing"
                 await asyncio.sleep(0.1)
             await asyncio.sleep(settle_s)
-            told = await value(script)
+            answer = await value(script)
             shot = await call("Page.captureScreenshot", format="png")
-        return told, base64.b64decode(shot["data"])
+        return answer, base64.b64decode(shot["data"])
 
     def close(self) -> None:
         """End the browser."""
@@ -93,7 +93,7 @@ class Browser:
 
 
 def main() -> int:
-    """Start the live command, wait until three caps touch, take the picture."""
+    """Start the live command, wait until three endcaps touch, take the picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/live.png"))
     parser.add_argument("rest", nargs="*", help="options of sensing.live, after --")

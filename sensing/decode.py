@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import simplejpeg
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
@@ -16,12 +17,6 @@ from sensing.records import Frame, Image
 
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
 MOST_PIXELS = 1 << 26  # of a picture: a few bytes of a damaged or hostile file may claim gigabytes
-_REDUCED_GRAY = {
-    1: cv2.IMREAD_GRAYSCALE,
-    2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
-    4: cv2.IMREAD_REDUCED_GRAYSCALE_4,
-    8: cv2.IMREAD_REDUCED_GRAYSCALE_8,
-}
 
 
 class FrameError(EndcapError):
@@ -32,10 +27,10 @@ def decode_bgr(frame: Frame) -> Image:
     """(H, W, 3) uint8 BGR at full size.
 
     Raises:
-        FrameError: corrupt bytes, or an image that is no picture.
+        FrameError: damaged bytes (any complaint of the decoder counts), or an image that is no picture.
     """
     if frame.image is None:
-        return _imdecode(frame, cv2.IMREAD_COLOR)
+        return _decoded(frame, "BGR", 1)
     image = as_uint8(frame.image, frame.source)
     return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image
 
@@ -48,10 +43,10 @@ def decode_gray(frame: Frame, reduction: int = 1) -> Image:
         reduction: 1, 2, 4 or 8.
 
     Raises:
-        FrameError: corrupt bytes, or an image that is no picture.
+        FrameError: damaged bytes (any complaint of the decoder counts), or an image that is no picture.
     """
     if frame.image is None:
-        return _imdecode(frame, _REDUCED_GRAY[reduction])
+        return np.ascontiguousarray(_decoded(frame, "GRAY", reduction)[:, :, 0])
     image = as_uint8(frame.image, frame.source)
     gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     return reduce_gray(gray, reduction)
@@ -109,13 +104,18 @@ def png_size(data: bytes) -> tuple[int, int] | None:
     return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
 
 
-def _imdecode(frame: Frame, flag: int) -> Image:
-    if frame.size is not None and frame.size[0] * frame.size[1] > MOST_PIXELS:
-        raise FrameError(f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px: at most {MOST_PIXELS} pixels")
+def _decoded(frame: Frame, colour: str, reduction: int) -> Image:
+    """(H, W, 1) or (H, W, 3) of a JPEG; one that the decoder complains of is refused: its numbers would be wrong."""
+    data = frame.jpeg or b""
+    where = f"{frame.source}: frame {frame.sequence}"
+    if data[:2] != b"\xff\xd8":
+        kind = "a PNG" if png_size(data) is not None else "no picture"
+        raise FrameError(f"{where} is {kind}, not a JPEG: set camera or streamer to MJPEG, check cable and file")
     try:
-        image = cv2.imdecode(np.frombuffer(frame.jpeg or b"", np.uint8), flag)
-    except cv2.error:  # it raises for some bytes and gives None for others
-        image = None
-    if image is None:
-        raise FrameError(f"{frame.source}: frame {frame.sequence} is no readable picture: check cable and file")
-    return image
+        height, width = simplejpeg.decode_jpeg_header(data)[:2]
+        if width * height <= MOST_PIXELS:
+            least = (-(-height // reduction), -(-width // reduction)) if reduction > 1 else (0, 0)
+            return simplejpeg.decode_jpeg(data, colour, min_height=least[0], min_width=least[1])
+    except ValueError as error:
+        raise FrameError(f"{where} is damaged ({error}): check cable and file") from None
+    raise FrameError(f"{where} of {width}x{height} px: at most {MOST_PIXELS} pixels")

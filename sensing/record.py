@@ -31,6 +31,7 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError
 from cad.params import EndcapParams
+from cad.plain_numbers import plain_number
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.recording.folder import Recording
 from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
@@ -159,8 +160,8 @@ def _parser() -> argparse.ArgumentParser:
     force.add_argument("--ft-csv", type=Path, metavar="FILE", help="samples with time_s on the frames' clock")
     parser.add_argument("--mount", type=Path, required=True, metavar="FILE", help="how the sensor is mounted (JSON)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; an own one is continued")
-    parser.add_argument("--diameter", type=float, default=130.0, metavar="MM", help="of the endcap (130)")
-    parser.add_argument("--wall", type=float, default=8.0, metavar="MM", help="of the endcap (8)")
+    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the endcap (130)")
+    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the endcap (8)")
     parser.add_argument("--slop", type=float, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
     parser.add_argument("--rest", type=int, default=REST_FRAMES, metavar="N", help=f"untouched frames ({REST_FRAMES})")
     parser.add_argument("--frames", type=int, metavar="N", help="stop after so many")

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.plain_numbers import plain_number
 from sensing.live.core.config import MODELS, CapConfig, LiveConfig, save_config
 from sensing.live.core.engine import Engine, LiveCap
 from sensing.live.core.reading import CapReading
@@ -35,6 +36,7 @@ TOUCH_S, ZERO_S = 30.0, 20.0  # waited for a touch and for a zero
 FALSE_RATE = 1e-3  # contacts a frame that an untouched cap may show
 TOUCH_SHARE = 3.0  # a touch is this many times the largest force at rest of that camera
 LEAST_TOUCH_N = 1.0
+SETTLE_S, RELEASED_S = 0.5, 1.0  # after a release: silicone and filter settle; then watched
 LEAST_ON_N, MARGIN = 0.2, 1.5  # E: never below; over the measured threshold, for slow drift
 
 Ask = Callable[[str], str]
@@ -47,7 +49,9 @@ class Watch:
         self.forces_n: dict[str, list[np.ndarray]] = {}
 
     def put(self, reading: CapReading) -> None:
-        """Keep one."""
+        """Keep one, if its numbers count."""
+        if not reading.valid:
+            return
         self.forces_n.setdefault(reading.cap, []).append(np.array(reading.wrench.force_n))
 
     def largest_n(self, cap: str, since: int = 0) -> float:
@@ -79,6 +83,7 @@ def set_up(
         say("zeroed; measuring the rest, leave them untouched")
         rest = _watch_rest(caps, watch)
         order = _name_by_touch(caps, watch, rest, ask, say)
+        _require_release(order, watch, rest, ask)
     made = tuple(_measured(cap, f"endcap_{k}", rest[cap.name], out, say) for k, cap in enumerate(order))
     result = replace(config, caps=made)
     save_config(result, out)
@@ -88,7 +93,7 @@ def set_up(
 
 def _await_zeros(caps: Sequence[LiveCap]) -> None:
     end_s = time.monotonic() + ZERO_S
-    while waiting := [cap for cap in caps if cap.stats.last is None]:
+    while waiting := [cap for cap in caps if cap.pipeline.zero is None]:
         if time.monotonic() > end_s:
             cap = waiting[0]
             why = cap.health.message or "no frame came"
@@ -137,6 +142,30 @@ def _name_by_touch(
         order.append(_touched([cap for cap in caps if cap not in order], watch, before, limits, number))
         say(f"endcap_{number} is {order[-1].pipeline.cap.source}; let it go")
     return order
+
+
+def _require_release(caps: Sequence[LiveCap], watch: Watch, rest: dict[str, list[np.ndarray]], ask: Ask) -> None:
+    """A reference that was taken under load shows that load when everything is let go.
+
+    Raises:
+        ParameterError: an endcap that does not come back to rest.
+    """
+    ask("leave all endcaps untouched again, then press Enter ")
+    time.sleep(SETTLE_S)
+    before = {cap.name: len(watch.forces_n[cap.name]) for cap in caps}
+    time.sleep(RELEASED_S)
+    for cap in caps:
+        forces = watch.forces_n[cap.name][before[cap.name] :]
+        usual_n = max((float(np.linalg.norm(force)) for force in rest[cap.name]), default=0.0)
+        if not forces:
+            raise ParameterError(f"{cap.pipeline.cap.source}: no number any more: {cap.health.message}", name="source")
+        left_n = float(np.median([np.linalg.norm(force) for force in forces]))
+        if left_n > max(LEAST_TOUCH_N, TOUCH_SHARE * usual_n):
+            raise ParameterError(
+                f"{cap.pipeline.cap.source}: {left_n:.1f} N are left when it is untouched: it was pressed while it was "
+                "zeroed, or is pressed now; start again with all endcaps free",
+                name="rest",
+            )
 
 
 def _touched(
@@ -210,8 +239,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
     parser.add_argument("--model", choices=MODELS, default="default")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
-    parser.add_argument("--diameter", type=float, default=130.0, metavar="MM", help="of the design (130)")
-    parser.add_argument("--wall", type=float, default=8.0, metavar="MM", help="of the design (8)")
+    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
+    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
     parser.add_argument("--weight", type=float, default=0.0, metavar="N", help="of the robot, for the force sum")
     return parser

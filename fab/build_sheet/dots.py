@@ -21,13 +21,13 @@ DISC_PX = 331.0  # M, CAM04: radius of the shell in a 640 x 480 frame
 FRAME_PX = (640.0, 480.0)
 SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
-WIDEST_MM = 86.0  # two gores side by side on A4
+LARGEST_WIDTH_MM = 86.0  # two gores side by side on A4
 
 
 def gores(params: EndcapParams) -> list[Drawing]:
     """Gores that together have every dot once, in order of azimuth."""
     radius = params.inner_radius_mm
-    count = max(SPLIT, math.ceil(2 * math.pi * radius / WIDEST_MM))
+    count = max(SPLIT, math.ceil(2 * math.pi * radius / LARGEST_WIDTH_MM))
     dots = dot_pattern(params)
     end = math.radians(max(dot.polar_deg for dot in dots)) + (DOT_RADIUS_MM + 2.0) / radius
     width = 2 * math.pi * radius / count + 2 * MARGIN_MM

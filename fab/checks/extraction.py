@@ -24,7 +24,7 @@ from fab.checks.cavity import cavity_faces
 from fab.meshing.mesh import TOLERANCE_MM, to_manifold
 
 STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
-SEARCH_MM = 0.25  # gaps beyond this are not told apart
+SEARCH_MM = 0.25  # gaps beyond this are not distinguished
 SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # pulls tried: from straight inward to nearly along the ramp
 TOUCH_MM = 1e-3  # float32 coordinates of a surface in contact
 FACING = 0.95  # cosine of a facet's normal to the surface's own
@@ -113,7 +113,7 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
     out = Leg((0.0, 0.0, -1.0), layout.params.tip_height_mm)
     if name == "core_centre":
         return (out,)
-    azimuth = math.radians(layout.key_azimuths_deg[int(name[-1]) - 1] + (60.0 if "wide" in name else 0.0))
+    azimuth = math.radians(layout.key_azimuths_deg[int(name[-1]) - 1] + (60.0 if "wedge" in name else 0.0))
     faces = _molding_faces(layout, mesh)
     pulls = [_pull(azimuth, math.radians(slope)) for slope in SLOPES_DEG]
     direction = max(pulls, key=lambda pull: _draft_deg(mesh, faces, Leg(pull, 0.0)))
@@ -191,7 +191,7 @@ def _depth_in_shell_from_outside(layout: MoldLayout, points: np.ndarray) -> np.n
 def _molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
     """Faces (mask) of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
 
-    Place alone does not tell: the walls of seams and tabs end at the same surface.
+    Place alone does not show it: the walls of seams and tabs end at the same surface.
     """
     points, normals = mesh.triangles_center, mesh.face_normals
     outward = points - _centre(layout)

@@ -68,8 +68,8 @@ def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Ch
         "bowl": (solids["cup_bowl_1"], solids["cup_bowl_2"]),
         "collar": (solids["cup_collar_1"], solids["cup_collar_2"]),
         "core_key": (solids["core_centre"], solids["core_key_1"]),
-        "core_wide": (solids["core_centre"], solids["core_wide_1"]),
-        "core_side": (solids["core_key_1"], solids["core_wide_1"]),
+        "core_wedge": (solids["core_centre"], solids["core_wedge_1"]),
+        "core_side": (solids["core_key_1"], solids["core_wedge_1"]),
         "core_bore": (neck, bore),
     }
     return [

@@ -15,6 +15,7 @@ from cad.interface import build_zone
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
+from fab.cache import Cache
 from fab.checks.bumps import bump_checks
 from fab.checks.cavity import balance_check, flange_air_check, leak_check, trapped_air_checks, wall_check
 from fab.checks.check import Check
@@ -24,6 +25,8 @@ from fab.checks.gyroid import gyroid_checks
 from fab.checks.meshes import mesh_checks, overlap_check, step_check
 from fab.checks.nuts import nut_checks
 from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
+from fab.exports.whole_folder import file_sha256
+from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_checks
 from fab.meshing.mesh import read_stl, to_manifold
 from fab.steps.endcap import all_steps
 from fab.steps.sweep import sweep_checks
@@ -33,7 +36,9 @@ CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
 LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
 
 
-def run_gates(design: Design, folder: Path, workers: Executor, progress: Progress) -> list[Check]:
+def run_gates(
+    design: Design, folder: Path, workers: Executor, progress: Progress, cache: Cache | None = None
+) -> list[Check]:
     """Run every check of a written folder.
 
     Args:
@@ -41,14 +46,15 @@ def run_gates(design: Design, folder: Path, workers: Executor, progress: Progres
         folder: where its files lie.
         workers: processes for the checks of single meshes.
         progress: called with the name of each step as it begins.
+        cache: where checks of unchanged parts are kept from run to run.
 
     Returns:
         All checks, in a fixed order, passed or not.
     """
     made = [part for part in design.parts.values() if part.role != "bought"]
-    single = [_submit(workers, design, part, folder) for part in made]
+    single = [_submit(workers, design, part, folder, cache) for part in made]
     files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
-    gyroid = workers.submit(_interface_checks, design.params, files["interface"])
+    gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
     cavity = workers.submit(cavity_gates, design.layout, meshes, mesh_volume_mm3(design, SHELL))
     overlaps = [
@@ -113,21 +119,33 @@ def extraction_checks(extractions: Sequence[Extraction], joint_clearance_mm: flo
     return checks
 
 
-def _submit(workers: Executor, design: Design, part: Part, folder: Path) -> Future[list[Check]]:
+def _submit(workers: Executor, design: Design, part: Part, folder: Path, cache: Cache | None) -> Future[list[Check]]:
     solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
     volumes = [float(solid.volume) for solid in solids]
     wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
-    return workers.submit(_file_checks, part.name, wanted, volumes, folder)
+    keeper = cache if part.name in SAME_AT_EVERY_CLEARANCE else None
+    return workers.submit(_file_checks, part.name, wanted, volumes, folder, keeper)
 
 
-def _file_checks(name: str, mesh_volume: float | None, solid_volumes: list[float], folder: Path) -> list[Check]:
-    mesh = read_stl(folder / f"{name}.stl")
-    return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, folder / f"{name}.step")]
+def _file_checks(
+    name: str, mesh_volume: float | None, solid_volumes: list[float], folder: Path, cache: Cache | None
+) -> list[Check]:
+    stl, step = folder / f"{name}.stl", folder / f"{name}.step"
+    inputs = {"name": name, "mesh_mm3": mesh_volume, "solid_mm3": solid_volumes}
+    inputs |= {"stl": file_sha256(stl), "step": file_sha256(step)}
+
+    def make() -> list[Check]:
+        return [*mesh_checks(name, read_stl(stl), mesh_volume), step_check(name, solid_volumes, step)]
+
+    return kept_checks(cache, "files of a part", inputs, make)
 
 
 def _overlap_check(label: str, meshes: Sequence[trimesh.Trimesh]) -> Check:
     return overlap_check(label, [to_manifold(mesh) for mesh in meshes])
 
 
-def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
-    return [*gyroid_checks(params, mesh), *nut_checks(params, mesh)]
+def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh, folder: Path, cache: Cache | None) -> list[Check]:
+    inputs = {"design": params.digest, "stl": file_sha256(folder / "interface.stl")}
+    return kept_checks(
+        cache, "gyroid and nuts", inputs, lambda: [*gyroid_checks(params, mesh), *nut_checks(params, mesh)]
+    )

@@ -43,7 +43,7 @@ exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 
 COMMAND = Command(
     "make coupons",
     "[exports=DIR] [material=NAME]",
-    "Make the coupons that tell the joint clearance of your printer and the strength of your bond.",
+    "Make the coupons that show the joint clearance of your printer and the strength of your bond.",
     HELP,
     {"exports": EXPORTS, "material": DEFAULT_SILICONE},
 )
@@ -57,7 +57,7 @@ class CouponLine:
         item: part, or the tray that is filled.
         material: filament or silicone.
         volume_mm3: solid volume, or silicone in the tray.
-        mass_g: of the silicone; None for prints, whose mass the slicer tells.
+        mass_g: of the silicone; None for prints, whose mass the slicer reports.
     """
 
     item: str

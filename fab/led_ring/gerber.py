@@ -76,7 +76,7 @@ def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
 
 
 def _repaired(data: bytes) -> bytes:
-    """Mend what strict readers refuse of the library (1.5): G75 without asterisk, G01 with two, the deprecated IP."""
+    """Repair what strict readers refuse of the library (1.5): G75 without asterisk, G01 with two, the deprecated IP."""
     return data.replace(b"\nG75\n", b"\nG75*\n").replace(b"**\n", b"*\n").replace(b"%IPPOS*%\n", b"")
 
 

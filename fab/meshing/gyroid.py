@@ -1,8 +1,8 @@
 """The gyroid in the silicone: a sheet of uniform wall at 10 % of the zone's volume, on the flange (endcap frame, mm).
 
 How it is made: the signed distance to the gyroid surface is sampled on a grid that fits the zone (:mod:`.zone_grid`),
-so no node is wasted and no boolean is needed to cut the sheet to it; marching cubes of +t/2 and of -t/2 and caps on
-the zone's sides close the sheet (:mod:`fab.meshing.gyroid_sheet`); manifold3d joins it to the flange, once, when the
+so no node is wasted and no boolean is needed to cut the sheet to it; marching cubes of +t/2 and of -t/2 and end faces
+on the zone's sides close the sheet (:mod:`fab.meshing.gyroid_sheet`); manifold3d joins it to the flange, once, when the
 period is right.
 
 Notes:

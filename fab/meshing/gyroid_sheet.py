@@ -6,7 +6,7 @@ same corners, so the mesh is closed to the bit; where the azimuth closes, corner
 
 Notes:
     Every corner of the mesh has a key: node number times 7, plus axis (0..2) of the edge it lies on at level -c, plus
-    3 + axis at level +c, or plus 6 for the node itself (corners of caps). Corners inside a cell have negative keys.
+    3 + axis at level +c, or plus 6 for the node itself (corners of end faces). Corners inside a cell are negative.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def sheet_mesh(grid: ZoneGrid, distance: np.ndarray, half_wall_mm: float) -> tri
         keys.append(key)
         places.append(numbers)
         faces.append(key[corners])
-    caps = np.concatenate([_cap(grid, field, half_wall_mm, *end) for end in _END_FACES])
-    nodes = np.unique(caps[caps % 7 == _NODE])
+    ends = np.concatenate([_end_face(grid, field, half_wall_mm, *end) for end in _END_FACES])
+    nodes = np.unique(ends[ends % 7 == _NODE])
     keys.append(nodes)
     places.append(np.column_stack(np.unravel_index(nodes // 7, grid.shape)).astype(np.float64))
-    return _assembled(grid, np.concatenate(keys), np.concatenate(places), np.concatenate([*faces, caps]))
+    return _assembled(grid, np.concatenate(keys), np.concatenate(places), np.concatenate([*faces, ends]))
 
 
 def _snapped(field: np.ndarray, half_wall: float, snap: float) -> np.ndarray:
@@ -112,7 +112,9 @@ def _keys(grid: ZoneGrid, numbers: np.ndarray, side: int) -> np.ndarray:
     return key
 
 
-def _cap(grid: ZoneGrid, field: np.ndarray, half_wall: float, axis: int, end: int, one: int, two: int) -> np.ndarray:
+def _end_face(
+    grid: ZoneGrid, field: np.ndarray, half_wall: float, axis: int, end: int, one: int, two: int
+) -> np.ndarray:
     """Triangles (n, 3) of keys that close the sheet on one end face."""
     count = np.array(field.shape)
     first, second = np.meshgrid(np.arange(count[one] - 1), np.arange(count[two] - 1), indexing="ij")
@@ -161,7 +163,7 @@ def _assembled(grid: ZoneGrid, keys: np.ndarray, places: np.ndarray, faces: np.n
     points = grid.at(places[first]).astype(np.float32).astype(np.float64)
     corners = np.searchsorted(unique, faces)
     if (unique[np.minimum(corners, len(unique) - 1)] != faces).any():
-        raise GeometryError("the gyroid's caps miss its sides: use a finer step_mm")
+        raise GeometryError("the gyroid's end faces miss its sides: use a finer step_mm")
     mesh = trimesh.Trimesh(points, corners, process=False, validate=False)
     if not mesh.is_watertight:
         raise GeometryError("the gyroid sheet does not close: use a finer step_mm")

@@ -49,7 +49,7 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
 
     Notes:
         Where a bump meets the wall of a tab at a sharp angle, both facets can fall together at one tolerance; a finer
-        one tells them apart, so an open mesh is made again at half the tolerance.
+        one distinguishes them, so an open mesh is made again at half the tolerance.
     """
     for attempt in range(REFINEMENTS):
         mesh = _triangulate(solid, tolerance_mm / 2**attempt, angle_rad)

@@ -1,6 +1,6 @@
 """Meshes as voxels, and balls among them (millimetres): which places a ball of given size can reach.
 
-A voxel is inside a mesh where its centre is. Distances are exact between voxel centres, up to a cap.
+A voxel is inside a mesh where its centre is. Distances are exact between voxel centres, up to a limit.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def render_section(
 ) -> None:
     """Draw the half y >= 0 of the assembled parts, the cut capped in each part's colour, with leader lines.
 
-    Where two caps coincide, the later part shows. Offsets are ignored.
+    Where two cut faces coincide, the later part shows. Offsets are ignored.
 
     Raises:
         GeometryError: no parts, none of them reaches y > 0, or a mesh is not closed.
@@ -92,12 +92,12 @@ def render_section(
     frame = Frame(view, (0, 0, width_px, height), tuple((low + high) / 2), scale)
     surfaces, anchors = [], []
     for rank, (item, half) in enumerate(halves):
-        cap = _is_cap(half)
+        cut = _is_cut_face(half)
         color = np.array(item.color)
-        surfaces.append(Surface(half.vertices, half.faces[~cap], color + (1 - color) * INSIDE_TINT))
+        surfaces.append(Surface(half.vertices, half.faces[~cut], color + (1 - color) * INSIDE_TINT))
         lift = np.array([0.0, -0.02 * (rank + 1), 0.0])
-        surfaces.append(Surface(half.vertices + lift, half.faces[cap], color, smooth=False))
-        anchors.append((item.name, _anchor(half, cap, rank)))
+        surfaces.append(Surface(half.vertices + lift, half.faces[cut], color, smooth=False))
+        anchors.append((item.name, _anchor(half, cut, rank)))
     canvas = Canvas(width_px, height)
     canvas.panel(frame, surfaces)
     points = frame.pixels(np.array([anchor for _, anchor in anchors]))
@@ -158,14 +158,14 @@ def _half(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return from_manifold(to_manifold(mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0))
 
 
-def _is_cap(half: trimesh.Trimesh) -> np.ndarray:
+def _is_cut_face(half: trimesh.Trimesh) -> np.ndarray:
     """Which faces lie in the plane y = 0: (m,) bool."""
     return np.abs(half.vertices[half.faces][:, :, 1]).max(axis=1) < 1e-4
 
 
-def _anchor(half: trimesh.Trimesh, cap: np.ndarray, rank: int) -> np.ndarray:
+def _anchor(half: trimesh.Trimesh, cut: np.ndarray, rank: int) -> np.ndarray:
     """Where a part's leader line ends: far out on its cut face, right and left of the axis in turn."""
-    faces = half.vertices[half.faces[cap]] if cap.any() else half.vertices[half.faces]
+    faces = half.vertices[half.faces[cut]] if cut.any() else half.vertices[half.faces]
     centres = faces.mean(axis=1)
     areas = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
     outward = -centres[:, 0] if rank % 2 else centres[:, 0]

@@ -35,7 +35,7 @@ class ModelInfo:
     Attributes:
         is_manifold: every mesh of it is closed.
         bodies: connected bodies.
-        faults: what the slicer counted or mended, ``name = value``.
+        faults: what the slicer counted or repaired, ``name = value``.
     """
 
     is_manifold: bool

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
+from cad.plain_numbers import plain_number
 from sensing.live.core.config import MODELS, CapConfig, LiveConfig, load_config
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
@@ -155,8 +156,8 @@ def _parser() -> argparse.ArgumentParser:
     model.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     model.add_argument("--method", choices=METHODS, help="another field method than the model's own")
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
-    model.add_argument("--diameter", type=float, metavar="MM", help="of the design (130)")
-    model.add_argument("--wall", type=float, metavar="MM", help="of the design (8)")
+    model.add_argument("--diameter", type=plain_number, metavar="MM", help="of the design (130)")
+    model.add_argument("--wall", type=plain_number, metavar="MM", help="of the design (8)")
     model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
     model.add_argument("--speed", type=float, metavar="X", help="of files; 0: as fast as possible (1)")

@@ -24,6 +24,7 @@ from sensing.live.core.stats import CapHealth
 from sensing.live.core.warm_up import warm_up
 from sensing.live.open_caps import open_caps
 from sensing.records import Wrench
+from sensing.tracking.zero import ZeroError
 
 ROOM = 64  # readings that a slow reader may be behind before the oldest are lost
 
@@ -64,19 +65,46 @@ class Endcap:
                 return
 
     def stream(self) -> Iterator[Wrench]:
-        """Filtered wrenches, one a frame; the newest when the reader is slow."""
+        """Filtered wrenches, one a frame; the newest when the reader is slow.
+
+        A frame that gives no number (the lamp is off, say) gives NaN and the reason among the wrench's flags.
+        """
         for reading in self.readings():
             yield reading.wrench
 
-    def zero(self) -> None:
-        """Take a new reference from the next frames: it must be untouched."""
-        self._cap.pipeline.request_zero()
+    def zero(self, confirmed: bool = False) -> None:
+        """Take a new reference from the next frames: it must be untouched.
+
+        Args:
+            confirmed: take it although it is touched, or looks pressed.
+
+        Raises:
+            ZeroError: it is touched. A reference that looks pressed later is refused in ``health.message``.
+        """
+        refusal = self._cap.pipeline.request_zero(confirmed)
+        if refusal:
+            raise ZeroError(refusal)
+
+    def undo_zero(self) -> None:
+        """Go back to the reference before.
+
+        Raises:
+            ZeroError: there is none.
+        """
+        refusal = self._cap.pipeline.request_undo()
+        if refusal:
+            raise ZeroError(refusal)
 
     @property
-    def touching(self) -> bool:
-        """Whether the last frame shows contact."""
+    def valid(self) -> bool:
+        """Whether its numbers count now; ``health`` has the reason where they do not."""
+        return self.health.valid
+
+    @property
+    def touching(self) -> bool | None:
+        """Whether the last frame shows contact; None while that is not known."""
         last = self._cap.stats.last
-        return last is not None and last.contact.touching
+        return last.contact.touching if last is not None and last.contact.known and self.valid else None
 
     @property
     def health(self) -> CapHealth:

@@ -28,7 +28,7 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     if options.json:
         from sensing.live.outputs.json_lines import JsonLines
 
-        numbers = JsonLines(sys.stdout)
+        numbers = JsonLines(sys.stdout, run.engine.health)
         numbers.start()
         run.engine.add_sink(numbers)
         outputs.callback(lambda: numbers.close(run.patience_s))
@@ -37,7 +37,7 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     if options.ros:
         from sensing.live.outputs.ros_topics import RosTopics
 
-        topics = RosTopics(run.latest.names)
+        topics = RosTopics(run.latest.names, health=run.engine.health)
         topics.start()
         run.engine.add_sink(topics)
         outputs.callback(lambda: topics.close(run.patience_s))

@@ -175,7 +175,7 @@ def verify(path: Path, config: LiveConfig, models: Models | None = None) -> Chec
                 if before is None:
                     break  # the end of a cut recording
                 again = None if reading is None else [*reading.wrench.force_n, *reading.wrench.torque_nm]
-                same = again is not None and np.array_equal(again, before)
+                same = again is not None and np.array_equal(again, before, equal_nan=True)
                 check = replace(check, frames=check.frames + 1, different=check.different + (not same))
         except (CutError, DamagedError) as error:
             check = replace(check, end=error)

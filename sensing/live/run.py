@@ -55,11 +55,17 @@ class LiveRun:
         """What the caps say together, now."""
         return robot_state(self.config.caps, self.latest.all(), self.config.weight_n, time.monotonic())
 
-    def zero(self, cap: str | None = None) -> None:
-        """Take a new reference of one cap, or of all."""
+    def zero(self, cap: str | None = None, confirmed: bool = False) -> None:
+        """Take a new reference of one endcap, or of all; ``confirmed``: also of one that is touched."""
         for each in self.engine.caps:
             if cap is None or each.name == cap:
-                each.pipeline.request_zero()
+                each.pipeline.request_zero(confirmed)
+
+    def undo_zero(self, cap: str) -> None:
+        """Go back to the reference before."""
+        for each in self.engine.caps:
+            if each.name == cap:
+                each.pipeline.request_undo()
 
 
 def favour_the_loop() -> None:

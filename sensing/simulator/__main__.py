@@ -9,6 +9,7 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.plain_numbers import plain_number
 from sensing.simulator.contact.indenter import KINDS, Indenter
 from sensing.simulator.dataset import cli as data_cli
 from sensing.simulator.press.press import Press, Target
@@ -91,8 +92,8 @@ def _press_text() -> str:
 
 
 def _shell_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--diameter", type=float, default=130, help="diameter D, mm (default 130)")
-    parser.add_argument("--wall", type=float, default=8, help="wall T, mm (default 8)")
+    parser.add_argument("--diameter", type=plain_number, default=130, help="diameter D, mm (default 130)")
+    parser.add_argument("--wall", type=plain_number, default=8, help="wall T, mm (default 8)")
     parser.add_argument("--silicone", default=DEFAULT_SILICONE, help=f"row of the table (default {DEFAULT_SILICONE})")
     parser.add_argument("--density", default="data", help=f"mesh: {', '.join(DENSITIES)} (default data)")
 

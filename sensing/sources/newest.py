@@ -17,9 +17,8 @@ from typing import Literal, Protocol
 
 from cad.errors import EndcapError
 from sensing.records import Frame
-from sensing.sources.files import jpeg_size
 
-Status = Literal["starting", "running", "frozen", "silent", "unplugged", "ended", "closed"]
+Status = Literal["starting", "running", "silent", "unplugged", "ended", "closed"]
 
 
 class SourceError(EndcapError):
@@ -39,21 +38,17 @@ class Health:
     """How a source is doing.
 
     Attributes:
-        status: ``frozen``: frames come but never change; ``silent``: none come; ``unplugged``: being reopened.
-        frames: frames received.
+        status: ``silent``: no whole frame comes; ``unplugged``: it broke and is being opened again.
+        frames: frames received, whatever is in them: whoever decodes them judges that.
         dropped: frames that nobody took in time.
-        corrupt: frames that were no pictures.
-        reopened: times the source was opened again.
-        size_changes: times the picture's size changed.
+        reopened: times the source delivered again after it had broken.
         message: what is wrong, in one line; empty when nothing is.
     """
 
     status: Status = "starting"
     frames: int = 0
     dropped: int = 0
-    corrupt: int = 0
     reopened: int = 0
-    size_changes: int = 0
     message: str = ""
 
 
@@ -100,7 +95,7 @@ class LiveSource:
     Args:
         open_source: opens the source anew; may raise SourceError, which is retried.
         length: see :class:`NewestQueue`.
-        silent_s: no frame for this long is a fault.
+        silent_s: no frame for this long is a fault. start_s: the same before the first one.
         retry_s: pause before opening again.
         reopen: False for a source that ends, such as a file.
         notify: called after every frame, and at the end, from the source's thread; must not wait.
@@ -111,6 +106,7 @@ class LiveSource:
         open_source: Callable[[], FrameSource],
         length: int = 2,
         silent_s: float = 1.0,
+        start_s: float = 4.0,
         retry_s: float = 0.5,
         reopen: bool = True,
         notify: Callable[[], None] = lambda: None,
@@ -119,11 +115,13 @@ class LiveSource:
         self._open, self._silent_s, self._retry_s, self._reopen = open_source, silent_s, retry_s, reopen
         self._queue = NewestQueue(length)
         self._health = Health()
-        self._last_new_s = self._last_s = time.monotonic()
+        self._start_s, self._begin_s = start_s, time.monotonic()
+        self._last_s = self._begin_s
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> LiveSource:
+        self._begin_s = time.monotonic()
         self._thread.start()
         return self
 
@@ -147,16 +145,13 @@ class LiveSource:
 
     @property
     def health(self) -> Health:
-        """State of this moment; silence and freezing are judged by the clock, also while the driver hangs."""
-        health = replace(self._health, dropped=self._queue.dropped)
-        if health.status != "running":
-            return health
-        now = time.monotonic()
-        if now - self._last_s > self._silent_s:
+        """State of this moment; silence is judged by the clock, also while the driver hangs."""
+        health, now = replace(self._health, dropped=self._queue.dropped), time.monotonic()
+        if health.status == "starting" and now - self._begin_s > self._start_s:
+            message = f"no whole picture in {now - self._begin_s:.0f} s: is the stream slow or cut, the camera busy?"
+            return replace(health, status="silent", message=message)
+        if health.status == "running" and now - self._last_s > self._silent_s:
             return replace(health, status="silent", message=f"no frame for {now - self._last_s:.1f} s: check the cable")
-        if now - self._last_new_s > self._silent_s:
-            message = f"same picture for {now - self._last_new_s:.1f} s: the camera hangs, plug it in again"
-            return replace(health, status="frozen", message=message)
         return health
 
     def _run(self) -> None:
@@ -182,49 +177,17 @@ class LiveSource:
         self._notify()
 
     def _fault(self, message: str) -> None:
-        self._health = replace(
-            self._health, status="unplugged", message=message, reopened=self._health.reopened + 1
-        )  # fmt: skip
+        self._health = replace(self._health, status="unplugged", message=message)
 
     def _pump(self, frames: Iterator[Frame]) -> None:
-        before: Frame | None = None
         for frame in frames:
             if self._stop.is_set():
                 return
             self._last_s = time.monotonic()
-            if not _is_picture(frame):
-                self._health = replace(self._health, corrupt=self._health.corrupt + 1, message="corrupt frame skipped")
-                continue
-            if before is None or _differs(before, frame):
-                self._last_new_s = self._last_s
-            changed = before is not None and before.size != frame.size
-            before = frame
+            health, number = self._health, self._health.frames
+            again = health.status == "unplugged" and number > 0
             self._health = replace(
-                self._health,
-                status="running",
-                frames=self._health.frames + 1,
-                size_changes=self._health.size_changes + changed,
-                message=f"size is now {frame.size}: take a new reference" if changed else self._clean_message(),
+                health, status="running", frames=number + 1, reopened=health.reopened + again, message=""
             )
-            number = self._health.frames - 1
             self._queue.put(frame if frame.sequence == number else replace(frame, sequence=number))
             self._notify()
-
-    def _clean_message(self) -> str:
-        return self._health.message if self._health.message.startswith("size is now") else ""
-
-
-def _is_picture(frame: Frame) -> bool:
-    """Raw images are; a JPEG must have a frame header and not be cut short."""
-    if frame.jpeg is None:
-        return frame.image is not None and frame.image.size > 0
-    return jpeg_size(frame.jpeg) is not None and b"\xff\xd9" in frame.jpeg[-64:]  # cameras pad after the end
-
-
-def _differs(before: Frame, frame: Frame) -> bool:
-    """Whether a picture changed at all; real sensors always have noise, so equality means a hung camera."""
-    if before.jpeg is not None and frame.jpeg is not None:
-        return before.jpeg != frame.jpeg
-    if before.image is None or frame.image is None or before.image.shape != frame.image.shape:
-        return True
-    return bool((before.image[::7, ::7] != frame.image[::7, ::7]).any())

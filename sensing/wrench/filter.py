@@ -151,6 +151,11 @@ class WrenchFilter:
         self._last = wrench
         return self._told(wrench.time_s, wrench.flags)
 
+    @property
+    def last_s(self) -> float | None:
+        """Capture time of the last estimate that was used; None before."""
+        return None if self._last is None else self._last.time_s
+
     def at(self, time_s: float) -> Wrench:
         """The wrench predicted to a time at or after the last estimate; flagged "stale" when that is too far.
 

@@ -85,7 +85,7 @@ def test_bumps_raise_the_core_by_lenses_and_dent_the_shell_by_the_same(layout, c
     assert dents == pytest.approx(bumps, rel=1e-3)
 
 
-def test_a_bump_is_a_cap_of_the_dots_radius_and_the_dents_depth():
+def test_a_bump_is_a_spherical_segment_of_the_dots_radius_and_the_dents_depth():
     s = bump_sphere_radius_mm()
     assert s - math.sqrt(s * s - DOT_RADIUS_MM**2) == pytest.approx(DENT_DEPTH_MM)
     assert s > DOT_RADIUS_MM  # less than half a ball: its flank leans outward and releases
@@ -125,7 +125,7 @@ def test_pieces_are_single_valid_solids_that_add_up_to_the_body_less_the_joints(
 
 def test_released_joints_have_their_clearance_between_neighbours(released_mold):
     layout, parts, _ = released_mold
-    for first, second in (("core_centre", "core_key_2"), ("core_key_3", "core_wide_3"), ("cup_bowl_3", "cup_bowl_1")):
+    for first, second in (("core_centre", "core_key_2"), ("core_key_3", "core_wedge_3"), ("cup_bowl_3", "cup_bowl_1")):
         gap = parts[first].solid.distance_to(parts[second].solid)
         assert gap == pytest.approx(layout.joint_clearance_mm, abs=1e-3)
 

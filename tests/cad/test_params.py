@@ -118,7 +118,7 @@ def test_smallest_diameter_is_where_the_collar_ends_for_the_thinnest_wall():
     assert feasible.diameter_range_mm()[0] == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_contact_cap_would_allow_smaller_diameters_still():
+def test_the_contact_zone_would_allow_smaller_diameters_still():
     # gyroid's end at 60 degrees: 31 = c + R/2, c^2 = R^2 - rim^2  =>  3/4 R^2 + 31 R - 31^2 - rim^2 = 0
     constant = 31.0**2 + scaling.MIN_RIM_RADIUS_MM**2
     outer = (-31.0 + math.sqrt(31.0**2 + 3 * constant)) / 1.5
@@ -158,7 +158,7 @@ def test_inside_the_region_everything_fits(diameter_mm, share):
     params = EndcapParams(diameter_mm, min(max(low + share * (high - low), low), high))
     assert params.opening_radius_mm >= 39.3 - 1e-9  # ring with clearance passes
     assert params.bore_radius_mm < params.screw_circle_radius_mm - 2.75  # half a nut
-    assert params.interlock_top_mm <= params.centre_height_mm + params.outer_radius_mm / 2 + 1e-9  # 60 degree cap free
+    assert params.interlock_top_mm <= params.centre_height_mm + params.outer_radius_mm / 2 + 1e-9  # 60 degrees free
     assert feasible.dam_height_mm(diameter_mm, params.wall_mm) + 6.0 <= params.centre_height_mm + 1e-6
     assert params.outer_radius_mm / 5 + 1e-9 >= params.wall_mm >= LEAST_WALL_MM
 

@@ -10,8 +10,8 @@ import pytest
 
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from fab.exports import cache as module
-from fab.exports.cache import ROOT, Cache, code_digest
+from fab import cache as module
+from fab.cache import ROOT, Cache, code_digest
 from fab.variant import Variant
 
 

@@ -80,7 +80,7 @@ def test_manifest_names_every_part_with_its_figures(written):
     folder, manifest = written
     parts = {part["name"]: part for part in manifest["parts"]}
     mold = [f"cup_{half}_{k}" for half in ("bowl", "collar") for k in (1, 2, 3)]
-    mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wide") for k in (1, 2, 3)), "hanger"]
+    mold += ["core_centre", *(f"core_{kind}_{k}" for kind in ("key", "wedge") for k in (1, 2, 3)), "hanger"]
     assert set(parts) == {*mold, "interface", "base", "ring_spacer", "arm_adapter", "shell", "led_ring", "camera"}
     for name, part in parts.items():
         assert part["role"] in ("printed", "cast", "bought") and part["quantity"] >= 1 and part["material"]
@@ -248,7 +248,7 @@ class Inline(Executor):
 def stub(monkeypatch, tmp_path_factory):
     """Everything after the design replaced by writers of one small file, and one gate that holds."""
     design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
-    monkeypatch.setattr("fab.design.build_design", lambda *_: design)
+    monkeypatch.setattr("fab.design.build_design", lambda *_, **__: design)
     monkeypatch.setattr("fab.exports.writer.write_meshes", lambda _, folder: (folder / "hanger.stl").write_text("s"))
     monkeypatch.setattr("fab.exports.writer.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
     monkeypatch.setattr("fab.exports.writer.picture_items", lambda _: ([], []))

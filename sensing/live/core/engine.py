@@ -9,32 +9,45 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cad.errors import EndcapError, ParameterError
 from sensing.live.core.feed import Captured, Feed
 from sensing.live.core.pipeline import CapPipeline
 from sensing.live.core.reading import CapReading
 from sensing.live.core.sink import Sink
+from sensing.live.core.state import Event, Machine
 from sensing.live.core.stats import CapHealth, CapStats
+from sensing.records import Frame
 
 IDLE_S = 0.1  # longest sleep; a lost wake-up costs no more
 
 
+_SOURCE_EVENTS: dict[str, Event] = {
+    "silent": Event.SILENCE, "unplugged": Event.LOST, "ended": Event.ENDED, "closed": Event.CLOSED,
+}  # fmt: skip
+
+
 @dataclass
 class LiveCap:
-    """A cap with its source."""
+    """An endcap with its source and its state.
+
+    Attributes:
+        frame: the newest one taken, whether or not it gave a reading: shown while there is no reference.
+    """
 
     feed: Feed
     pipeline: CapPipeline
     stats: CapStats = field(init=False)
+    machine: Machine = field(default_factory=Machine, init=False)
+    frame: Frame | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.stats = CapStats(self.name)
 
     @property
     def name(self) -> str:
-        """Name of the cap."""
+        """Name of the endcap."""
         return self.pipeline.cap.name
 
     @property
@@ -44,32 +57,43 @@ class LiveCap:
 
     def look(self, fresh: bool = False) -> CapHealth:
         """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
-        return self.stats.health(self.feed.health, self.pipeline.message, self.pipeline.faults, fresh)
+        source = self.feed.health
+        event = _SOURCE_EVENTS.get(source.status)
+        if event is not None:
+            self.machine.happened(event, source.message, time.monotonic())
+        condition = replace(self.machine.condition, note=self.pipeline.note)
+        zero = self.pipeline.zero
+        return self.stats.health(
+            source, condition, self.pipeline.faults, "" if zero is None else zero.date, self.pipeline.confirmable,
+            self.pipeline.undoable, fresh,
+        )  # fmt: skip
 
     def take(self) -> Captured | None:
-        """The next frame; a source that fails is told in the cap's message."""
+        """The next frame; a source that fails changes the state."""
         try:
             return self.feed.take()
         except Exception as error:  # such as a reference of a recording that cannot be used
-            self.pipeline.faults += 1
-            self.pipeline.message = str(error) if isinstance(error, EndcapError) else f"{type(error).__name__}: {error}"
+            self._failed(error)
             return None
 
     def process(self, item: Captured) -> CapReading | None:
-        """Work on one frame; what goes wrong is told in the cap's message."""
+        """Work on one frame; what goes wrong changes the state."""
+        self.frame = item[0]
         try:
             reading = self.pipeline.update(*item)
-        except EndcapError as error:
-            self.pipeline.faults += 1
-            self.pipeline.message = str(error)
+        except Exception as error:  # a bug in one endcap must not stop the robot's other five
+            self._failed(error)
             return None
-        except Exception as error:  # a bug in one cap must not stop the robot's other five
-            self.pipeline.faults += 1
-            self.pipeline.message = f"{type(error).__name__}: {error}"
-            return None
+        if self.pipeline.outcome is not None:
+            self.machine.happened(*self.pipeline.outcome, time.monotonic())
         if reading is not None:
             self.stats.add(reading)
         return reading
+
+    def _failed(self, error: Exception) -> None:
+        self.pipeline.faults += 1
+        reason = str(error) if isinstance(error, EndcapError) else f"{type(error).__name__}: {error}"
+        self.machine.happened(Event.ERROR, reason, time.monotonic())
 
 
 class Engine:

@@ -1,53 +1,59 @@
-"""One cap: frame -> decode -> track -> field -> wrench -> filter -> contact, with the time of every stage.
+"""One endcap: frame -> decode -> track -> field -> wrench -> filter -> contact, with the time of every stage.
 
     pipeline = CapPipeline(CapConfig("endcap_0", "0"), load_model("default", params), zero)
-    reading = pipeline.update(frame)                 # None while it is being zeroed, or for an unusable frame
+    reading = pipeline.update(frame)                 # None before the first reference, and for a frame that came late
 
+Every other frame gives a reading; whether its numbers count is part of it (:mod:`sensing.live.core.gate`).
 Deterministic: after :meth:`CapPipeline.restart` the same frames give the same bits, which is what replay relies on.
 Times in s of the frames' own clock, stages in ms.
 """
 
 from __future__ import annotations
 
-import threading
 import time
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
-from sensing.decode import FrameError
+from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
+from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import CapConfig
+from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import CapReading, without_numbers
+from sensing.live.core.reference import Reference, ReferenceTaker
+from sensing.live.core.state import NOTE_S, Event
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod, field_method
 from sensing.tracking.model_input import ModelInput, model_input
-from sensing.tracking.zero import Drift, Zero, measure_drift, single_zero, take_zero
+from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.filter import WrenchFilter
 
 ZERO_FRAMES = 10  # averaged for a reference
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
-JUMP_S = 0.5  # capture times that go back by more than this, or ahead by a minute, are a clock that was set
-AHEAD_S = 60.0
-_PREPARING = threading.Lock()
+JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, are a clock that was set
+FORWARD_S = 60.0
+COARSE = 8  # reduction at which methods without dots compare whole pictures
 
 
 class CapPipeline:
-    """Frames of one cap in, readings out; not for two threads at once, but for the requests.
+    """Frames of one endcap in, readings out; not for two threads at once, but for the requests.
 
     Args:
-        cap: its name and design. model: what tells the wrench. zero: the reference; without it the first
-            ``zero_frames`` frames are (the cap must be untouched).
-        number: place in the list of caps. zero_frames: 1 takes a single picture as it is; 0 waits for
+        cap: its name and design. model: estimates the wrench. zero: the reference; without it the first
+            ``zero_frames`` frames are (the endcap must be untouched).
+        number: place in the list of endcaps. zero_frames: 1 takes a single picture as it is; 0 waits for
             :meth:`set_zero`, as a replay does.
 
     Attributes:
-        message: what is wrong or going on, in one line; empty when nothing is.
+        outcome: event and reason of the last frame; None for one that came late.
         faults: frames that could not be used. epoch: see :class:`sensing.live.core.reading.CapReading`.
     """
 
@@ -60,41 +66,109 @@ class CapPipeline:
         zero_frames: int = ZERO_FRAMES,
     ) -> None:
         self.cap, self.model, self.number, self.zero_frames = cap, model, number, zero_frames
-        self.message, self.faults, self.epoch, self.zero = "", 0, 0, zero
+        self.faults, self.epoch = 0, 0
+        self.outcome: tuple[Event, str] | None = None
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(cap.params)))
         self._sphere = cap.params.outer_radius_mm, cap.params.centre_height_mm
         self._camera = None if cap.camera is None else MountedCamera.load(cap.camera)
         self._threshold = model.threshold(cap.contact_on_n, cap.contact_off_n)
-        self._method: FieldMethod | None = None
-        self._prepared: tuple[Zero, FieldMethod] | EndcapError | None = None
-        self._collected: list[Frame] | None = [] if zero is None and zero_frames > 0 else None
-        self._preparing: threading.Thread | None = None
-        self._restart_wanted, self._stopped = False, False
-        self._drift: Drift | None = None
+        self._taker = ReferenceTaker(
+            cap.name, cap.params, zero_frames, self._build, model.estimator, self._threshold.on_n
+        )
+        self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
+        self._check: CameraCheck | None = None
+        self._used: Reference | None = None
+        self._before: Reference | None = None
+        self._restart_wanted, self._undo_wanted = False, False
+        self._note, self._note_until_s = "", 0.0
         if zero is not None:
             self.set_zero(zero)
         else:
             self._begin()
+            self._taker.ask()
 
-    def update(self, frame: Frame, captured_s: float | None = None) -> CapReading | None:
-        """Work on one frame.
+    # --- asked from any thread ------------------------------------------------------------------------------------
+    @property
+    def zero(self) -> Zero | None:
+        """The reference in use."""
+        return None if self._used is None else self._used.zero
+
+    @property
+    def note(self) -> str:
+        """Answer to the last request, or what was unusual lately; after some seconds what is wrong with the camera."""
+        if self._used is not None and self._taker.collecting:
+            return self._taker.reason
+        lasting = "" if self._check is None else self._check.message
+        return self._note if time.monotonic() < self._note_until_s and self._note else lasting
+
+    @property
+    def confirmable(self) -> bool:
+        """Whether the last request for a reference was refused because of a press."""
+        return self._taker.pressed
+
+    @property
+    def undoable(self) -> bool:
+        """Whether there is an earlier reference to go back to."""
+        return self._before is not None
+
+    def request_zero(self, confirmed: bool = False) -> str:
+        """Take a new reference from the next frames; the old one serves until then, and stays if it is refused.
+
+        Args:
+            confirmed: take it although the endcap is touched, or looks pressed.
 
         Returns:
-            The reading, or None: while zeroing, for a frame that is late or cannot be used (``message`` tells).
+            Why not; empty if it will be tried.
         """
-        self._take_over()
-        if self._collected is not None:
-            self._collect(frame)
-        if self._method is None or self.zero is None:
+        contact = self._contact
+        if self.zero_frames == 0:
+            return self._say("not zeroed: a replay keeps the references of its recording")
+        if not confirmed and self._used is not None and contact is not None and contact.known and contact.touching:
+            self._taker.pressed = True
+            return self._say(f"not zeroed: touched with {contact.force_n:.1f} N; let it go and zero again, or confirm")
+        self._taker.ask(confirmed)
+        return ""
+
+    def request_undo(self) -> str:
+        """Go back to the reference before; returns why not, empty if it will be done."""
+        if self._before is None:
+            return self._say("no earlier reference to go back to")
+        self._undo_wanted = True
+        return ""
+
+    def request_restart(self) -> None:
+        """Start tracker, filter and contact anew at the next frame."""
+        self._restart_wanted = True
+
+    def stop(self) -> None:
+        """No reference will be needed any more."""
+        self._taker.stop()
+
+    def close(self, wait_s: float = 5.0) -> None:
+        """Stop, and wait for a reference that is being made: its thread runs compiled code."""
+        self._taker.close(wait_s)
+
+    # --- the loop's thread ----------------------------------------------------------------------------------------
+    def update(self, frame: Frame, captured_s: float | None = None) -> CapReading | None:
+        """Work on one frame; its event is left in ``outcome``.
+
+        Returns:
+            The reading, or None: before the first reference, and for a frame that came late.
+        """
+        refused = self._take_over()
+        self._taker.offer(frame, self.zero)
+        if self.zero_frames == 1:
+            refused = self._take_over() or refused
+        if self._used is None:
+            self.outcome = (Event.REFUSED, refused) if refused else (Event.COLLECTED, "leave it untouched")
             return None
+        self.outcome = None
         if not self._in_order(frame.time_s):
             return None
-        try:
-            return self._read(frame, frame.time_s if captured_s is None else captured_s)
-        except EndcapError as error:
-            self.faults += 1
-            self.message = str(error)
-            return None
+        reading = self._read(self._used, frame, frame.time_s if captured_s is None else captured_s)
+        self.outcome = reading.event, reading.reason
+        self.faults += not reading.valid
+        return reading
 
     def set_zero(self, zero: Zero) -> None:
         """Use a reference from the next frame on.
@@ -102,40 +176,22 @@ class CapPipeline:
         Raises:
             EndcapError: a reference without dots, or one that cannot be decoded.
         """
-        self._use(zero, self._build(zero))
-
-    def request_zero(self) -> None:
-        """Take a new reference from the next frames; the old one serves until then, and stays if the cap is touched."""
-        if self.zero_frames == 0:
-            self.message = "not zeroed: a replay keeps the references of its recording"
-            return
-        self._collected = []
-
-    def request_restart(self) -> None:
-        """Start tracker, filter and contact anew at the next frame (any thread)."""
-        self._restart_wanted = True
-
-    def stop(self) -> None:
-        """No reference will be needed any more (any thread)."""
-        self._stopped = True
-
-    def close(self, wait_s: float = 5.0) -> None:
-        """Stop, and wait for a reference that is being prepared: its thread runs compiled code."""
-        self.stop()
-        if self._preparing is not None:
-            self._preparing.join(wait_s)
+        self._use(Reference(zero, self._build(zero)))
 
     def restart(self) -> None:
         """Forget the frames before, not the reference."""
-        if isinstance(self._method, ModelInput):
-            self._method.restart()
-        elif self.zero is not None:
-            self._method = self._build(self.zero)
+        if self._used is not None:
+            if isinstance(self._used.method, ModelInput):
+                self._used.method.restart()
+            else:
+                self._used = Reference(self._used.zero, self._build(self._used.zero))
         self._begin()
 
     def _begin(self) -> None:
-        self._filter, self._detector = WrenchFilter(), ContactDetector(self._threshold)
-        self._last_s, self._count, self._drift = float("-inf"), 0, None
+        self._filter, self._detector, self._gate = WrenchFilter(), ContactDetector(self._threshold), Gate()
+        self._contact: ContactState | None = None
+        self._drift: Drift | None = None
+        self._last_s, self._count = float("-inf"), 0
         self._restart_wanted = False
         self.epoch += 1
 
@@ -144,113 +200,145 @@ class CapPipeline:
             method = model_input(zero.frame(), self.model.shape, self.cap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
+            self._checks[method] = CameraCheck(self.cap, method, self.model.estimator, self._camera)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
-    def _use(self, zero: Zero, method: FieldMethod) -> None:
-        self.zero, self._method, self.message = zero, method, ""
+    def _use(self, reference: Reference) -> None:
+        self._used, self._check = reference, self._checks.get(reference.method)
+        self._alike_to = small_picture(decode_gray(reference.zero.frame()))
         self._begin()
 
-    # --- zero ------------------------------------------------------------------------------------------------
-    def _collect(self, frame: Frame) -> None:
-        assert self._collected is not None
-        self._collected.append(frame)
-        self.message = "zeroing: leave it untouched"
-        if len(self._collected) < self.zero_frames:
-            return
-        frames, self._collected = self._collected, None
-        if self.zero_frames == 1:  # a file: nothing may be missed, so it is worth the wait
-            self._prepare(frames)
-            self._take_over()
-        else:
-            self._preparing = threading.Thread(target=self._prepare, args=(frames,), daemon=True)
-            self._preparing.start()
-
-    def _prepare(self, frames: list[Frame]) -> None:
-        """Average the frames and set up the method, beside the running one; one cap at a time, or all would be slow."""
+    def _take_over(self) -> str:
+        """What was asked for takes effect between two frames; returns why the first reference was refused."""
         try:
-            with _PREPARING:
-                if self._stopped:
-                    return
-                single = self.zero_frames == 1
-                zero = single_zero(frames[0], self.cap.name) if single else take_zero(frames, self.cap.name)
-                self._prepared = (zero, self._build(zero))
+            made = self._taker.take()
         except EndcapError as error:
-            self._prepared = error
-
-    def _take_over(self) -> None:
-        prepared, self._prepared = self._prepared, None
-        if isinstance(prepared, EndcapError):
-            self.message = f"not zeroed: {prepared}"
-            if self.zero is None:
-                self._collected = []
-        elif prepared is not None:
-            self._use(*prepared)
-        elif self._restart_wanted and self.zero is not None:
+            if self._used is None:
+                self._taker.ask()
+                self._taker.pressed = type(error).__name__ == "PressedError"
+                return str(error)
+            self._say(f"not zeroed: {error}")
+            return ""
+        if made is not None:
+            self._before = self._used
+            self._use(made)
+            self._say("" if self._before is None else "zeroed")
+        elif self._undo_wanted and self._before is not None:
+            self._undo_wanted, before = False, self._before
+            self._before = None
+            self._use(Reference(before.zero, self._build(before.zero)))
+            self._say("back to the reference before")
+        elif self._restart_wanted and self._used is not None:
             self.restart()
+        return ""
 
-    # --- one frame ---------------------------------------------------------------------------------------------
+    def _say(self, note: str) -> str:
+        self._note, self._note_until_s = note, time.monotonic() + NOTE_S
+        return note
+
+    # --- one frame ------------------------------------------------------------------------------------------------
     def _in_order(self, time_s: float) -> bool:
         """False for a frame that is not newer than the last; a clock that was set starts everything anew."""
         step = time_s - self._last_s
         if step != step or -JUMP_S < step <= 0:
             self.faults += 1
-            self.message = "a frame came late and was passed over"
+            self._say("a frame came late and was passed over")
             return False
-        if self._last_s > float("-inf") and not -JUMP_S < step < AHEAD_S:
+        if self._last_s > float("-inf") and not -JUMP_S < step < FORWARD_S:
             self.restart()
-            self.message = f"the clock of the frames jumped by {step:+.1f} s: started anew"
-        elif self.message.startswith("a frame came late"):
-            self.message = ""
+            self._say(f"the clock of the frames jumped by {step:+.1f} s: started anew")
         self._last_s = time_s
         return True
 
-    def _read(self, frame: Frame, captured_s: float) -> CapReading:
+    def _read(self, used: Reference, frame: Frame, captured_s: float) -> CapReading:
+        """The reading of one frame, with or without numbers."""
         watch = _Watch()
-        self._require_size(frame)
-        tracks, field, gray = self._field(frame, watch)
-        estimate = self.model.estimator.estimate(field)
+        blank = without_numbers(
+            self.cap.name, self.number, frame, self.model.shape, used.zero, self.epoch, captured_s, self._drift
+        )
+        verdict = self._unusable(used.zero, frame)
+        if verdict is None:
+            try:
+                tracks, field, gray = self._field(used.method, frame, watch)
+            except FrameError as error:
+                verdict = Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
+        if verdict is not None:
+            return replace(
+                blank, event=verdict.event, reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+                wrench=replace(blank.wrench, flags=verdict.flags),
+                estimate=replace(blank.estimate, flags=verdict.flags),
+            )  # fmt: skip
+        return self._measured(blank, tracks, field, gray, watch)
+
+    def _measured(
+        self, blank: CapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
+    ) -> CapReading:
+        """The reading of a picture that was decoded."""
+        estimate, misfit = self.model.estimator.estimate(field), frozenset[str]()
+        if self._check is not None and tracks is not None:
+            estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
         watch.lap("wrench")
-        smooth = self._filter.update(estimate)
+        alike = likeness(small_picture(gray), self._alike_to)
+        verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
+        watch.lap("gate")
+        seen = verdict.event is not Event.UNSEEN
+        used = seen and not verdict.held
+        smooth = self._filter.update(estimate if used else replace(estimate, flags=estimate.flags | {"missing"}))
         watch.lap("filter")
-        contact = self._judge(estimate, smooth)
-        centre = line_of_action(smooth.force_n, smooth.torque_nm, *self._sphere)
+        nothing = np.full(3, np.nan)
+        contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
+        self._contact = contact
+        centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
         watch.lap("contact")
-        assert self.zero is not None
         if self._count % DRIFT_EVERY == 0 and tracks is not None:
-            self._drift = measure_drift(self.zero, frame, tracks, gray)
+            self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)  # type: ignore[union-attr]
             watch.lap("drift")
         self._count += 1
-        if not self.message.startswith(("zeroing", "not zeroed", "the clock")):
-            self.message = ""
-        return CapReading(
-            self.cap.name, self.number, frame, tracks, field, self._told(estimate), self._told(smooth), contact, centre,
-            self._drift, self.zero, self.epoch, captured_s, time.monotonic(), watch.stages,
+        flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
+        return replace(
+            blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
+            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            wrench=self._at_origin(smooth, flags, seen),
+            reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
         )  # fmt: skip
 
-    def _told(self, wrench: Wrench) -> Wrench:
-        """From the sphere's centre to the endcap's origin."""
-        told = self._to_endcap @ np.concatenate([wrench.force_n, wrench.torque_nm])
+    def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
+        """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""
+        last_s = self._filter.last_s
+        if last_s is None or time_s - last_s > self._filter.config.gap_s:
+            return None
+        return self._filter.at(time_s).force_n
+
+    def _at_origin(self, wrench: Wrench, flags: frozenset[str], known: bool) -> Wrench:
+        """From the sphere's centre to the endcap's origin; NaN where it is not known."""
+        moved = self._to_endcap @ np.concatenate([wrench.force_n, wrench.torque_nm])
         covariance = self._to_endcap @ wrench.covariance @ self._to_endcap.T
-        return Wrench(wrench.time_s, told[:3], told[3:], "endcap", covariance, wrench.flags)
+        if not known:
+            moved, covariance = np.full(6, np.nan), np.full((6, 6), np.nan)
+        return Wrench(wrench.time_s, moved[:3], moved[3:], "endcap", covariance, flags)
 
-    def _require_size(self, frame: Frame) -> None:
-        """Some methods would answer for any size."""
-        assert self.zero is not None
-        height, width = self.zero.image.shape[:2]
-        if frame.size is not None and frame.size != (width, height):
-            raise FrameError(
-                f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px, zeroed at {width}x{height}: set the "
-                "camera's mode back, or zero again"
-            )
+    def _unusable(self, zero: Zero, frame: Frame) -> Verdict | None:
+        """Why a frame is not even decoded; some methods would answer for any size."""
+        same_s = self._gate.frozen(frame)
+        if same_s:
+            reason = f"same picture for {same_s:.1f} s: the camera hangs, plug it in again"
+            return Verdict(Event.REPEATED, reason, frozenset({"frozen"}))
+        height, width = zero.image.shape[:2]
+        if frame.size is None or frame.size == (width, height):
+            return None
+        reason = (
+            f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px, zeroed at {width}x{height}: set the "
+            "camera's mode back, or zero again"
+        )
+        return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
 
-    def _field(self, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image | None]:
-        method = self._method
+    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image]:
         if not isinstance(method, ModelInput):
-            assert method is not None
+            gray = decode_gray(frame, COARSE)
             field = method.update(frame)
             watch.lap("field")
-            return None, field, None
+            return None, field, gray
         gray = method.decode(frame)
         watch.lap("decode")
         tracks = method.track(gray, frame.time_s)
@@ -258,11 +346,6 @@ class CapPipeline:
         field = method.field(tracks)
         watch.lap("field")
         return tracks, field, gray
-
-    def _judge(self, estimate: Wrench, smooth: Wrench) -> ContactState:
-        """Contact from the filtered wrench; an estimate that is none leaves the last known answer."""
-        missing = "missing" in estimate.flags
-        return self._detector.update(replace(smooth, force_n=np.full(3, np.nan)) if missing else smooth)
 
 
 class _Watch:

@@ -9,6 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from sensing.live.core.state import MEASURED, Event, word
 from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracking.zero import Drift, Zero
 from sensing.wrench.contact import ContactState
@@ -28,6 +31,7 @@ class CapReading:
         zero: the reference in use. epoch: counts up when reference or filter start anew.
         captured_s: capture on this run's clock (the frame's own time for a camera, the due time for a file).
         ready_s: when all this was known. stage_ms: time of each stage.
+        event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
     """
 
     cap: str
@@ -45,6 +49,13 @@ class CapReading:
     captured_s: float
     ready_s: float
     stage_ms: Mapping[str, float]
+    event: Event
+    reason: str
+
+    @property
+    def valid(self) -> bool:
+        """Whether the numbers count; where they do not they are NaN."""
+        return self.event in MEASURED
 
     @property
     def latency_ms(self) -> float:
@@ -60,10 +71,13 @@ class CapReading:
 
 
 def plain(reading: CapReading) -> dict[str, Any]:
-    """The numbers of a reading for JSON: plain types, units in the names, NaN as null."""
+    """The numbers of a reading for JSON: plain types, units in the names; null where there is no number."""
     wrench, followed = reading.wrench, reading.dots
     return {
         "cap": reading.cap,
+        "valid": reading.valid,
+        "state": word(reading.event),
+        "reason": reading.reason,
         "time_s": reading.frame.time_s,
         "sequence": reading.frame.sequence,
         "latency_ms": rounded(reading.latency_ms, 3),
@@ -71,13 +85,43 @@ def plain(reading: CapReading) -> dict[str, Any]:
         "torque_nm": [rounded(x, 6) for x in wrench.torque_nm],
         "sd": [rounded(x**0.5 if x >= 0 else float("nan"), 6) for x in wrench.covariance.diagonal()],
         "force_norm_n": rounded(float((wrench.force_n**2).sum() ** 0.5)),
-        "contact": reading.contact.touching,
+        "contact": reading.contact.touching if reading.contact.known else None,
         "contact_since_s": rounded(reading.contact.since_s, 6),
         "centre_mm": [rounded(x, 3) for x in reading.centre.position_mm],
         "dots": followed[0],
         "dots_known": followed[1],
         "flags": sorted(wrench.flags),
     }
+
+
+def nothing(cap: str, state: str, reason: str) -> dict[str, Any]:
+    """What :func:`plain` gives of an endcap of which no frame comes: its state, and null for every number."""
+    numbers = ("time_s", "force_norm_n", "contact", "contact_since_s")
+    return {"cap": cap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
+        "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3, "flags": [],
+    }  # fmt: skip
+
+
+def without_numbers(
+    cap: str,
+    number: int,
+    frame: Frame,
+    shape: tuple[int, int],
+    zero: Zero,
+    epoch: int,
+    captured_s: float,
+    drift: Drift | None,
+) -> CapReading:
+    """A reading whose numbers are all NaN and whose field, (H, W) = ``shape``, is invalid everywhere."""
+    nothing = np.full(3, np.nan)
+    wrench = Wrench(frame.time_s, nothing, nothing, "endcap")
+    field = ShearField(frame.time_s, np.zeros((2, *shape), np.float32), valid=np.zeros(shape, bool))
+    contact = ContactState(frame.time_s, False, float("nan"), float("nan"), False)
+    centre = PressureCentre(nothing, float("nan"), float("nan"))
+    return CapReading(
+        cap, number, frame, None, field, wrench, wrench, contact, centre, drift, zero, epoch, captured_s, captured_s,
+        {}, Event.UNDECODED, "",
+    )  # fmt: skip
 
 
 def rounded(value: float, digits: int = 5) -> float | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.live.core.reading import CapReading
+from sensing.live.core.state import Condition
 from sensing.sources.newest import Health
 
 WINDOW = 600  # readings looked back on
@@ -24,15 +25,20 @@ class CapHealth:
     """State of one cap at one moment.
 
     Attributes:
-        cap: name. status: of the source, or ``zeroing``. message: what is wrong; empty when nothing is.
+        cap: name. status: word of the state. valid: whether its numbers count now. level: 0 good, 1 to be looked at, 2
+            bad. message: what is wrong; empty when nothing is.
         frames: readings so far. dropped: frames nobody took in time. faults: frames that could not be used.
         rate_hz: readings a second. age_s: since the capture of the last one.
         p50_ms, p99_ms: from capture to wrench. work_ms: median time spent on a frame. stage_ms: median of each stage.
         dots, dots_known: followed and known. drift: its cause. reopened: times the source came back.
+        zeroed: when the reference was taken (ISO, UTC); empty without one. confirmable: the last request for one was
+            refused because of a press. undoable: whether there is an earlier one.
     """
 
     cap: str
     status: str
+    valid: bool
+    level: int
     message: str
     frames: int
     dropped: int
@@ -47,6 +53,9 @@ class CapHealth:
     dots_known: int
     drift: str
     reopened: int
+    zeroed: str
+    confirmable: bool
+    undoable: bool
 
 
 @dataclass(frozen=True)
@@ -80,11 +89,21 @@ class CapStats:
         self.frames += 1
         self.last = reading
 
-    def health(self, source: Health, message: str, faults: int, fresh: bool = False) -> CapHealth:
-        """State now, from this and from what source and pipeline say.
+    def health(
+        self,
+        source: Health,
+        condition: Condition,
+        faults: int,
+        zeroed: str = "",
+        confirmable: bool = False,
+        undoable: bool = False,
+        fresh: bool = False,
+    ) -> CapHealth:
+        """State now, from this and from what source, machine and pipeline say.
 
         Args:
-            source, message, faults: of source and pipeline. fresh: times of this moment, not of half a second ago.
+            source, condition, faults, zeroed, confirmable, undoable: of source, machine and pipeline.
+            fresh: times of this moment, not of half a second ago.
         """
         now, last = time.monotonic(), self.last
         if fresh or now > self._timing.until_s:
@@ -93,11 +112,13 @@ class CapStats:
         dots = (0, 0) if last is None else last.dots
         return CapHealth(
             cap=self.cap,
-            status="zeroing" if message.startswith("zeroing") else source.status,
-            message=source.message or message,
+            status=condition.state.value,
+            valid=condition.valid,
+            level=condition.level,
+            message=condition.message,
             frames=self.frames,
             dropped=source.dropped,
-            faults=faults + source.corrupt,
+            faults=faults,
             rate_hz=float(np.count_nonzero(self._ready_s > now - RATE_S) / RATE_S),
             age_s=float("nan") if last is None else now - last.captured_s,
             p50_ms=timing.p50_ms,
@@ -108,6 +129,9 @@ class CapStats:
             dots_known=dots[1],
             drift="" if last is None or last.drift is None else last.drift.cause,
             reopened=source.reopened,
+            zeroed=zeroed,
+            confirmable=confirmable,
+            undoable=undoable,
         )
 
     def _look(self, now: float) -> _Timing:

@@ -9,7 +9,7 @@ mapping to DDS").
 from dataclasses import dataclass, field
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float32, float64, int32, sequence, uint32
+from cyclonedds.idl.types import byte, float32, float64, int32, sequence, uint32
 
 
 @dataclass
@@ -65,6 +65,40 @@ class Bool(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
     """std_msgs/Bool."""
 
     data: bool
+
+
+@dataclass
+class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
+    """std_msgs/String."""
+
+    data: str
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
+    """diagnostic_msgs/KeyValue."""
+
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
+    """diagnostic_msgs/DiagnosticStatus."""
+
+    level: byte
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue] = field(default_factory=list)
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
+    """diagnostic_msgs/DiagnosticArray."""
+
+    header: Header
+    status: sequence[DiagnosticStatus] = field(default_factory=list)
 
 
 @dataclass

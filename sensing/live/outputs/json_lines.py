@@ -5,24 +5,36 @@ from __future__ import annotations
 import errno
 import json
 import os
-from typing import TextIO
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, TextIO
 
-from sensing.live.core.reading import CapReading, plain
+from sensing.live.core.reading import CapReading, nothing, plain
 from sensing.live.core.sink import QueuedSink
+from sensing.live.core.state import State
+from sensing.live.core.stats import CapHealth
+from sensing.live.outputs.beat import Beat
 
 ROOM = 1024  # readings that a slow reader may be behind
+BEAT_S = 0.2
+NO_FRAMES = {State.WAITING, State.SILENT, State.UNPLUGGED, State.FAILED, State.ENDED}
 
 
 class JsonLines(QueuedSink):
     """Writes to a stream; a reader that went away ends it without noise (``failed`` says so).
 
+    Args:
+        stream: where. health: states of the endcaps; one that gives no frames any more gets a line with nulls, once.
+
     Attributes:
         lines: written.
     """
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, health: Callable[[], Sequence[CapHealth]] = list) -> None:
         super().__init__(ROOM)
-        self._stream = stream
+        self._stream, self._health = stream, health
+        self._states: dict[str, str] = {}
+        self._writing, self._beat = threading.Lock(), Beat(BEAT_S, self._look)
         self.lines = 0
 
     @property
@@ -32,8 +44,28 @@ class JsonLines(QueuedSink):
             return f"--json: stopped after {self.lines} lines ({self.failed})"
         return f"--json: {self.dropped} readings lost to a slow reader" if self.dropped and not self.failed else ""
 
+    def start(self) -> None:
+        """Begin to write."""
+        super().start()
+        self._beat.start()
+
     def write(self, reading: CapReading) -> None:
         """One line."""
-        self._stream.write(json.dumps(plain(reading), allow_nan=False, separators=(",", ":")) + "\n")
-        self._stream.flush()
-        self.lines += 1
+        self._line(plain(reading))
+
+    def finish(self) -> None:
+        """No more lines."""
+        self._beat.stop()
+
+    def _look(self) -> None:
+        """A line for an endcap that has stopped to give frames: null instead of silence."""
+        for health in self._health():
+            changed, self._states[health.cap] = self._states.get(health.cap) != health.status, health.status
+            if changed and health.status in NO_FRAMES and not self.failed:
+                self._line(nothing(health.cap, health.status, health.message))
+
+    def _line(self, content: dict[str, Any]) -> None:
+        with self._writing:
+            self._stream.write(json.dumps(content, allow_nan=False, separators=(",", ":")) + "\n")
+            self._stream.flush()
+            self.lines += 1

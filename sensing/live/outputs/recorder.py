@@ -24,6 +24,7 @@ from sensing.live.core.reading import CapReading
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import CapHealth
 from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
 from sensing.records import Frame
 
@@ -40,6 +41,8 @@ TOPICS: dict[str, str] = {
     "wrench/wrench_pred": ros.WRENCH,
     "wrench/force_norm": ros.FLOAT64,
     "contact": ros.BOOL,
+    "valid": ros.BOOL,
+    "flags": ros.STRING,
 }
 
 
@@ -126,7 +129,10 @@ class Recorder(QueuedSink):
         self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.cap), stamp)
         self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.cap), stamp)
         self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
-        self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
+        self._add(reading, "valid", ros.boolean(reading.valid), stamp)
+        self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)
+        if reading.contact.known:
+            self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
         self._diagnose(reading.ready_s, stamp)
         self.frames += 1
         if self._bytes >= CHUNK_BYTES or time.monotonic() >= self._flushed_s + FLUSH_S:
@@ -164,7 +170,7 @@ class Recorder(QueuedSink):
         if now_s < self._next_s:
             return
         self._next_s = now_s + DIAGNOSTICS_S
-        states = [(h.cap, _level(h), h.message or h.status, _values(h)) for h in self._health()]
+        states = [diagnosis(health) for health in self._health()]
         self._writer.add_message(
             self._channels["/diagnostics"], stamp, ros.diagnostic_array(states, stamp), stamp, self.frames
         )
@@ -219,20 +225,3 @@ def _create(path: Path) -> BinaryIO:
         raise FileError(f"{path}: is there already: choose another name for the recording") from None
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
-
-
-def _level(health: CapHealth) -> int:
-    """0 good, 1 to be looked at, 2 bad (diagnostic_msgs)."""
-    return 0 if not health.message else 1 if health.status == "running" else 2
-
-
-def _values(health: CapHealth) -> dict[str, str]:
-    return {
-        "rate_hz": f"{health.rate_hz:.1f}",
-        "dropped": str(health.dropped),
-        "unusable": str(health.faults),
-        "p50_ms": f"{health.p50_ms:.2f}",
-        "p99_ms": f"{health.p99_ms:.2f}",
-        "dots": f"{health.dots}/{health.dots_known}",
-        "drift": health.drift,
-    }

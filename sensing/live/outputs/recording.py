@@ -80,13 +80,13 @@ class Recording:
         with self._lock:
             self._finish()
 
-    def toggle(self) -> str:
-        """Start or stop; returns what to tell."""
+    def switch(self, on: bool) -> str:
+        """Start or stop, whichever is asked for; what is so already stays. Returns the state in one line."""
         try:
-            if self.on:
-                self.stop()
-            else:
+            if on:
                 self.start()
+            else:
+                self.stop()
         except EndcapError as error:
             self._said = str(error)
         return self.note

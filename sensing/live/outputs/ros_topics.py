@@ -3,7 +3,13 @@
     /endcap_N/wrench/wrench_pred   geometry_msgs/WrenchStamped     filtered; on the endcap, at its origin (N, N m)
     /endcap_N/wrench/force_norm    std_msgs/Float64                N
     /endcap_N/array/shear_vector   std_msgs/Float32MultiArray      (channel, row, column), px of the 200 x 200 crop
-    /endcap_N/contact              std_msgs/Bool
+    /endcap_N/contact              std_msgs/Bool                   only while it is known
+    /endcap_N/valid                std_msgs/Bool                   whether the numbers of this frame count
+    /endcap_N/flags                std_msgs/String                 warnings, separated by commas
+    /diagnostics                   diagnostic_msgs/DiagnosticArray levels of all endcaps, twice a second
+
+A frame without a valid number (a black picture, say) publishes NaN, as REP 117 has it for measurements that failed:
+a subscriber sees that the sensor lives and that there is no number. Nothing but /diagnostics comes while no frame does.
 
 ``ros2 topic echo /endcap_0/wrench/wrench_pred`` on any machine of the same ``ROS_DOMAIN_ID`` sees them. Unlike the
 authors' node, stamps are capture times, torques are about the origin of the endcap frame instead of the sphere's
@@ -14,6 +20,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,8 +28,12 @@ import numpy as np
 from cad.errors import ParameterError
 from sensing.live.core.reading import CapReading
 from sensing.live.core.sink import QueuedSink
+from sensing.live.core.stats import CapHealth
+from sensing.live.outputs.beat import Beat
+from sensing.live.outputs.diagnosis import diagnosis
 
 ROOM = 64
+BEAT_S = 0.5
 MOST_DOMAIN = 232  # DDS: more leaves no ports
 
 
@@ -30,21 +41,24 @@ class RosTopics(QueuedSink):
     """Publishes every reading.
 
     Args:
-        caps: names, which begin the topics. domain: None for ``ROS_DOMAIN_ID`` or 0.
+        caps: names, which begin the topics. domain: None for ``ROS_DOMAIN_ID`` or 0. health: for the diagnostics.
 
     Raises:
         ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.
     """
 
-    def __init__(self, caps: tuple[str, ...], domain: int | None = None) -> None:
+    def __init__(
+        self, caps: tuple[str, ...], domain: int | None = None, health: Callable[[], Sequence[CapHealth]] = list
+    ) -> None:
         super().__init__(ROOM)
+        self._health, self._beat = health, Beat(BEAT_S, self._diagnose)
         self._domain = _domain(domain)
         try:
             from cyclonedds.core import DDSException
         except ImportError:
             raise ParameterError("--ros needs Cyclone DDS: run pip install 'endcap-toolkit[ros]'", name="ros") from None
         try:
-            self._writers = _writers(caps, self._domain)
+            self._writers, self._diagnostics = _writers(caps, self._domain)
         except DDSException as error:
             raise ParameterError(
                 f"--ros: DDS cannot start in domain {self._domain} ({error}): is there a network interface?", name="ros"
@@ -56,8 +70,13 @@ class RosTopics(QueuedSink):
         """State in one line."""
         return f"ROS 2 topics in domain {self._domain}" + (f": stopped ({self.failed})" if self.failed else "")
 
+    def start(self) -> None:
+        """Begin to publish."""
+        super().start()
+        self._beat.start()
+
     def write(self, reading: CapReading) -> None:
-        """Four messages."""
+        """All messages of one reading."""
         from sensing.live.outputs import dds_types as dds
 
         writers = self._writers[reading.cap]
@@ -68,7 +87,10 @@ class RosTopics(QueuedSink):
         )
         writers["wrench/wrench_pred"].write(dds.WrenchStamped(header, dds.WrenchBody(force, torque)))
         writers["wrench/force_norm"].write(dds.Float64(float(np.linalg.norm(reading.wrench.force_n))))
-        writers["contact"].write(dds.Bool(reading.contact.touching))
+        writers["valid"].write(dds.Bool(reading.valid))
+        writers["flags"].write(dds.String(", ".join(sorted(reading.wrench.flags))))
+        if reading.contact.known:
+            writers["contact"].write(dds.Bool(reading.contact.touching))
         channels, rows, columns = reading.field.channels.shape
         sizes = (
             ("channel", channels, channels * rows * columns),
@@ -82,7 +104,22 @@ class RosTopics(QueuedSink):
 
     def finish(self) -> None:
         """Take the topics away."""
-        self._writers = {}
+        self._beat.stop()
+        self._writers, self._diagnostics = {}, None
+
+    def _diagnose(self) -> None:
+        """The state of all endcaps, also while no frame comes."""
+        from sensing.live.outputs import dds_types as dds
+
+        writer, stamp = self._diagnostics, self._wall_ns + int(time.monotonic() * 1e9)
+        if writer is None:
+            return
+        status: Any = [
+            dds.DiagnosticStatus(level, name, message, name, [dds.KeyValue(k, v) for k, v in values.items()])  # type: ignore[arg-type]
+            for name, level, message, values in map(diagnosis, self._health())
+        ]
+        header = dds.Header(dds.Time(stamp // 10**9, stamp % 10**9), "")  # type: ignore[arg-type]
+        writer.write(dds.DiagnosticArray(header, status))
 
 
 def topic_types() -> dict[str, Any]:
@@ -94,6 +131,8 @@ def topic_types() -> dict[str, Any]:
         "wrench/force_norm": dds.Float64,
         "array/shear_vector": dds.Float32MultiArray,
         "contact": dds.Bool,
+        "valid": dds.Bool,
+        "flags": dds.String,
     }
 
 
@@ -109,19 +148,24 @@ def topic_qos() -> Any:
     )
 
 
-def _writers(caps: tuple[str, ...], domain: int) -> dict[str, dict[str, Any]]:
+def _writers(caps: tuple[str, ...], domain: int) -> tuple[dict[str, dict[str, Any]], Any]:
+    """(writers by endcap and topic, writer of /diagnostics)."""
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic
 
+    from sensing.live.outputs import dds_types as dds
+
     participant, qos = DomainParticipant(domain), topic_qos()
-    return {
+    diagnostics = DataWriter(participant, Topic(participant, "rt/diagnostics", dds.DiagnosticArray, qos=qos), qos=qos)
+    writers = {
         cap: {
             name: DataWriter(participant, Topic(participant, f"rt/{cap}/{name}", kind, qos=qos), qos=qos)
             for name, kind in topic_types().items()
         }
         for cap in caps
     }
+    return writers, diagnostics
 
 
 def _domain(domain: int | None) -> int:

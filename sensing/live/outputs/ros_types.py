@@ -16,6 +16,7 @@ from sensing.records import Frame, ShearField, Wrench
 
 IMAGE, FLOAT64, BOOL = "sensor_msgs/msg/CompressedImage", "std_msgs/msg/Float64", "std_msgs/msg/Bool"
 WRENCH, ARRAY = "geometry_msgs/msg/WrenchStamped", "std_msgs/msg/Float32MultiArray"
+STRING = "std_msgs/msg/String"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
@@ -73,6 +74,11 @@ def float64(value: float) -> bytes:
 def boolean(value: bool) -> bytes:
     """std_msgs/Bool."""
     return encode(BOOL, typestore().types[BOOL](data=bool(value)))
+
+
+def string(value: str) -> bytes:
+    """std_msgs/String."""
+    return encode(STRING, typestore().types[STRING](data=value))
 
 
 def shear_vector(field: ShearField) -> bytes:

@@ -56,8 +56,9 @@ class Terminal:
 
 def cap_line(health: CapHealth, reading: CapReading | None) -> str:
     """One cap in one line."""
-    if reading is None:
-        return f"{health.cap:<10} {health.message or health.status}"
+    if reading is None or not reading.valid or not health.valid:
+        dots = f"  {health.dots}/{health.dots_known} dots" if health.dots_known else ""
+        return f"{health.cap:<10} F    -  {health.status}{dots}  {health.message}".rstrip()
     force, torque = reading.wrench.force_n, reading.wrench.torque_nm
     spread = np.sqrt(np.clip(np.diagonal(reading.wrench.covariance)[:3], 0, None)).max()
     touch = "touch" if reading.contact.touching else "  -  "

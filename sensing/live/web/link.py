@@ -1,8 +1,9 @@
 """What the run and the page's process tell one another, over a pair of sockets; standard library only.
 
-The page's process sends lines, ``look 0 2`` or one of the viewers' words with the number of a cap. A look is answered
-by messages: details and new pictures of the caps named, then the state, which ends the answer. The page asks for the
-next look only after that, so that nothing piles up, and what it gets is the newest.
+The page's process sends lines: ``look 0 2``, or one of the viewers' words with the number of an endcap and the time
+(ms) of the state that the viewer saw: a button pressed on an old state does nothing (:func:`is_fresh`). A look is
+answered by messages: details and new pictures of the endcaps named, then the state, which ends the answer. The page
+asks for the next look only after that, so that nothing piles up, and what it gets is the newest.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import struct
 
 HEAD = struct.Struct(">cBI")  # kind, number of the cap, length of what follows
 HELLO, DETAIL, PICTURE, STATE = b"H", b"D", b"P", b"S"
-WORDS = ("zero", "zero_all", "record")
+WORDS = ("zero", "zero_confirmed", "zero_all", "undo", "record_start", "record_stop")
+FRESH_MS = 2000  # a viewer may act on what it saw this long ago
+LATEST_MS = 10**15  # no clock of a run shows more
 LONGEST_LINE = 256
 
 
@@ -22,26 +25,37 @@ def message(kind: bytes, data: bytes, cap: int = 0) -> bytes:
     return HEAD.pack(kind, cap, len(data)) + data
 
 
-def parse_request(text: str, caps: int) -> tuple[str, int] | None:
-    """(what to do, number of the cap) from a viewer's message; None for anything that is no request."""
+def parse_request(text: str, caps: int) -> tuple[str, int, int] | None:
+    """(what to do, number of the endcap, ms of the state seen) from a viewer's message; None for no request."""
     try:
-        told = json.loads(text)
+        request = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(told, dict) or set(told) - {"do", "cap"}:
+    if not isinstance(request, dict) or set(request) - {"do", "cap", "seen"}:
         return None
-    what, cap = told.get("do"), told.get("cap", 0)
+    what, cap, seen = request.get("do"), request.get("cap", 0), request.get("seen", 0)
     if what not in ("show", *WORDS) or type(cap) is not int or not 0 <= cap < caps:
         return None
-    return what, cap
+    return (what, cap, seen) if type(seen) is int and 0 <= seen < LATEST_MS else None
 
 
-def parse_line(line: bytes, caps: int) -> tuple[str, list[int]] | None:
-    """(word, numbers of caps) from a line of the page's process; None for anything else."""
+def parse_line(line: bytes, caps: int) -> tuple[str, list[int], int] | None:
+    """(word, numbers of endcaps, ms of the state seen) from a line of the page's process; None for anything else."""
     word, *numbers = line.decode("ascii", "replace").split() or [""]
-    if word not in ("look", *WORDS) or not all(n.isdecimal() and len(n) < 4 and int(n) < caps for n in numbers):
+    if not numbers or not all(n.isdecimal() and len(n) < 16 for n in numbers):
         return None
-    return (word, [int(n) for n in numbers]) if numbers else None
+    seen = 0
+    if word in WORDS and len(numbers) == 2:
+        seen = int(numbers.pop())
+    elif word != "look":
+        return None
+    chosen = [int(n) for n in numbers if len(n) < 4 and int(n) < caps]
+    return (word, chosen, seen) if len(chosen) == len(numbers) else None
+
+
+def is_fresh(seen_ms: int, now_s: float) -> bool:
+    """Whether a viewer saw the state lately enough to act on it."""
+    return -1 <= 1e3 * now_s - seen_ms <= FRESH_MS
 
 
 def is_loopback(host: str) -> bool:

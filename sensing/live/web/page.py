@@ -23,11 +23,22 @@ import cv2
 
 from cad.errors import EndcapError, ParameterError
 from sensing.decode import decode_bgr
-from sensing.live.core.reading import CapReading
+from sensing.live.core.preview import Preview
 from sensing.live.outputs.recording import Recording
 from sensing.live.web.access import page_address, page_token
-from sensing.live.web.link import DETAIL, HELLO, LONGEST_LINE, PICTURE, STATE, is_loopback, message, parse_line
+from sensing.live.web.link import (
+    DETAIL,
+    HELLO,
+    LONGEST_LINE,
+    PICTURE,
+    STATE,
+    is_fresh,
+    is_loopback,
+    message,
+    parse_line,
+)
 from sensing.live.web.state import detail, hello, state
+from sensing.records import Frame
 
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
@@ -58,7 +69,8 @@ class PageServer:
         self.url = page_address(host, self.address[1], self.token)
         self._link, self._theirs = socket.socketpair()
         self._process: subprocess.Popen[bytes] | None = None
-        self._sent: dict[int, tuple[int, int]] = {}
+        self._sent: dict[int, tuple[str, int]] = {}
+        self._previews = [Preview() for _ in run.config.caps]
         self._thread = threading.Thread(target=self._talk, daemon=True)
         self._closing, self._failed = False, ""
 
@@ -115,37 +127,50 @@ class PageServer:
         except Exception as error:  # whatever happens to the page, the run goes on
             self._failed = f"{type(error).__name__}: {error}"
 
-    def _do(self, word: str, numbers: list[int]) -> None:
-        if word == "zero":
-            self._run.zero(self._run.config.caps[numbers[0]].name)
-        elif word == "zero_all":
-            self._run.zero()
-        elif word == "record":
-            self._recording.toggle()
-        else:
+    def _do(self, word: str, numbers: list[int], seen_ms: int) -> None:
+        if word == "look":
             for number in numbers:
                 self._show(number)
-            told = state(self._run, self._recording.note, self._recording.on)
-            self._link.sendall(message(STATE, _plain(told)))
+            shown = state(self._run, self._recording.note, self._recording.on)
+            self._link.sendall(message(STATE, _plain(shown)))
+        elif is_fresh(seen_ms, time.monotonic()):
+            self._press(word, self._run.config.caps[numbers[0]].name)
+
+    def _press(self, word: str, name: str) -> None:
+        """A button."""
+        if word in ("zero", "zero_confirmed"):
+            self._run.zero(name, word == "zero_confirmed")
+        elif word == "zero_all":
+            self._run.zero()
+        elif word == "undo":
+            self._run.undo_zero(name)
+        else:
+            self._recording.switch(word == "record_start")
 
     def _show(self, number: int) -> None:
-        """Details of a cap, and its picture if that is new."""
-        reading = self._run.latest.get(self._run.config.caps[number].name)
-        if reading is None:
+        """Details of an endcap, and its picture if that is new; without a valid reading, the newest frame."""
+        cap = self._run.engine.caps[number]
+        reading, frame = self._run.latest.get(cap.name), cap.frame
+        now = cap.machine.condition.valid or (reading is not None and reading.frame is frame)
+        if reading is not None and reading.valid and reading.tracks is not None and now:
+            frame, shown = reading.frame, detail(reading, number)
+        elif frame is None:
             return
-        self._link.sendall(message(DETAIL, _plain(detail(reading, number)), number))
-        version = (reading.epoch, reading.frame.sequence)
+        else:
+            shown = self._previews[number].detail(frame, number)
+        self._link.sendall(message(DETAIL, _plain(shown), number))
+        version = (frame.source, frame.sequence)
         if self._sent.get(number) != version:
             self._sent[number] = version
-            self._link.sendall(message(PICTURE, picture(reading), number))
+            self._link.sendall(message(PICTURE, picture(frame), number))
 
 
-def picture(reading: CapReading) -> bytes:
-    """JPEG of the frame: as it came, or made for those that came raw; empty for one that cannot be shown."""
-    if reading.frame.jpeg is not None:
-        return reading.frame.jpeg
+def picture(frame: Frame) -> bytes:
+    """JPEG of a frame: as it came, or made for those that came raw; empty for one that cannot be shown."""
+    if frame.jpeg is not None:
+        return frame.jpeg
     try:
-        return cv2.imencode(".jpg", decode_bgr(reading.frame), [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()
+        return cv2.imencode(".jpg", decode_bgr(frame), [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()
     except EndcapError:
         return b""
 

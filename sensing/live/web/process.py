@@ -106,9 +106,9 @@ class Link:
         told = json.loads(data)
         self.token, self.hello = told.pop("token"), json.dumps(told)
 
-    def ask(self, word: str, cap: int) -> None:
-        """Press a button."""
-        self._writer.write(f"{word} {cap}\n".encode())
+    def ask(self, word: str, cap: int, seen_ms: int) -> None:
+        """Press a button, on a state that was seen at ``seen_ms``."""
+        self._writer.write(f"{word} {cap} {seen_ms}\n".encode())
 
     async def look(self, cap: int) -> str:
         """The newest state as JSON, with the details of one cap; all viewers that wait get the same look."""
@@ -202,9 +202,9 @@ async def _answer(websocket: WebSocket, run: Link) -> None:
         if request is None:
             await websocket.close(1003)
             return
-        word, cap = request
+        word, cap, seen_ms = request
         if word != "show":
-            run.ask(word, cap)
+            run.ask(word, cap, seen_ms)
         await websocket.send_text(await run.look(cap))
         count, jpeg = run.pictures.get(cap, (0, b""))
         if jpeg and (cap, count) != seen:

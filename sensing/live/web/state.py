@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sensing.live.core.reading import CapReading, plain, rounded
+from sensing.live.core.reading import CapReading, nothing, plain, rounded
 from sensing.live.core.stats import CapHealth
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
     caps = [_cap(health, readings.get(health.cap)) for health in run.engine.health()]
     return {
         "time_s": time.monotonic(),
+        "seen": int(1e3 * time.monotonic()),
         "caps": caps,
         "touching": list(robot.touching),
         "force_sum_n": rounded(float(np.linalg.norm(robot.force_n)), 2),
@@ -50,6 +51,10 @@ def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
     told: dict[str, Any] = {
         "name": health.cap,
         "status": health.status,
+        "level": health.level,
+        "zeroed": health.zeroed,
+        "confirmable": health.confirmable,
+        "undoable": health.undoable,
         "message": health.message,
         "rate_hz": rounded(health.rate_hz, 1),
         "dropped": health.dropped,
@@ -59,9 +64,13 @@ def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
         "p99_ms": rounded(health.p99_ms, 2),
         "stage_ms": {name: rounded(value, 3) for name, value in health.stage_ms.items()},
         "drift": health.drift,
+        "dots": health.dots,
+        "dots_known": health.dots_known,
+        "reopened": health.reopened,
     }
-    if reading is not None:
-        told |= plain(reading)
+    told |= nothing(health.cap, health.status, health.message) | {"flags": []}
+    if reading is not None and reading.valid and health.valid:
+        told |= plain(reading) | {"state": health.status}
     return told
 
 

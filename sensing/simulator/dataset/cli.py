@@ -6,6 +6,7 @@ import argparse
 from dataclasses import fields
 from pathlib import Path
 
+from cad.plain_numbers import plain_number
 from sensing.simulator.dataset.request import LAMPS, PATH_LEVELS, RENDERERS, DataRequest
 from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
 from sensing.simulator.protocols.catalogue import PROTOCOLS
@@ -41,8 +42,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead, for example tcp://HOST:8786"
     )
-    option("diameter_mm", float, "diameter D, mm", "--diameter")
-    option("wall_mm", float, "wall T, mm", "--wall")
+    option("diameter_mm", plain_number, "diameter D, mm", "--diameter")
+    option("wall_mm", plain_number, "wall T, mm", "--wall")
     option("silicone", str, "row of cad/materials.csv")
     option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
     option("seed", int, "seed of the paths")

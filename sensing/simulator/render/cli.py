@@ -16,6 +16,7 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError
 from cad.params import EndcapParams
+from cad.plain_numbers import plain_number
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -50,8 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--out", required=True, help="picture to write (.png or .jpg)")
-    add("--diameter", type=float, default=130.0, metavar="D", help="outer diameter in mm (130)")
-    add("--wall", type=float, default=8.0, metavar="T", help="wall in mm (8)")
+    add("--diameter", type=plain_number, default=130.0, metavar="D", help="outer diameter in mm (130)")
+    add("--wall", type=plain_number, default=8.0, metavar="T", help="wall in mm (8)")
     add("--camera", help="camera.json of sensing.calibrate (default: the nominal camera)")
     add("--beside", metavar="PHOTO", help="put this photo to the right of the rendered frame")
     add("--displacement", metavar="NPZ", help="file with surface_mm (n, 3) undeformed and displacement_mm (n, 3)")

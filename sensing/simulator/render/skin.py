@@ -108,7 +108,7 @@ def _seams(canvas: Canvas, params: EndcapParams, rng: np.random.Generator) -> No
     """Thin dark lines where the core's vertical joints cut the sphere.
 
     Seen from above: a centre piece with three wide faces (key pieces, at azimuths 0, 120, 240) and three narrow ones
-    (wide pieces), a round tab in the middle of every wide face, and the straight sides of the keys out to the rim.
+    (wedge pieces), a round tab in the middle of every wide face, and the straight sides of the keys out to the rim.
     """
     core = params.bore_radius_mm - CORE_CLEARANCE_MM
     face, half = KEY_FACE * core, KEY_HALF_WIDTH * core

@@ -118,8 +118,8 @@ def test_a_key_taken_before_the_centre_meets_it(released_mold):
 
 def test_a_wide_taken_before_the_keys_meets_them(released_mold):
     layout, _, meshes = released_mold
-    legs = core_path(layout, "core_wide_1", meshes["core_wide_1"])
-    assert least_gap_mm(meshes["core_wide_1"], [meshes["core_key_1"], meshes["core_key_2"]], legs) < 0.05
+    legs = core_path(layout, "core_wedge_1", meshes["core_wedge_1"])
+    assert least_gap_mm(meshes["core_wedge_1"], [meshes["core_key_1"], meshes["core_key_2"]], legs) < 0.05
 
 
 def test_a_cup_without_a_parting_at_the_equator_cannot_leave(released_mold):

@@ -225,7 +225,9 @@ def test_the_cavity_balances_and_a_core_that_is_not_pressed_home_does_not(releas
     inner = np.array([min(r, params.inner_radius_at(z)) for r, z in zip(ramp, middles, strict=True)])
     outer = np.array([params.outer_radius_at(z) for z in middles])
     expected = math.pi * dz * (outer**2 - inner**2).sum()
-    expected -= 103 * math.pi * 0.6 / 6 * (3 * 2.0**2 + 0.6**2) * 0.95  # dents: caps on a flat, less its curvature
+    expected -= (
+        103 * math.pi * 0.6 / 6 * (3 * 2.0**2 + 0.6**2) * 0.95
+    )  # dents: segments of a sphere on a flat, less its curvature
     assert closed == pytest.approx(expected, rel=1e-3)
     assert balance_check(layout, meshes, outside, closed).value < 1e-9
     lifted = {

@@ -59,7 +59,7 @@ def test_gradient_is_the_fields_slope() -> None:
         assert gradient[:, axis] == pytest.approx(slope, abs=1e-8)
 
 
-def feet(period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+def foot_points(period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Points on the gyroid (bisection along rays) and their unit normals."""
     rng = np.random.default_rng(2)
     low, high = rng.uniform(0, 2 * math.pi, (2, 20 * count, 3))
@@ -76,7 +76,7 @@ def feet(period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_distance_is_exact_along_normals_and_second_step_is_the_better() -> None:
-    points, normals = feet(13.9, 400)
+    points, normals = foot_points(13.9, 400)
     offset = gyroid.WALL_MM / 2
     error = {
         steps: np.abs(gyroid_distance_mm(points + offset * normals, 13.9, 1.8, steps) / offset - 1).max()

@@ -55,7 +55,7 @@ def test_edge_check_notices_a_part_out_of_frame(items, tmp_path, monkeypatch):
 
 
 def test_section_is_capped_in_the_part_colour(items, tmp_path):
-    """A solid ball cut in half shows its cap's disc: hollow, it would show the paler inside."""
+    """A solid ball cut in half shows its cut face: hollow, it would show the paler inside."""
     render_section(items[1:], tmp_path / "a.png", width_px=400, view=render.View.looking_from((0, -1, 0), (0, 0, 1)))
     image = pixels(tmp_path / "a.png")
     middle = image[image.shape[0] // 2 - 20 : image.shape[0] // 2 - 10, 195:205].reshape(-1, 3)

@@ -82,6 +82,11 @@ def fetch(url: str, **headers: str) -> tuple[int, bytes]:
         return error.code, error.read()
 
 
+def press(word: str, cap: int = 0, age_s: float = 0.0) -> str:
+    """A viewer's message for a button, pressed on a state of some age."""
+    return json.dumps({"do": word, "cap": cap, "seen": int(1e3 * (time.monotonic() - age_s))})
+
+
 def talk(site: Site, *messages: str, **options) -> list:
     """Answers to messages: a text and, if there is a new picture, bytes, each."""
 
@@ -109,12 +114,12 @@ def test_the_socket_tells_names_then_numbers_then_a_picture(site):
 
 def test_buttons_zero_and_record(site):
     epoch = site.run.engine.caps[2].pipeline.zero.digest
-    talk(site, '{"do":"record","cap":0}')
+    talk(site, press("record_start"), press("record_start"))  # explicit: twice is no stop
     assert site.recording.on
     wait_for(lambda: site.recording._recorder.frames > 5)
-    talk(site, '{"do":"record","cap":0}')
+    talk(site, press("record_stop"))
     assert not site.recording.on and len(list(site.folder.glob("endcap_*.mcap"))) == 1
-    talk(site, '{"do":"zero","cap":2}')
+    talk(site, press("zero_confirmed", 2))
     wait_for(lambda: site.run.engine.caps[2].pipeline.zero.digest != epoch)
 
 
@@ -211,8 +216,10 @@ def test_no_path_reaches_a_file(site):
 
 # --- fuzz ------------------------------------------------------------------------------------------------------
 def test_what_is_no_request_is_none():
-    good = {("show", 0), ("zero", 2), ("record", 0), ("zero_all", 1)}
-    assert {parse_request(json.dumps({"do": d, "cap": c}), 3) for d, c in good} == good
+    good = {("show", 0, 0), ("zero", 2, 7), ("record_start", 0, 1), ("zero_all", 1, 2), ("undo", 1, 3)}
+    assert {parse_request(json.dumps({"do": d, "cap": c, "seen": s}), 3) for d, c, s in good} == good
+    for seen in (-1, True, 1.5, "1", None, 10**20):
+        assert parse_request(json.dumps({"do": "zero", "cap": 0, "seen": seen}), 3) is None
     rng = random.Random(0)
     values = [None, True, -1, 3, 1.0, "0", "../../x", [], {}, 10**30, float("nan"), "show", "zero\n", "record "]
     for do, cap in itertools.product(values, values):
@@ -229,7 +236,8 @@ def test_what_is_no_request_is_none():
 
 
 def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_caps():
-    assert parse_line(b"look 0 2\n", 3) == ("look", [0, 2]) and parse_line(b"zero 1\n", 3) == ("zero", [1])
+    assert parse_line(b"look 0 2\n", 3) == ("look", [0, 2], 0) and parse_line(b"zero 1 55\n", 3) == ("zero", [1], 55)
+    assert parse_line(b"zero 1\n", 3) is None and parse_line(b"zero 1 2 3\n", 3) is None
     for line in (b"", b"\n", b"look\n", b"look 3\n", b"look -1\n", b"erase 0\n", b"zero 0x1\n", b"zero \xb2\n",
                  b"record ../x\n", b"\xff\xfe 0\n", b"look 1.0\n", b"look 00000000001\n"):  # fmt: skip
         assert parse_line(line, 3) is None, line
@@ -272,7 +280,7 @@ def test_malformed_requests_and_messages_leave_the_page_and_the_loop_running(sit
     count = site.run.engine.caps[0].stats.frames
     wait_for(lambda: site.run.engine.caps[0].stats.frames > count + 5)
     talk(site, '{"do":"show","cap":0}')
-    assert all(health.faults == 0 for health in site.run.engine.health())
+    assert [(h.faults, h.message) for h in site.run.engine.health() if h.faults] == []
 
 
 def test_a_viewer_that_stalls_or_vanishes_costs_nothing(site):

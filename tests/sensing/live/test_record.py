@@ -48,7 +48,7 @@ def recorded(press, tmp_path_factory) -> Path:
         wait_for(lambda: len(run.latest.all()) == 2)
         recording.start(path)
         wait_for(lambda: recording._recorder.frames > 30)
-        run.engine.caps[1].pipeline.request_zero()
+        run.engine.caps[1].pipeline.request_zero(confirmed=True)
         wait_for(lambda: recording._recorder.frames > 70)
         recording.stop()
     assert "frames recorded" in recording.note and "lost" not in recording.note

@@ -4,29 +4,64 @@ const $ = (id) => document.getElementById(id);
 const AXES = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"], UNITS = ["N", "N", "N", "N m", "N m", "N m"];
 const LEAST = [2, 2, 2, 0.1, 0.1, 0.1], WINDOW_S = 10;
 const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
-let socket = null, chosen = 0, wish = "show", history = [], bitmap = null, latest = null;
+const QUIET_MS = 1000; // no answer for so long: what is shown is old
+let socket = null, chosen = 0, history = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null;
+const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; // states drawn, for tests
 
 function connect() {
   socket = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/ws");
   socket.binaryType = "blob";
+  unanswered = 0;
   socket.onmessage = async (event) => {
     if (typeof event.data !== "string") {
-      try { bitmap = await createImageBitmap(event.data); } catch { bitmap = null; } // a corrupt frame
+      try { bitmap = await createImageBitmap(event.data); } catch { bitmap = null; } // a damaged picture
       return;
     }
-    const told = JSON.parse(event.data);
-    if (told.hello) { begin(told); } else { latest = told; remember(told); requestAnimationFrame(() => { draw(told); }); }
-    ask();
+    const news = JSON.parse(event.data);
+    if (news.hello) begin(news);
+    else { unanswered -= 1; latest = news; answeredAt = performance.now(); remember(news); watch(); requestAnimationFrame(() => draw(news)); }
+    if (unanswered <= 0) send("show");
   };
-  socket.onopen = () => ($("lost").style.display = "none");
-  socket.onclose = () => { $("lost").style.display = "block"; setTimeout(connect, 1000); };
+  socket.onclose = () => { watch(); setTimeout(connect, 1000); };
 }
 
-function ask() {
-  const message = JSON.stringify({ do: wish, cap: chosen });
-  wish = "show";
-  if (socket.readyState === 1) socket.send(message);
+function send(word) {
+  if (socket.readyState !== 1) return;
+  unanswered += 1;
+  socket.send(JSON.stringify({ do: word, cap: chosen, seen: latest ? latest.seen : 0 }));
+}
+
+// Whether what is shown is of now: it is not when the run is stopped, or the server or the connection gone.
+function live() { return latest !== null && socket.readyState === 1 && performance.now() - answeredAt < QUIET_MS; }
+
+// A button acts now or never: nothing is kept for later.
+function press(word) {
+  watch();
+  if (!live()) return;
+  close_question();
+  const cap = latest.caps[chosen];
+  if (word === "zero" && cap.contact) question(`${cap.name} is touched (${cap.force_norm_n.toFixed(1)} N): a reference taken now makes every later number wrong by that.`);
+  else send(word);
+}
+
+function question(text) { asked = chosen; $("question").textContent = text; $("ask").classList.add("open"); }
+function close_question() { asked = null; $("ask").classList.remove("open"); }
+
+// Greys everything out, with its age, and switches the buttons off while there is no answer.
+function watch() {
+  const good = live(), age = Math.round((performance.now() - answeredAt) / 1000);
+  document.body.classList.toggle("stale", !good);
+  $("lost").textContent = latest === null ? "No connection to sensing.live; trying again." : `No answer from sensing.live for ${age} s: everything below is as old as that.`;
+  if (!good) close_question();
+  const cap = good ? latest.caps[chosen] : null;
+  for (const id of ["zero", "zero_all", "record", "confirm"]) $(id).disabled = !good;
+  $("undo").disabled = !(cap && cap.undoable);
+  if (!good && latest) [...$("caps").children].forEach((card, k) => {
+    const force = latest.caps[k].force_norm_n;
+    card.querySelector(".n").textContent = "–";
+    card.querySelector(".h").textContent = (force === null ? latest.caps[k].status : force.toFixed(1) + " N") + `, ${age} s ago`;
+  });
 }
 
 function begin(told) {
@@ -38,7 +73,7 @@ function begin(told) {
     card.className = "cap";
     card.innerHTML = '<div class="top"><span class="lamp"></span><b></b></div><div class="n"></div><div class="h"></div>';
     card.querySelector("b").textContent = cap.name;
-    card.onclick = () => { chosen = k; bitmap = null; };
+    card.onclick = () => { chosen = k; bitmap = null; close_question(); };
     return card;
   }));
   $("plots").replaceChildren(...AXES.map(() => Object.assign(document.createElement("canvas"), { width: 420, height: 190 })));
@@ -46,7 +81,7 @@ function begin(told) {
 
 function remember(told) {
   told.caps.forEach((cap, k) => {
-    if (!cap.force_n) return;
+    if (!cap.valid) return;
     const row = history[k], last = row[row.length - 1];
     if (last && cap.time_s < last.t) row.length = 0;
     if (!last || cap.time_s > last.t) row.push({ t: cap.time_s, w: cap.force_n.concat(cap.torque_nm), sd: cap.sd });
@@ -55,12 +90,17 @@ function remember(told) {
 }
 
 function draw(told) {
+  if (!live()) return;
+  if (asked !== null && asked !== chosen) close_question();
+  const refused = told.caps[chosen];
+  if (!refused.confirmable) declined.delete(chosen);
+  else if (asked === null && !declined.has(chosen)) question(refused.message || `${refused.name} looked pressed when it was zeroed.`);
   told.caps.forEach((cap, k) => card($("caps").children[k], cap, k));
   const sum = told.touching.length ? `; force sum ${told.force_sum_n} N` : "";
   const judged = told.consistent === null ? "" : told.consistent ? ", carries the weight" : ", does NOT carry the weight";
   $("robot").textContent = "touching: " + (told.touching.join(", ") || "none") + sum + judged;
   $("record").classList.toggle("on", told.recording);
-  $("record").textContent = told.recording ? "Stop recording" : "Record";
+  $("record").textContent = told.recording ? "Stop recording" : "Start recording";
   $("record_note").textContent = told.note;
   image(told.selected, told.caps[chosen]);
   Scene.draw($("scene"), told.caps, chosen);
@@ -72,11 +112,13 @@ function draw(told) {
 function card(element, cap, k) {
   element.classList.toggle("chosen", k === chosen);
   element.querySelector(".lamp").classList.toggle("touch", !!cap.contact);
-  element.querySelector(".n").textContent = cap.force_n ? cap.force_norm_n.toFixed(1) + " N" : "–";
-  const line = element.querySelector(".h"), flags = (cap.flags || []).join(", ");
-  line.textContent = cap.message || flags || `${cap.rate_hz} Hz, ${cap.p50_ms} ms`;
-  line.title = cap.message;
-  line.classList.toggle("bad", !!(cap.message || flags));
+  const number = element.querySelector(".n"), line = element.querySelector(".h"), flags = cap.flags.join(", ");
+  number.textContent = cap.valid ? cap.force_norm_n.toFixed(1) + " N" : "–";
+  number.classList.toggle("none", !cap.valid);
+  line.textContent = cap.valid ? cap.message || flags || `${cap.rate_hz} Hz, ${cap.p50_ms} ms` : `${cap.status}: ${cap.message}`;
+  line.title = line.textContent;
+  line.classList.toggle("bad", cap.level > 1);
+  line.classList.toggle("warn", cap.level === 1);
 }
 
 function image(detail, cap) {
@@ -92,8 +134,8 @@ function image(detail, cap) {
     else { g.strokeStyle = `hsl(${Math.max(0, Math.min(1, (quality - 0.6) / 0.4)) * 140},80%,55%)`; g.arc((x + 0.5) * s, (y + 0.5) * s, 9 * s, 0, 7); }
     g.stroke();
   }
-  arrows(g, detail, s);
-  $("image_note").textContent = detail.dots.length ? `${cap.dots} of ${cap.dots_known} dots` : "";
+  if (detail.field.length) arrows(g, detail, s);
+  $("image_note").textContent = detail.preview !== undefined ? detail.preview : detail.dots.length ? `${cap.dots} of ${cap.dots_known} dots` : "";
 }
 
 function arrows(g, detail, s) {
@@ -142,9 +184,9 @@ function plot(canvas, axis) {
 function health(cap) {
   const stages = Object.entries(cap.stage_ms).map(([name, ms]) => `${name} ${ms}`).join(", ");
   const rows = [
-    ["state", cap.message || cap.status], ["rate", `${cap.rate_hz} Hz`], ["age of the picture", `${cap.age_ms ?? "–"} ms`],
+    ["state", cap.message ? `${cap.status}: ${cap.message}` : cap.status], ["zeroed", zeroed(cap)], ["rate", `${cap.rate_hz} Hz`], ["age of the picture", `${cap.age_ms ?? "–"} ms`],
     ["image to wrench", `${cap.p50_ms ?? "–"} ms median, ${cap.p99_ms ?? "–"} ms at 99 %`], ["stages, ms", stages],
-    ["dropped, unusable", `${cap.dropped}, ${cap.faults}`], ["dots", cap.dots_known ? `${cap.dots} of ${cap.dots_known}` : "not used"],
+    ["dropped, unusable, reopened", `${cap.dropped}, ${cap.faults}, ${cap.reopened}`], ["dots", cap.dots_known ? `${cap.dots} of ${cap.dots_known}` : "not used"],
     ["drift since zero", cap.drift || "unknown"], ["warnings", (cap.flags || []).join(", ") || "none"],
   ];
   $("health").replaceChildren(...rows.map(([name, value]) => {
@@ -154,6 +196,17 @@ function health(cap) {
   }));
 }
 
-for (const id of ["zero", "zero_all", "record"]) $(id).onclick = () => (wish = id);
+function zeroed(cap) {
+  if (!cap.zeroed) return "not yet";
+  const when = new Date(cap.zeroed), minutes = Math.floor((Date.now() - when) / 60000);
+  const ago = minutes < 1 ? "less than a minute" : minutes < 120 ? `${minutes} min` : minutes < 2880 ? `${Math.floor(minutes / 60)} h` : `${Math.floor(minutes / 1440)} days`;
+  return `${when.toLocaleString()} (${ago} ago)`;
+}
+
+for (const id of ["zero", "zero_all", "undo"]) $(id).onclick = () => press(id);
+$("record").onclick = () => press(latest && latest.recording ? "record_stop" : "record_start");
+$("confirm").onclick = () => press("zero_confirmed");
+$("cancel").onclick = () => { declined.add(chosen); close_question(); };
+setInterval(watch, 250);
 Scene.drag($("scene"));
 connect();

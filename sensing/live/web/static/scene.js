@@ -95,7 +95,7 @@ const Scene = (() => {
     floor(g, eye);
     const order = caps.map((c, k) => [eye(place(c.T, [0, 0, c.centre_mm]))[2], k]).sort((a, b) => b[0] - a[0]);
     for (const [, k] of order) dome(g, eye, caps[k], states[k], k === chosen);
-    for (const [, k] of order) if (states[k] && states[k].force_n) arrow(g, eye, caps[k], states[k]);
+    for (const [, k] of order) if (states[k] && states[k].valid) arrow(g, eye, caps[k], states[k]);
   }
 
   function drag(canvas) {

@@ -21,7 +21,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 LIMIT_BYTES = 2_000_000_000  # some 25 designs
 SOURCES = ("cad", "fab")
 SUFFIXES = (".py", ".csv")

@@ -1,0 +1,69 @@
+"""Work that does not depend on the joint clearance, taken from the cache when only the clearance has changed.
+
+The interface's mesh depends on the two numbers alone. Checks of one part depend on its files as written, so their key
+holds the files' SHA-256: a part that comes out the same is not checked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from cad.params import EndcapParams
+from fab.cache import Cache
+from fab.checks.check import Check
+from fab.meshing.gyroid import InterfaceMesh, interface_mesh
+
+MESH_FILE = "mesh.npz"
+SAME_AT_EVERY_CLEARANCE = ("interface", "base", "ring_spacer")
+
+
+def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceMesh:
+    """Mesh of the interface, from the cache or made and kept there.
+
+    Args:
+        params: the design.
+        cache: where it is kept; ``None`` makes it anew.
+    """
+    if cache is None:
+        return interface_mesh(params)
+    key = cache.key("interface mesh", {"design": params.digest})
+    with TemporaryDirectory(prefix="interface-") as scratch:
+        folder = Path(scratch)
+        if (values := cache.restore(key, folder)) is not None:
+            with np.load(folder / MESH_FILE, allow_pickle=False) as data:
+                vertices, faces = data["vertices"].astype(np.float64), data["faces"].astype(np.int64)
+            return InterfaceMesh(trimesh.Trimesh(vertices, faces, process=False, validate=False), **values)
+        made = interface_mesh(params)
+        vertices, faces = np.asarray(made.mesh.vertices), np.asarray(made.mesh.faces)
+        np.savez(folder / MESH_FILE, vertices=vertices, faces=faces.astype(np.int32))
+        numbers = {name: value for name, value in vars(made).items() if name != "mesh"}
+        cache.store(key, folder, [MESH_FILE], numbers)
+        return made
+
+
+def kept_checks(
+    cache: Cache | None, what: str, inputs: Mapping[str, Any], make: Callable[[], list[Check]]
+) -> list[Check]:
+    """Checks of something, from the cache or made and kept there.
+
+    Args:
+        cache: where they are kept; ``None`` makes them anew.
+        what: name of these checks.
+        inputs: everything they depend on besides the code: digests of files, numbers.
+        make: makes the checks.
+    """
+    if cache is None:
+        return make()
+    key = cache.key(what, inputs)
+    if (values := cache.restore(key, Path())) is not None:
+        return [Check(**record) for record in values["checks"]]
+    checks = make()
+    cache.store(key, Path(), [], {"checks": [asdict(check) for check in checks]})
+    return checks

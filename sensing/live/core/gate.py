@@ -1,0 +1,148 @@
+"""What one frame's picture and its dots are worth: judged before a number is made of them, and before the filter.
+
+    gate.frozen(frame), gate.judge(likeness, tracks, estimate, predict)
+
+Four things are looked at, all of them functions of the frames since the last restart, so that a replay judges alike:
+
+- the picture as a whole: its likeness with the reference (black, white, noise, another scene);
+- the dots: how many are followed, and how well each one's window correlates. A press costs little of it (0.97 at 50 N
+  in simulation), a glint, a speck or a damaged block much;
+- the step of the force against the filter's prediction. Where some windows are less than sure, a step is only taken
+  over when the next frame confirms it: a damaged picture is alone, a press is not. Where all windows are sure, a step
+  is a press and is taken over at once;
+- whether the picture changes at all.
+
+Forces in N, times in s of the frames' own clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.live.core.state import Event
+from sensing.records import DotTracks, Frame, Image, Wrench
+
+SMALL = (40, 30)  # pixels in which pictures are compared as a whole
+LEAST_SIDE_PX = 120
+LEAST_LIKENESS = 0.5  # E: correlation of the small pictures; 0.95 under 52 N, 0 of a black one
+LEAST_SEEN = 0.5  # fraction of the dots under which the rest is guesswork
+SURE = 0.98  # correlation of the worst window above which a step needs no confirmation
+CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load
+STEP_N, STEP_OF_FORCE = 0.35, 0.1  # step that needs confirmation, and more of it under load
+FROZEN_S, FROZEN_FRAMES = 1.0, 5  # a real sensor has noise: the same picture for so long means a camera that hangs
+Predict = Callable[[], NDArray[np.float64] | None]
+DISTURBED, UNCONFIRMED = "dots_disturbed", "unconfirmed"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Of one frame.
+
+    Attributes:
+        event: GOOD, FLAGGED or why there is no number. reason: in words; empty for a good frame. flags: for the wrench.
+        held: whether the estimate is kept from the filter until the next frame confirms it.
+    """
+
+    event: Event
+    reason: str = ""
+    flags: frozenset[str] = frozenset()
+    held: bool = False
+
+
+class Gate:
+    """Judges the frames of one endcap, in order."""
+
+    def __init__(self) -> None:
+        self._same: Frame | None = None  # the first of those that are equal
+        self._count = 0
+        self._held_n: NDArray[np.float64] | None = None
+
+    def frozen(self, frame: Frame) -> float:
+        """For how long the picture has been the same, s; 0 until that is too long."""
+        if self._same is None or _differs(self._same, frame):
+            self._same, self._count = frame, 0
+        self._count += 1
+        same_s = frame.time_s - self._same.time_s
+        return same_s if same_s > FROZEN_S and self._count > FROZEN_FRAMES else 0.0
+
+    def judge(self, likeness: float, tracks: DotTracks | None, estimate: Wrench, predict: Predict) -> Verdict:
+        """Verdict on one frame.
+
+        Args:
+            likeness: of the picture with the reference (:func:`likeness`). tracks: None for methods without dots.
+            estimate: of this frame alone. predict: gives the (3,) force that the filter expects; None before its first.
+        """
+        blind = _blind(likeness, tracks, estimate)
+        if blind:
+            self._held_n = None
+            return Verdict(Event.UNSEEN, blind)
+        worst = 1.0 if tracks is None else float(np.where(tracks.lost, 0.0, tracks.quality).min())
+        held = worst < SURE and self._is_step(estimate.force_n, predict())
+        self._held_n = np.array(estimate.force_n) if held else None
+        clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N * float(np.linalg.norm(estimate.force_n)))
+        flags = estimate.flags
+        reasons = [f"the model flags {', '.join(sorted(flags))}"] if flags else []
+        if tracks is not None and worst < clear:
+            flags |= {DISTURBED}
+            count = int((tracks.lost | (tracks.quality < clear)).sum())
+            reasons.append(
+                f"{count} of {len(tracks.ids)} dots look otherwise than in the reference: glint, dirt, lamp?"
+            )
+        if held:
+            flags |= {UNCONFIRMED}
+            reasons.append("the force stepped within one frame: waiting for the next to confirm it")
+        return Verdict(Event.FLAGGED if flags else Event.GOOD, "; ".join(reasons), flags, held)
+
+    def _is_step(self, force_n: NDArray[np.float64], predicted_n: NDArray[np.float64] | None) -> bool:
+        """Whether the force steps away from the prediction and the frame before does not confirm it."""
+        if predicted_n is None:
+            return False
+        step_n = float(np.linalg.norm(force_n - predicted_n))
+        if step_n <= STEP_N + STEP_OF_FORCE * float(np.linalg.norm(predicted_n)):
+            return False
+        return self._held_n is None or float(np.linalg.norm(force_n - self._held_n)) > step_n / 2
+
+
+def small_picture(gray: Image) -> NDArray[np.float32]:
+    """(1200,) the picture in few pixels, without its mean."""
+    step = max(1, min(gray.shape) // LEAST_SIDE_PX)  # every pixel would cost ten times as much
+    small = (
+        cv2.resize(np.ascontiguousarray(gray[::step, ::step]), SMALL, interpolation=cv2.INTER_AREA)
+        .astype(np.float32)
+        .ravel()
+    )
+    return small - small.mean()
+
+
+def likeness(small: NDArray[np.float32], reference: NDArray[np.float32]) -> float:
+    """Correlation of two small pictures, -1..1; 0 for a flat one."""
+    size = float(np.linalg.norm(small) * np.linalg.norm(reference))
+    return float(small @ reference) / size if size > 1e-6 else 0.0
+
+
+def _blind(alike: float, tracks: DotTracks | None, estimate: Wrench) -> str:
+    """Why there is no number in this picture; empty if there is."""
+    hint = "is the lamp on, the lens free, the camera the one that was zeroed?"
+    if tracks is not None:
+        seen = int((~tracks.lost).sum())
+        if seen < LEAST_SEEN * len(tracks.ids):
+            return f"{seen} of {len(tracks.ids)} dots are seen: {hint}"
+    if alike < LEAST_LIKENESS:
+        return f"the picture is not that of the reference (correlation {alike:.2f}): {hint}"
+    if "missing" in estimate.flags or not np.isfinite(estimate.force_n).all():
+        return f"the model gives no number ({', '.join(sorted(estimate.flags))}): {hint}"
+    return ""
+
+
+def _differs(before: Frame, frame: Frame) -> bool:
+    """Whether a picture changed at all."""
+    if before.jpeg is not None and frame.jpeg is not None:
+        return before.jpeg != frame.jpeg
+    if before.image is None or frame.image is None or before.image.shape != frame.image.shape:
+        return True
+    return bool((before.image[::7, ::7] != frame.image[::7, ::7]).any())

@@ -1,0 +1,197 @@
+"""The reference of a running endcap: taken from its frames beside the running one, compared, refused, undone.
+
+A reference taken under load makes every later number wrong by that load, and nothing looks unusual. So it is refused
+
+- while the endcap is touched, and whenever the new picture differs from the last reference as a press would
+  (:func:`press_n`: what a shift, turn or scale of the whole picture explains is the mounting and is allowed);
+- at the start, without a last reference, when the dots lie elsewhere than the design's, seen by a camera that is free
+  to be mounted otherwise (:func:`misplaced_px`; a press under some 20 N passes: paint scatters as much);
+
+until it is confirmed. Forces in N, pixels of the full-size picture.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cad.errors import EndcapError
+from cad.params import EndcapParams
+from sensing.decode import decode_gray
+from sensing.live.core.model import WrenchEstimator
+from sensing.records import Frame
+from sensing.tracking.dots import find_dots
+from sensing.tracking.methods import FieldMethod
+from sensing.tracking.model_input import ModelInput
+from sensing.tracking.zero import Zero, ZeroError, measure_drift, single_zero, take_zero, without_mounting
+
+MISPLACED_PX = 3.1  # E: at 480: nine dots of ten lie nearer to the fitted design; the released photos 2.4 to 2.6
+_ONE_AT_A_TIME = threading.Lock()  # or all endcaps would be slow together
+
+
+class PressedError(ZeroError):
+    """A reference that looks pressed; it can be taken all the same when the user confirms."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A picture of the untouched endcap and the method set up with it."""
+
+    zero: Zero
+    method: FieldMethod
+
+
+class ReferenceTaker:
+    """Takes references for one endcap.
+
+    Args:
+        name: of the endcap. params: its design. frames: averaged for a reference; 1 takes a single picture as it is, 0
+            none at all. build: sets up the method. estimator, most_n: a difference estimated as more is a press.
+
+    Attributes:
+        reason: why the last one was refused, or what goes on; empty when nothing does. pressed: whether confirming
+            would help.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        params: EndcapParams,
+        frames: int,
+        build: Callable[[Zero], FieldMethod],
+        estimator: WrenchEstimator,
+        most_n: float,
+    ) -> None:
+        self._name, self._params, self._count, self._build = name, params, frames, build
+        self._estimator, self._most_n = estimator, most_n
+        self._frames: list[Frame] | None = None
+        self._confirmed, self._stopped = False, False
+        self._made: Reference | EndcapError | None = None
+        self._thread: threading.Thread | None = None
+        self.reason, self.pressed = "", False
+
+    @property
+    def collecting(self) -> bool:
+        """Whether frames are wanted."""
+        return self._frames is not None
+
+    def ask(self, confirmed: bool = False) -> None:
+        """Begin with the next frame (any thread); ``confirmed`` takes it whatever it looks like."""
+        if self._count:
+            self._confirmed, self.pressed, self.reason = confirmed, False, "taking a new reference: leave it untouched"
+            self._frames = []
+
+    def offer(self, frame: Frame, last: Zero | None) -> None:
+        """One frame; the last one needed begins the work, in a thread of its own unless one picture is enough."""
+        if self._frames is None:
+            return
+        self._frames.append(frame)
+        if len(self._frames) < self._count:
+            return
+        frames, self._frames = self._frames, None
+        if self._count == 1:  # a file: nothing may be missed, so it is worth the wait
+            self._make(frames, None)
+            return
+        self._thread = threading.Thread(target=self._make, args=(frames, last), daemon=True)
+        self._thread.start()
+
+    def take(self) -> Reference | None:
+        """The new reference, once.
+
+        Raises:
+            EndcapError: why there is none, once.
+        """
+        made, self._made = self._made, None
+        if isinstance(made, EndcapError):
+            self.pressed, self.reason = isinstance(made, PressedError), str(made)
+            raise made
+        if made is not None:
+            self.pressed, self.reason = False, ""
+        return made
+
+    def stop(self) -> None:
+        """No reference will be needed any more (any thread)."""
+        self._stopped = True
+
+    def close(self, wait_s: float) -> None:
+        """Stop, and wait for a reference that is being made: its thread runs compiled code."""
+        self.stop()
+        if self._thread is not None:
+            self._thread.join(wait_s)
+
+    def _make(self, frames: list[Frame], last: Zero | None) -> None:
+        try:
+            with _ONE_AT_A_TIME:
+                if not self._stopped:
+                    self._made = self._checked(frames, last)
+        except EndcapError as error:
+            self._made = error
+        except Exception as error:  # a bug must not end as a reference that never comes
+            self._made = ZeroError(f"{type(error).__name__}: {error}")
+
+    def _checked(self, frames: list[Frame], last: Zero | None) -> Reference:
+        if self._count == 1:
+            zero = single_zero(frames[0], self._name)
+            return Reference(zero, self._build(zero))
+        zero = take_zero(frames, self._name)
+        method = self._build(zero)
+        if not self._confirmed and isinstance(method, ModelInput):
+            if last is not None and last.image.shape == zero.image.shape:
+                before = self._build(last)
+                assert isinstance(before, ModelInput)
+                _require_unpressed(press_n(before, last, zero, self._estimator), self._most_n)
+            elif last is None:
+                _require_design(misplaced_px(zero, self._params))
+        return Reference(zero, method)
+
+
+def press_n(before: ModelInput, last: Zero, new: Zero, estimator: WrenchEstimator) -> float:
+    """Force that the picture of a new reference shows against the last, without what the mounting explains."""
+    frame = new.frame()
+    gray = before.decode(frame)
+    tracks = before.track(gray, frame.time_s)
+    drift = measure_drift(last, frame, tracks, gray)
+    before.restart()
+    if tracks.lost.mean() > 0.5:  # another camera or endcap: nothing to compare with
+        return 0.0
+    still = without_mounting(tracks, replace(drift, cause="mounting"))
+    return float(np.linalg.norm(estimator.estimate(before.field(still)).force_n))
+
+
+def misplaced_px(zero: Zero, params: EndcapParams) -> float:
+    """How far the dots lie from the design's, at 480 lines, in the 90 % quantile; 0 where they cannot be compared.
+
+    That is where they cannot be assigned to those of the design, and on computers without SciPy.
+    """
+    try:
+        from sensing.calibration.dots import CalibrationError
+        from sensing.calibration.from_dots import calibrate_from_dots
+    except ImportError:
+        return 0.0
+    gray = decode_gray(zero.frame())
+    size = gray.shape[1], gray.shape[0]
+    dots = find_dots(gray)
+    try:
+        fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size)
+    except CalibrationError:
+        return 0.0
+    return float(np.quantile(np.linalg.norm(fitted.residual_px, axis=1), 0.9)) * 480.0 / min(size)
+
+
+def _require_unpressed(force_n: float, most_n: float) -> None:
+    if force_n > most_n:
+        raise PressedError(
+            f"the new reference differs from the last as a press of {force_n:.1f} N would (at most {most_n:.1f}): let "
+            "the endcap go and zero again, or confirm"
+        )
+
+
+def _require_design(misplaced: float) -> None:
+    if misplaced > MISPLACED_PX:
+        raise PressedError(
+            f"the dots lie {misplaced:.1f} px from the design's (at most {MISPLACED_PX}): is it pressed? let it go; or "
+            "confirm, or give a reference taken with python -m sensing.zero take"
+        )

@@ -1,0 +1,366 @@
+"""A blind, pressed or damaged sensor says so: every state and fault, through the pipeline and the running loop."""
+
+import io
+import itertools
+import json
+import re
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from live_stand_in import SHAPE, LinearModel, endless, film, frames, pipeline, stand_in, wait_for
+
+from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.feed import CameraFeed, FileFeed, Pace
+from sensing.live.core.gate import DISTURBED, UNCONFIRMED
+from sensing.live.core.reading import CapReading, plain
+from sensing.live.core.reference import PressedError, ReferenceTaker, misplaced_px
+from sensing.live.core.state import LEVEL, TRANSITIONS, VALID, Event, Machine, State, next_state
+from sensing.live.outputs.diagnosis import diagnosis
+from sensing.live.outputs.json_lines import JsonLines
+from sensing.live.outputs.terminal import cap_line
+from sensing.live.replay import verify
+from sensing.live.run import LiveRun
+from sensing.records import Frame
+
+ROOT = Path(__file__).resolve().parents[3]
+SIZE = (640, 480)
+
+
+@pytest.fixture(scope="module")
+def press() -> list[bytes]:
+    return film([0] * 12 + [0.3, 0.7, 1.0, 1.0, 0.7, 0.3] + [0] * 6)
+
+
+def encoded(picture: np.ndarray) -> bytes:
+    return cv2.imencode(".jpg", picture)[1].tobytes()
+
+
+def black(seed: int) -> bytes:
+    return encoded(np.random.default_rng(seed).integers(0, 4, (480, 640, 3), np.uint8))
+
+
+def noise(seed: int) -> bytes:
+    return encoded(np.random.default_rng(seed).integers(0, 256, (480, 640, 3), np.uint8))
+
+
+def broken(jpeg: bytes) -> bytes:
+    return jpeg[: len(jpeg) // 2] + jpeg[len(jpeg) // 2 + 900 :]  # a lost USB packet
+
+
+# --- the machine -----------------------------------------------------------------------------------------------
+def test_every_state_knows_every_event_and_only_the_end_is_for_ever():
+    assert set(TRANSITIONS) == set(State) and all(set(row) == set(Event) for row in TRANSITIONS.values())
+    sticky = {s for s in State if {next_state(s, e) for e in Event} == {s}}
+    assert sticky == {State.CLOSED}
+    assert {next_state(State.ENDED, e) for e in Event} == {State.ENDED, State.CLOSED}
+    for state in set(State) - {State.ENDED, State.CLOSED}:  # nothing else is: one good frame is enough
+        assert next_state(state, Event.GOOD) is State.RUNNING and next_state(state, Event.FLAGGED) is State.DEGRADED
+
+
+@pytest.mark.parametrize(
+    ("event", "state"),
+    [
+        (Event.UNSEEN, State.BLIND), (Event.RESIZED, State.WRONG_SIZE), (Event.REPEATED, State.FROZEN),
+        (Event.ERROR, State.FAILED), (Event.SILENCE, State.SILENT), (Event.LOST, State.UNPLUGGED),
+        (Event.REFUSED, State.WAITING), (Event.ENDED, State.ENDED), (Event.CLOSED, State.CLOSED),
+    ],
+)  # fmt: skip
+def test_a_fault_shows_at_once_from_any_running_state(event, state):
+    for before in (
+        State.STARTING,
+        State.RUNNING,
+        State.DEGRADED,
+        State.BLIND,
+        State.DAMAGED,
+        State.FROZEN,
+        State.SILENT,
+    ):
+        assert next_state(before, event) is state
+
+
+@pytest.mark.parametrize(
+    ("before", "event", "after"),
+    [
+        (State.RUNNING, Event.UNDECODED, State.DEGRADED),  # one damaged picture
+        (State.DEGRADED, Event.UNDECODED, State.DAMAGED),  # and another
+        (State.STARTING, Event.UNDECODED, State.DAMAGED),
+        (State.STARTING, Event.COLLECTED, State.ZEROING),
+        (State.WAITING, Event.COLLECTED, State.WAITING),  # the reason stays in sight
+        (State.UNPLUGGED, Event.SILENCE, State.UNPLUGGED),
+        (State.UNPLUGGED, Event.COLLECTED, State.ZEROING),
+        (State.FAILED, Event.ENDED, State.FAILED),
+    ],
+)
+def test_transitions_that_depend_on_the_state(before, event, after):
+    assert next_state(before, event) is after
+
+
+def test_levels_are_those_of_diagnostics():
+    assert [s for s in State if LEVEL.get(s, 2) == 0] == [State.RUNNING]
+    for state in set(State) - VALID - {State.STARTING, State.ZEROING, State.CLOSED}:
+        assert LEVEL.get(state, 2) == 2
+
+
+def test_the_docs_draw_the_machine():
+    drawn = (ROOT / "docs" / "live.md").read_text()
+    diagram = re.search(r"```mermaid\n(.*?)```", drawn, re.S)[1]
+    for state in State:
+        assert state.name.lower() in diagram, state
+    for event in Event:
+        assert event.value in diagram, event
+
+
+def test_the_reason_goes_with_the_state_and_never_outlives_it():
+    machine = Machine()
+    assert machine.happened(Event.REFUSED, "0 dots found", 1.0).message == "0 dots found"
+    assert machine.happened(Event.COLLECTED, "leave it untouched", 2.0).message == "0 dots found"
+    good = machine.happened(Event.GOOD, "", 3.0)
+    assert good.message == "" and good.valid and good.since_s == 3.0
+
+
+# --- pictures that show nothing --------------------------------------------------------------------------------
+@pytest.mark.parametrize("method", ["dots", "gelslim"])
+@pytest.mark.parametrize("picture", [black, noise])
+def test_a_blind_camera_gives_no_number_anywhere(press, picture, method):
+    from sensing.live.core.pipeline import CapPipeline
+
+    pipe = CapPipeline(CapConfig("endcap_0", "test"), stand_in(method), None, 0, 1)
+    given = frames(press[:12] + [picture(k) for k in range(5)] + press[12:16])
+    found = [pipe.update(frame) for frame in given]
+    for reading in found[12:17]:
+        assert reading.event is Event.UNSEEN and not reading.valid and "lamp" in reading.reason
+        shown = plain(reading)
+        assert shown["force_n"] == [None] * 3 and shown["force_norm_n"] is None and shown["contact"] is None
+        assert shown["valid"] is False and shown["state"] == "blind" and "blind" in shown["flags"]
+    assert found[11].valid and found[18].valid and found[18].contact.touching  # and the press behind it is seen
+
+
+def test_a_black_camera_is_an_error_for_json_terminal_and_diagnostics(press):
+    stream, got = io.StringIO(), []
+    cap = LiveCap(FileFeed(lambda: frames(press[:3] + [black(k) for k in range(4)]), Pace(0)), pipeline())
+
+    class Keep:
+        def put(self, reading):
+            got.append((reading, cap.machine.condition))
+
+    lines = JsonLines(stream)
+    lines.start()
+    with Engine([cap], [lines, Keep()]) as engine:
+        assert engine.wait(60)
+    lines.close()
+    last = json.loads(stream.getvalue().splitlines()[6])
+    assert last["force_n"] == [None] * 3 and last["state"] == "blind" and last["valid"] is False
+    reading, condition = got[-1]
+    health = cap.stats.health(cap.feed.health, condition, cap.pipeline.faults)
+    _name, level, message, values = diagnosis(health)
+    assert level == 2 and message.startswith("blind: ") and values["valid"] == "false"
+    assert " F    -  blind" in cap_line(health, reading) and "0.0 N" not in cap_line(health, reading)
+
+
+def test_without_dots_from_the_start_the_reason_is_given_and_stays():
+    cap = LiveCap(CameraFeed(endless([black(k) for k in range(20)])), pipeline(zero_frames=10))
+    with Engine([cap]):
+        wait_for(lambda: cap.health.status == "waiting for a reference")
+        until = time.monotonic() + 0.5
+        while time.monotonic() < until:
+            health = cap.health
+            assert health.level == 2 and "dots" in health.message and cap.frame is not None
+
+
+# --- damaged pictures ------------------------------------------------------------------------------------------
+def test_a_picture_that_the_decoder_complains_of_is_unusable_counted_and_quiet(press, capfd):
+    pipe = pipeline()
+    found = [pipe.update(f) for f in frames([*press[:6], broken(press[6]), *press[7:12]])]
+    assert found[6].event is Event.UNDECODED and np.isnan(found[6].wrench.force_n).all() and pipe.faults == 1
+    assert plain(found[6])["flags"] == ["damaged"]
+    assert all(r.valid for r in found[:6] + found[7:])
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_single_picture_with_a_false_step_is_held_back_and_a_press_is_not_delayed(press):
+    half = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
+    half[250:] = np.roll(half[250:], 16, axis=1)  # blocks that slid: the decoder has nothing to complain of
+    pipe = pipeline()
+    found = [pipe.update(f) for f in frames([*press[:8], encoded(half), *press[9:18]])]
+    wrong = found[8]
+    assert np.linalg.norm(wrong.estimate.force_n) > 1.0  # what it would have been
+    assert np.linalg.norm(wrong.wrench.force_n) < 0.1 and not wrong.contact.touching
+    assert {UNCONFIRMED, DISTURBED} <= wrong.wrench.flags and wrong.event is Event.FLAGGED
+    assert all(r.event is Event.GOOD and np.linalg.norm(r.wrench.force_n) < 0.1 for r in found[9:12])
+    assert found[12].contact.touching and found[12].event is Event.GOOD  # the first frame of the press
+
+
+def test_a_step_that_lasts_is_confirmed_by_the_next_frame(press):
+    half = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
+    half[250:] = np.roll(half[250:], 16, axis=1)
+    jpegs = []
+    for k in range(3):
+        half[-4:, : k + 1] ^= 8
+        jpegs.append(encoded(half))
+    pipe = pipeline()
+    found = [pipe.update(f) for f in frames(press[:8] + jpegs)]
+    assert UNCONFIRMED in found[8].wrench.flags and UNCONFIRMED not in found[9].wrench.flags
+    assert np.linalg.norm(found[10].wrench.force_n) > 1.0 and DISTURBED in found[10].wrench.flags
+
+
+def test_png_and_cut_pictures_are_named_and_no_camera_hangs(press):
+    png = cv2.imencode(".png", np.zeros((480, 640, 3), np.uint8))[1].tobytes()
+    for bad, word in ((png, "PNG"), (press[0][:9000], "damaged"), (b"<html>", "no picture")):
+        pictures = itertools.chain(frames(press[:2]), (Frame(200 + k / 30, 9 + k, "test", jpeg=bad) for k in range(4)))
+        cap = LiveCap(FileFeed(lambda pictures=pictures: pictures, Pace(0)), pipeline())
+        states = []
+        cap.feed.start(lambda: None)
+        while not cap.feed.ended:
+            item = cap.feed.take()
+            if item is not None:
+                cap.process(item)
+                states.append(cap.machine.condition)
+        assert states[-1].state is State.DAMAGED and word in states[-1].reason and "hangs" not in states[-1].reason
+
+
+def test_the_same_picture_for_a_second_is_a_camera_that_hangs(press):
+    pipe = pipeline()
+    found = [pipe.update(f) for f in frames(press[:3] + [press[3]] * 45 + press[4:6])]
+    assert [r.event for r in found[3:33]] == [Event.GOOD] * 30
+    assert found[40].event is Event.REPEATED and not found[40].valid and "hangs" in found[40].reason
+    assert found[-1].event is Event.GOOD
+
+
+def test_another_size_is_a_state_that_ends_with_it(press):
+    pipe, machine, states = pipeline(), Machine(), []
+    small = encoded(cv2.resize(cv2.imdecode(np.frombuffer(press[0], np.uint8), 1), (320, 240)))
+    given = frames(press[:6])
+    given[3:5] = [replace(frame, jpeg=small, size=(320, 240)) for frame in given[3:5]]
+    for frame in given:
+        pipe.update(frame)
+        states.append(machine.happened(*pipe.outcome, frame.time_s))
+    assert [s.state for s in states[1:]] == [State.RUNNING] * 2 + [State.WRONG_SIZE] * 2 + [State.RUNNING]
+    assert states[-1].message == ""
+
+
+def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
+    from sensing.live.outputs.recorder import Recorder
+
+    config = LiveConfig((CapConfig("endcap_0", "test"),))
+    pipe = pipeline()
+    faults = [broken(press[1]), black(1), noise(2), press[0][:9000]]
+    jpegs = press[:5] + faults[:2] + press[5:14] + faults[2:] + press[14:20]
+    pipe.update(frames(press[:1], 90.0)[0])
+    recorder = Recorder(tmp_path / "a.mcap", config, {"endcap_0": pipe.epoch}, lambda name: None)
+    recorder.start()
+    pipe.request_restart()
+    for frame in frames(jpegs):
+        recorder.put(pipe.update(frame))
+    recorder.close()
+    checked = verify(tmp_path / "a.mcap", config, models=lambda cap: stand_in())
+    frames_checked, different = (checked.frames, checked.different) if hasattr(checked, "frames") else checked[:2]
+    assert frames_checked == len(jpegs) and different == 0
+
+
+# --- references ------------------------------------------------------------------------------------------------
+def zeroed(press: list[bytes]):
+    pipe, clock = pipeline(zero_frames=10), itertools.count()
+
+    def feed(jpeg: bytes, count: int = 1) -> CapReading | None:
+        for _ in range(count):
+            number = next(clock)
+            picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1)
+            picture[-4:, : 1 + number % 600] ^= 8
+            reading = pipe.update(Frame(100 + number / 30, number, "test", jpeg=encoded(picture), size=SIZE))
+        return reading
+
+    feed(press[0], 10)
+    wait_for(lambda: pipe._taker._made is not None)
+    return pipe, feed
+
+
+def settle(pipe, feed, jpeg: bytes) -> CapReading:
+    """Frames until a reference that was asked for is made or refused."""
+    feed(jpeg, 10)
+    wait_for(lambda: pipe._taker._made is not None)
+    return feed(jpeg)
+
+
+def test_zero_under_load_is_refused_until_confirmed_and_can_be_undone(press):
+    pipe, feed = zeroed(press)
+    pressed = feed(press[14], 3)
+    first, force_n = pipe.zero, np.linalg.norm(pressed.wrench.force_n)
+    assert force_n > 5 and pressed.contact.touching
+    assert "touched" in pipe.request_zero() and pipe.confirmable and "touched" in pipe.note
+    assert np.linalg.norm(feed(press[14], 12).wrench.force_n) == pytest.approx(force_n, rel=0.05)
+    assert pipe.zero is first
+    assert pipe.request_zero(confirmed=True) == ""
+    taken = settle(pipe, feed, press[14])
+    assert pipe.zero is not first and np.linalg.norm(taken.wrench.force_n) < 0.2 and pipe.zero.date
+    assert np.linalg.norm(feed(press[0], 4).wrench.force_n) > 4  # what the user would have had unasked
+    assert pipe.request_undo() == ""
+    assert np.linalg.norm(feed(press[0], 4).wrench.force_n) < 0.2 and pipe.zero.digest == first.digest
+    assert "no earlier" in pipe.request_undo()
+
+
+def test_a_press_that_begins_after_the_button_is_found_in_the_new_reference(press):
+    pipe, feed = zeroed(press)
+    feed(press[0], 3)
+    first = pipe.zero
+    assert pipe.request_zero() == ""
+    settle(pipe, feed, press[13])
+    assert pipe.zero is first and re.search(r"press of \d", pipe.note) and pipe.confirmable
+    assert pipe.request_zero(confirmed=True) == ""
+    settle(pipe, feed, press[13])
+    assert pipe.zero is not first
+
+
+def test_a_new_reference_of_the_untouched_endcap_is_taken(press):
+    pipe, feed = zeroed(press)
+    feed(press[0], 3)
+    first = pipe.zero
+    assert pipe.request_zero() == ""
+    settle(pipe, feed, press[0])
+    assert pipe.zero is not first and pipe.undoable and not pipe.confirmable
+
+
+def test_pressed_at_the_very_start_is_seen_against_the_design():
+    """On the simulator's pictures: a camera of the design, 41 N on the endcap when the run begins."""
+    from sensing.simulator.robot.frames import load_film
+    from sensing.tracking.zero import single_zero
+
+    cache = Path.home() / ".cache" / "endcap-toolkit"
+    if not list(cache.glob("robot_scene_*.npz")):
+        pytest.skip("the robot's pictures are not rendered on this computer yet")
+    robot, params = load_film(cache), CapConfig("a", "0").params
+    loads = [np.linalg.norm(robot.truth(0, tick)[:3]) for tick in range(robot.ticks)]
+    free, heavy = robot.jpeg(0, int(np.argmin(loads))), robot.jpeg(0, int(np.argmin(np.abs(np.array(loads) - 41))))
+    away = [misplaced_px(single_zero(Frame(0.0, 0, "a", jpeg=j, size=SIZE)), params) for j in (free, heavy)]
+    assert away[0] < 2.6 and away[1] > 4.0
+    taker = ReferenceTaker("a", params, 3, stand_in_build, LinearModel(), 1.0)
+    for jpeg, refused in ((heavy, True), (free, False)):
+        taker.ask()
+        for k in range(3):
+            taker.offer(Frame(k / 30, k, "a", jpeg=jpeg, size=SIZE), None)
+        wait_for(lambda: taker._made is not None)
+        if refused:
+            with pytest.raises(PressedError, match="pressed"):
+                taker.take()
+        else:
+            assert taker.take() is not None
+
+
+def stand_in_build(zero):
+    from sensing.tracking.model_input import model_input
+
+    return model_input(zero.frame(), SHAPE, CapConfig("a", "0").params)
+
+
+def test_the_run_answers_for_each_endcap(press):
+    run = LiveRun(LiveConfig((CapConfig("endcap_0", "test"),)), [LiveCap(CameraFeed(endless(press[:12])), pipeline())])
+    with run.engine:
+        wait_for(lambda: run.engine.health()[0].status == "running")
+        health = run.engine.health()[0]
+        assert health.valid and health.level == 0 and health.zeroed and not health.undoable
+    stopped = Machine()
+    assert stopped.happened(Event.CLOSED, "", 0.0).valid is False

@@ -81,3 +81,16 @@ def test_work_done_in_this_process_keeps_its_result_or_its_error():
     assert done.result() == 2.0
     with pytest.raises(ZeroDivisionError):
         sizes.Inline().submit(lambda: 1 / 0).result()
+
+
+def test_a_failure_of_the_day_names_the_command_that_makes_it_again(capsys, monkeypatch):
+    def fail_the_second(listed, workers, seconds):
+        for number, size in enumerate(listed):
+            yield sizes.Made(size, ("cavity.wall_error_mm = 0.067, wanted <= 0.02",) * (number == 1), 236, 80.0)
+
+    monkeypatch.setattr(bench_sizes, "_made", fail_the_second)
+    assert bench_sizes._today(3, date(2026, 11, 22), 2) == 1
+    heard = capsys.readouterr()
+    assert heard.out.count("passed") == 2 and "wall_error" in heard.out
+    assert "--today 3 --date 2026-11-22" in heard.err
+    assert bench_sizes._today(1, date(2026, 11, 22), 2) == 0

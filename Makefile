@@ -93,8 +93,9 @@ check: $(VENV)/all.stamp ## lint and types
 	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
 	@$(BIN)/mypy
 
+# Without --quiet: it would hide the warnings that --strict counts.
 docs: $(VENV)/docs.stamp ## documentation site in build/site, strictly: broken links stop it
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo build/site/index.html
 
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/

@@ -18,6 +18,9 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).resolve().parent.parent
 CURVES = (".png", ".csv", ".jpg")
 LOADED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)=[\"']?(?:https?:)?//[^\"' >]+", re.I)
+ROLE = re.compile(
+    r":(?:mod|class|func|meth|data|attr|exc):(?=<code>)"
+)  # docstrings are plain text, with Sphinx's roles
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(((?:\.\./)+)([^)#]*)(#[^)]*)?\)")
 
 
@@ -52,6 +55,11 @@ def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
         return f"{picture}[{text}]({'../' * depth}{inside}{anchor or ''})"
 
     return LINK.sub(site_link, markdown)
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Names of docstrings without their roles."""
+    return ROLE.sub("", html)
 
 
 def on_post_page(output: str, page: Any, **_: Any) -> str:

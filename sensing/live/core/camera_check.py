@@ -14,7 +14,7 @@ from sensing.calibration.misfit import Misfit, camera_misfit
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_vector
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import DotTracks, Wrench
 from sensing.tracking.model_input import ModelInput
@@ -28,7 +28,7 @@ class CameraCheck:
     """Verdict on the camera of one sensor and reference.
 
     Args:
-        cap: its name and design. seen: the path from its pictures. estimator: reads the fields.
+        endcap: its name and design. seen: the path from its pictures. estimator: reads the fields.
         camera: the calibrated one; None where the nominal one is assumed.
 
     Attributes:
@@ -37,13 +37,13 @@ class CameraCheck:
     """
 
     def __init__(
-        self, cap: CapConfig, seen: ModelInput, estimator: WrenchEstimator, camera: MountedCamera | None
+        self, endcap: EndcapConfig, seen: ModelInput, estimator: WrenchEstimator, camera: MountedCamera | None
     ) -> None:
         tracker = seen.tracker
-        self.misfit = camera_misfit(tracker.reference_px, tracker.size, cap.params, camera)
-        self.message = "" if self.misfit.fits else _advice(cap, self.misfit, camera is not None)
+        self.misfit = camera_misfit(tracker.reference_px, tracker.size, endcap.params, camera)
+        self.message = "" if self.misfit.fits else _advice(endcap, self.misfit, camera is not None)
         self.flags: frozenset[str] = frozenset() if self.misfit.fits else frozenset({FLAG})
-        uncertain = _with_misfit(camera or nominal_mount(cap.params, *tracker.size), self.misfit)
+        uncertain = _with_misfit(camera or nominal_mount(endcap.params, *tracker.size), self.misfit)
         self._spread = (
             CameraSpread(seen, estimator, uncertain)
             if isinstance(estimator, WrenchModel) and uncertain.covariance is not None
@@ -68,11 +68,11 @@ def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:
     return replace(assumed, covariance=covariance)
 
 
-def _advice(cap: CapConfig, misfit: Misfit, calibrated: bool) -> str:
-    whose = f"{cap.camera} does not fit this picture" if calibrated else "camera not calibrated"
-    zero = cap.zero or f"{cap.name}.npz"
-    design = f" --diameter {cap.diameter_mm:g} --wall {cap.wall_mm:g}"
+def _advice(endcap: EndcapConfig, misfit: Misfit, calibrated: bool) -> str:
+    whose = f"{endcap.camera} does not fit this picture" if calibrated else "camera not calibrated"
+    zero = endcap.zero or f"{endcap.name}.npz"
+    design = f" --diameter {endcap.diameter_mm:g} --wall {endcap.wall_mm:g}"
     return (
-        f"{whose}: {misfit.reason}; run python -m sensing.calibrate --zero {zero}{design} --out {cap.name}.json "
-        f'and set camera = "{cap.name}.json" in endcaps.toml'
+        f"{whose}: {misfit.reason}; run python -m sensing.calibrate --zero {zero}{design} --out {endcap.name}.json "
+        f'and set camera = "{endcap.name}.json" in endcaps.toml'
     )

@@ -1,10 +1,10 @@
 """One endcap: frame -> decode -> track -> field -> wrench -> filter -> contact, with the time of every stage.
 
-    pipeline = CapPipeline(CapConfig("endcap_0", "0"), load_model("default", params), zero)
+    pipeline = EndcapPipeline(EndcapConfig("endcap_0", "0"), load_model("default", params), zero)
     reading = pipeline.update(frame)                 # None before the first reference, and for a frame that came late
 
 Every other frame gives a reading; whether its numbers count is part of it (:mod:`sensing.live.core.gate`).
-Deterministic: after :meth:`CapPipeline.restart` the same frames give the same bits, which is what replay relies on.
+Deterministic: after :meth:`EndcapPipeline.restart` the same frames give the same bits, which is what replay relies on.
 Times in s of the frames' own clock, stages in ms.
 """
 
@@ -22,10 +22,10 @@ from sensing.camera.mount import MountedCamera
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import CapReading, without_numbers
+from sensing.live.core.reading import EndcapReading, without_numbers
 from sensing.live.core.reference import Reference, ReferenceTaker
 from sensing.live.core.state import NOTE_S, Event
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
@@ -43,37 +43,37 @@ FORWARD_S = 60.0
 COARSE = 8  # reduction at which methods without dots compare whole pictures
 
 
-class CapPipeline:
+class EndcapPipeline:
     """Frames of one endcap in, readings out; not for two threads at once, but for the requests.
 
     Args:
-        cap: its name and design. model: estimates the wrench. zero: the reference; without it the first
+        endcap: its name and design. model: estimates the wrench. zero: the reference; without it the first
             ``zero_frames`` frames are (the endcap must be untouched).
         number: place in the list of endcaps. zero_frames: 1 takes a single picture as it is; 0 waits for
             :meth:`set_zero`, as a replay does.
 
     Attributes:
         outcome: event and reason of the last frame; None for one that came late.
-        faults: frames that could not be used. epoch: see :class:`sensing.live.core.reading.CapReading`.
+        faults: frames that could not be used. epoch: see :class:`sensing.live.core.reading.EndcapReading`.
     """
 
     def __init__(
         self,
-        cap: CapConfig,
+        endcap: EndcapConfig,
         model: LiveModel,
         zero: Zero | None = None,
         number: int = 0,
         zero_frames: int = ZERO_FRAMES,
     ) -> None:
-        self.cap, self.model, self.number, self.zero_frames = cap, model, number, zero_frames
+        self.endcap, self.model, self.number, self.zero_frames = endcap, model, number, zero_frames
         self.faults, self.epoch = 0, 0
         self.outcome: tuple[Event, str] | None = None
-        self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(cap.params)))
-        self._sphere = cap.params.outer_radius_mm, cap.params.centre_height_mm
-        self._camera = None if cap.camera is None else MountedCamera.load(cap.camera)
-        self._threshold = model.threshold(cap.contact_on_n, cap.contact_off_n)
+        self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
+        self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
+        self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera)
+        self._threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n)
         self._taker = ReferenceTaker(
-            cap.name, cap.params, zero_frames, self._build, model.estimator, self._threshold.on_n
+            endcap.name, endcap.params, zero_frames, self._build, model.estimator, self._threshold.on_n
         )
         self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
         self._check: CameraCheck | None = None
@@ -149,7 +149,7 @@ class CapPipeline:
         self._taker.close(wait_s)
 
     # --- the loop's thread ----------------------------------------------------------------------------------------
-    def update(self, frame: Frame, captured_s: float | None = None) -> CapReading | None:
+    def update(self, frame: Frame, captured_s: float | None = None) -> EndcapReading | None:
         """Work on one frame; its event is left in ``outcome``.
 
         Returns:
@@ -197,10 +197,10 @@ class CapPipeline:
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
-            method = model_input(zero.frame(), self.model.shape, self.cap.params, self._camera)
+            method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
-            self._checks[method] = CameraCheck(self.cap, method, self.model.estimator, self._camera)
+            self._checks[method] = CameraCheck(self.endcap, method, self.model.estimator, self._camera)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
@@ -251,11 +251,11 @@ class CapPipeline:
         self._last_s = time_s
         return True
 
-    def _read(self, used: Reference, frame: Frame, captured_s: float) -> CapReading:
+    def _read(self, used: Reference, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
         watch = _Watch()
         blank = without_numbers(
-            self.cap.name, self.number, frame, self.model.shape, used.zero, self.epoch, captured_s, self._drift
+            self.endcap.name, self.number, frame, self.model.shape, used.zero, self.epoch, captured_s, self._drift
         )
         verdict = self._unusable(used.zero, frame)
         if verdict is None:
@@ -272,8 +272,8 @@ class CapPipeline:
         return self._measured(blank, tracks, field, gray, watch)
 
     def _measured(
-        self, blank: CapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
-    ) -> CapReading:
+        self, blank: EndcapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
+    ) -> EndcapReading:
         """The reading of a picture that was decoded."""
         estimate, misfit = self.model.estimator.estimate(field), frozenset[str]()
         if self._check is not None and tracks is not None:

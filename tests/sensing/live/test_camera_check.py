@@ -15,9 +15,9 @@ from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
 from sensing.live.core.camera_check import FLAG
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import load_model
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Frame
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
@@ -48,14 +48,14 @@ def frames() -> dict[str, tuple[Frame, Frame]]:
 
 
 def reading(frames: tuple[Frame, Frame], camera=None):
-    cap = CapConfig("endcap_0", "test", camera=camera)
-    pipeline = CapPipeline(cap, load_model("default", PARAMS), single_zero(frames[0]))
+    endcap = EndcapConfig("endcap_0", "test", camera=camera)
+    pipeline = EndcapPipeline(endcap, load_model("default", PARAMS), single_zero(frames[0]))
     return pipeline, pipeline.update(frames[1])
 
 
 def test_a_turned_camera_is_named_and_its_wrench_flagged_until_it_is_calibrated(frames, tmp_path) -> None:
-    good, told = reading(frames["nominal"])
-    assert good.note == "" and FLAG not in told.estimate.flags
+    good, reported = reading(frames["nominal"])
+    assert good.note == "" and FLAG not in reported.estimate.flags
     pipeline, uncalibrated = reading(frames["turned"])
     assert "camera turned by 1.4 degrees" in pipeline.note and "sensing.calibrate --zero" in pipeline.note
     assert FLAG in uncalibrated.estimate.flags
@@ -64,7 +64,7 @@ def test_a_turned_camera_is_named_and_its_wrench_flagged_until_it_is_calibrated(
     assert calibrate(["--zero", str(zero), "--out", str(out)]) == 0
     pipeline, calibrated = reading(frames["turned"], out)
     assert pipeline.note == "" and not calibrated.estimate.flags
-    widths = [np.sqrt(np.diag(r.estimate.covariance)) for r in (told, calibrated, uncalibrated)]
+    widths = [np.sqrt(np.diag(r.estimate.covariance)) for r in (reported, calibrated, uncalibrated)]
     assert (widths[2][:3] > widths[1][:3]).all() and widths[1][2] < 1.5 * widths[0][2]
     off = uncalibrated.estimate.force_n - calibrated.estimate.force_n
     assert (np.abs(off) < 3 * widths[2][:3]).all()

@@ -17,13 +17,13 @@ from live_program import camera, program
 from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
 from mcap.records import ChunkIndex
 
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
-from sensing.live.replay import read_config, replay_caps, verify
+from sensing.live.replay import read_config, replay_endcaps, verify
 from sensing.records import Frame
 from sensing.tracking.zero import ZeroError
 
@@ -46,11 +46,11 @@ def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
         raise ZeroError("moved")
 
     monkeypatch.setattr("sensing.live.core.pipeline.take_zero", slow)
-    caps = [LiveCap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
-    with Engine(caps):
+    endcaps = [LiveEndcap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
+    with Engine(endcaps):
         assert began.wait(30)
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
-    assert not any(cap.pipeline._preparing and cap.pipeline._preparing.is_alive() for cap in caps)
+    assert not any(endcap.pipeline._preparing and endcap.pipeline._preparing.is_alive() for endcap in endcaps)
 
 
 def test_an_end_while_zeroing_is_clean(address):
@@ -73,15 +73,15 @@ class HungSource:
 
 
 def test_cameras_that_hang_are_left_behind_together():
-    caps = [LiveCap(CameraFeed(HungSource), pipeline(f"endcap_{k}", k)) for k in range(6)]
-    engine = Engine(caps)
+    endcaps = [LiveEndcap(CameraFeed(HungSource), pipeline(f"endcap_{k}", k)) for k in range(6)]
+    engine = Engine(endcaps)
     engine.start()
-    wait_for(lambda: all(cap.feed.health.frames for cap in caps))
+    wait_for(lambda: all(endcap.feed.health.frames for endcap in endcaps))
     waited = []
-    for cap in caps:  # how long each may take is what is tested, not how long it takes here
-        cap.feed.close = lambda wait_s: waited.append(wait_s) or time.sleep(wait_s)
+    for endcap in endcaps:  # how long each may take is what is tested, not how long it takes here
+        endcap.feed.close = lambda wait_s: waited.append(wait_s) or time.sleep(wait_s)
     engine.close(0.4)
-    assert sum(waited) <= 0.4 and all(cap.feed._live._stop.is_set() for cap in caps)
+    assert sum(waited) <= 0.4 and all(endcap.feed._live._stop.is_set() for endcap in endcaps)
 
 
 def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
@@ -96,7 +96,7 @@ def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
     assert check.frames > 3 and check.end is None
 
 
-def test_a_full_disk_while_recording_is_told_and_gives_status_1(address, tmp_path):
+def test_a_full_disk_while_recording_is_reported_and_gives_status_1(address, tmp_path):
     path = tmp_path / "run.mcap"
     room = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, 1_500_000))}
     with program("--url", address, "--no-page", "--record", str(path), **room) as process:
@@ -110,7 +110,7 @@ def test_a_full_disk_while_recording_is_told_and_gives_status_1(address, tmp_pat
     assert f"; {check.frames} frames are kept" in said and check.frames > 0 and isinstance(check.end, CutError)
 
 
-def test_json_to_a_full_disk_is_told_and_gives_status_1(address):
+def test_json_to_a_full_disk_is_reported_and_gives_status_1(address):
     with open("/dev/full", "w") as full, program("--url", address, "--no-page", "--json", stdout=full) as process:
         assert process.wait(60) == 1
         assert "sensing.live: --json: stopped after 0 lines (No space left on device)" in process.stderr.read()
@@ -141,7 +141,7 @@ def test_a_terminal_that_has_stopped_holds_nothing_up():
 def recording(tmp_path_factory):
     """Sixty frames."""
     path = tmp_path_factory.mktemp("ends") / "run.mcap"
-    recorder = Recorder(path, LiveConfig((CapConfig("endcap_0", "test"),)), {"endcap_0": 0}, lambda _: None)
+    recorder = Recorder(path, LiveConfig((EndcapConfig("endcap_0", "test"),)), {"endcap_0": 0}, lambda _: None)
     recorder.start()
     pipe = pipeline()
     for frame in frames(film([0, 0, 0.5, 1.0] * 15)):
@@ -157,19 +157,19 @@ def test_a_replay_keeps_no_frames_and_is_not_zeroing(recording):
     class Sink:
         def put(self, reading):
             nonlocal most
-            seen.add(caps[0].health.status)
+            seen.add(endcaps[0].health.status)
             most = max(most, sum(type(each) is Frame for each in gc.get_objects()))
 
-    caps = replay_caps(recording, read_config(recording), 0, lambda _: stand_in())
+    endcaps = replay_endcaps(recording, read_config(recording), 0, lambda _: stand_in())
     before = sum(type(each) is Frame for each in gc.get_objects())
-    with Engine(caps, [Sink()]) as engine:
+    with Engine(endcaps, [Sink()]) as engine:
         assert engine.wait(60)
-    assert caps[0].stats.frames == 60 and most - before < 15  # some wait for the loop
-    assert "zeroing" not in seen and caps[0].health.message == ""
+    assert endcaps[0].stats.frames == 60 and most - before < 15  # some wait for the loop
+    assert "zeroing" not in seen and endcaps[0].health.message == ""
 
 
 def test_the_index_of_a_recording_does_not_grow_in_memory(tmp_path):
-    config = LiveConfig((CapConfig("endcap_0", "test"),))
+    config = LiveConfig((EndcapConfig("endcap_0", "test"),))
     recorder = Recorder(tmp_path / "long.mcap", config, {"endcap_0": 0}, lambda _: None)
     recorder.start()
     pipe = pipeline()
@@ -192,5 +192,7 @@ def test_random_ends_are_clean():
     bench = Path(__file__).resolve().parents[3] / "bench"
     code = "from bench_robust_ends import ends; print([fault for *_, fault in ends(6, 2, 7) if fault])"
     environment = {**os.environ, "PYTHONPATH": f"{bench}{os.pathsep}{bench.parent}"}
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300)
-    assert told.stdout.splitlines()[-1:] == ["[]"], told.stdout + told.stderr
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300
+    )
+    assert reported.stdout.splitlines()[-1:] == ["[]"], reported.stdout + reported.stderr

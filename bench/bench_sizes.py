@@ -168,14 +168,15 @@ def _draw_map(rows: list[dict[str, str]]) -> None:
     limits[~np.isfinite(limits)] = np.nan
     figure, axes = plt.subplots(figsize=(8, 5), dpi=120)
     axes.fill_between(diameters, limits[:, 0], limits[:, 1], color="0.92", label="valid region")
+    small = 40 if len(rows) < 100 else 14
     for kind, marker in KINDS.items():
         for passed, color in ((True, "tab:green"), (False, "tab:red")):
             chosen = [row for row in rows if row["kind"] == kind and (not row["failed"]) == passed]
             if chosen:
                 places = np.array([(float(row["D_mm"]), float(row["T_mm"])) for row in chosen])
                 label = f"{kind}: {len(chosen)} {'passed' if passed else 'failed'}"
-                axes.scatter(*places.T, s=14 if passed else 60, marker=marker, color=color, label=label, lw=0)
-    axes.set(xlabel="D, mm", ylabel="T, mm", title=f"{len(rows)} sizes, every gate of the export")
+                axes.scatter(*places.T, s=small if passed else 60, marker=marker, color=color, label=label, lw=0)
+    axes.set(xlabel="D, mm", ylabel="T, mm", title=f"{len(rows)} sizes made, through every gate of the export")
     axes.legend(loc="upper left", fontsize=8)
     figure.tight_layout()
     figure.savefig(HERE / "sizes.png")

@@ -76,12 +76,12 @@ test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# Quick: what makes no CAD solids, renders nothing and presses nothing. 75 s of processor time with warm caches.
+# Quick: what makes no CAD solids, renders nothing and presses nothing. 80 s of processor time with warm caches.
 QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.py test_extras.py test_makefile.py \
   test_endcap_command.py docs/test_pages.py $(addprefix cad/,test_params.py test_dots.py test_materials.py \
   test_mold_layout.py test_plain_numbers.py) $(addprefix fab/,test_whole_folder.py test_clean.py test_bond_tests.py \
   test_cache.py led_ring/test_driver.py) $(addprefix sensing/,test_frames.py test_records.py test_records_labelled.py \
-  camera sources recording wrench/test_contact.py wrench/test_filter.py wrench/test_quantiles.py wrench/test_model.py \
+  camera sources wrench/test_contact.py wrench/test_filter.py wrench/test_quantiles.py wrench/test_model.py \
   tracking/test_nearest.py tracking/test_dots.py tracking/test_zero.py))
 quick: $(VENV)/all.stamp ## lint, architecture and the quick tests, in about a minute
 	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts

@@ -45,12 +45,13 @@ def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
         ended.append(len(collected))
         raise ZeroError("moved")
 
-    monkeypatch.setattr("sensing.live.core.pipeline.take_zero", slow)
+    monkeypatch.setattr("sensing.live.core.reference.take_zero", slow)
     caps = [LiveCap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
     with Engine(caps):
         assert began.wait(30)
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
-    assert not any(cap.pipeline._preparing and cap.pipeline._preparing.is_alive() for cap in caps)
+    makers = [cap.pipeline._taker._thread for cap in caps]
+    assert not any(maker is not None and maker.is_alive() for maker in makers)
 
 
 def test_an_end_while_zeroing_is_clean(address):

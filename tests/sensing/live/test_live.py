@@ -43,8 +43,10 @@ def test_a_configuration_survives_the_file(tmp_path):
     pose = np.eye(4)
     pose[:3, 3] = 1.5, -2.0, 300.25
     caps = (
-        CapConfig("left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, T_robot_endcap=pose),
-        CapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0, exposure=120.0),
+        CapConfig(
+            "left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, exposure=120.0, T_robot_endcap=pose
+        ),
+        CapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0),
     )
     config = LiveConfig(caps, "paper", tmp_path / "w.pth", "dis", 117.7)
     save_config(config, tmp_path / "endcaps.toml")

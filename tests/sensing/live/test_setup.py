@@ -41,7 +41,8 @@ class Hand:
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(setup, "REST_S", 1.0)
-    monkeypatch.setattr(setup, "TOUCH_S", 8.0)
+    for name in ("ZERO_S", "TOUCH_S"):  # patience only: each wait ends with what it waits for
+        monkeypatch.setattr(setup, name, 180.0)
 
 
 def config(count: int) -> LiveConfig:

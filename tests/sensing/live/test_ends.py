@@ -19,7 +19,7 @@ from mcap.records import ChunkIndex
 
 from sensing.live.core.config import CapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveCap
-from sensing.live.core.feed import CameraFeed
+from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
@@ -52,6 +52,18 @@ def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
     makers = [cap.pipeline._taker._thread for cap in caps]
     assert not any(maker is not None and maker.is_alive() for maker in makers)
+
+
+def test_a_file_has_ended_when_its_last_frame_is_worked_on_and_not_when_it_is_read():
+    cap = LiveCap(FileFeed(lambda: frames(film([0, 0, 0])), Pace(0)), pipeline())
+    cap.feed.start(lambda: None)
+    wait_for(lambda: cap.feed.health.status == "ended")
+    for done in range(3):
+        assert cap.health.status != "ended", done
+        item = cap.take()
+        assert cap.health.status != "ended", done
+        assert cap.process(item) is not None
+    assert cap.take() is None and cap.health.status == "ended"
 
 
 def test_an_end_while_zeroing_is_clean(address):

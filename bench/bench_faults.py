@@ -19,10 +19,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import load_model
-from sensing.live.core.pipeline import CapPipeline
-from sensing.live.core.reading import CapReading
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
 from sensing.live.demo.scene import SceneSource, scene_film
 from sensing.records import Frame
 
@@ -183,7 +183,7 @@ class Count:
     largest_n: float = 0.0
     after_n: float = 0.0  # on the first good frame behind
 
-    def take(self, reading: CapReading) -> None:
+    def take(self, reading: EndcapReading) -> None:
         """One frame of a fault."""
         force_n = float(np.linalg.norm(reading.wrench.force_n)) if reading.valid else 0.0
         self.frames += 1
@@ -194,7 +194,7 @@ class Count:
             self.misses += force_n > LIMIT_N
             self.largest_n = max(self.largest_n, force_n)
 
-    def behind(self, reading: CapReading) -> None:
+    def behind(self, reading: EndcapReading) -> None:
         """The first good frame after a fault."""
         if reading.valid and not reading.wrench.flags:
             self.after_n = max(self.after_n, float(np.linalg.norm(reading.wrench.force_n)))
@@ -204,14 +204,14 @@ class Bench:
     """Six untouched endcaps, each with its reference."""
 
     def __init__(self) -> None:
-        film, cap = scene_film(), CapConfig("endcap_0", "scene:0")
-        model = load_model("default", cap.params)
+        film, endcap = scene_film(), EndcapConfig("endcap_0", "scene:0")
+        model = load_model("default", endcap.params)
         self.jpegs = [[bytes(film.jpeg(k, tick)) for tick in range(3)] for k in range(ENDCAPS)]
         self.pictures = [[cv2.imdecode(np.frombuffer(j, np.uint8), 1) for j in row] for row in self.jpegs]
-        self.pipelines = [CapPipeline(cap, model, None, k, 1) for k in range(ENDCAPS)]
+        self.pipelines = [EndcapPipeline(endcap, model, None, k, 1) for k in range(ENDCAPS)]
         self.count = 0
 
-    def send(self, endcap: int, data: bytes) -> CapReading:
+    def send(self, endcap: int, data: bytes) -> EndcapReading:
         """One frame through the pipeline, its size read from the bytes as a source does."""
         from sensing.sources.files import jpeg_size
 

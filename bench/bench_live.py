@@ -34,11 +34,11 @@ from live_probes import IdleProbe, Viewer, clocks
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel, load_model
-from sensing.live.core.pipeline import ZERO_FRAMES, CapPipeline
+from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
 from sensing.live.demo.scene import SIZE, SceneSource, scene_film
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun, favour_the_loop
@@ -47,7 +47,7 @@ from sensing.records import Frame
 from sensing.tracking.zero import take_zero
 
 HERE = Path(__file__).resolve().parent
-CAPS = 6
+ENDCAPS = 6
 RATE_HZ = 30.0
 
 
@@ -55,7 +55,7 @@ RATE_HZ = 30.0
 class Plan:
     """One live run; ``in_step``: all cameras take their pictures at the same moment."""
 
-    caps: int = CAPS
+    endcaps: int = ENDCAPS
     workers: int = 1
     rate_hz: float = RATE_HZ
     page: bool = False
@@ -70,51 +70,52 @@ MORE = (  # of ours
     Plan(workers=2, rate_hz=60, page=True),
 )  # fmt: skip
 COLUMNS = (
-    "model", "method", "caps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
+    "model", "method", "endcaps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
     "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped",
     "force_error_n", "torque_error_nm", "contact_right",
 )  # fmt: skip
 
 
-def frames_of(cap: int, ticks: int) -> list[Frame]:
+def frames_of(endcap: int, ticks: int) -> list[Frame]:
     """Frames of one round of the scene."""
     film = scene_film()
     return [
-        Frame(1 + tick / RATE_HZ, tick, f"scene:{cap}", jpeg=film.jpeg(cap, tick), size=SIZE) for tick in range(ticks)
+        Frame(1 + tick / RATE_HZ, tick, f"scene:{endcap}", jpeg=film.jpeg(endcap, tick), size=SIZE)
+        for tick in range(ticks)
     ]
 
 
-def pipelines(model: LiveModel, caps: int) -> list[CapPipeline]:
+def pipelines(model: LiveModel, endcaps: int) -> list[EndcapPipeline]:
     """Zeroed on the first frames of the scene, in which nothing touches."""
     found = []
-    for cap in range(caps):
-        zero = take_zero(frames_of(cap, ZERO_FRAMES))
-        found.append(CapPipeline(CapConfig(f"endcap_{cap}", f"scene:{cap}"), model, zero, cap))
+    for endcap in range(endcaps):
+        zero = take_zero(frames_of(endcap, ZERO_FRAMES))
+        found.append(EndcapPipeline(EndcapConfig(f"endcap_{endcap}", f"scene:{endcap}"), model, zero, endcap))
     return found
 
 
 def errors(model: LiveModel, ticks: int, step: int) -> tuple[dict[str, float], np.ndarray]:
-    """Root mean square of force and torque error over all caps that carry load, and share of right contact sets.
+    """Root mean square of force and torque error over all endcaps that carry load, and share of right contact sets.
 
-    Also the CPU time of every frame, (T, CAPS) ms.
+    Also the CPU time of every frame, (T, ENDCAPS) ms.
 
-    The contact set is right when all six caps are: judged at every tick but those of the first and last sixth of a
+    The contact set is right when all six endcaps are: judged at every tick but those of the first and last sixth of a
     ramp, where the load is below the threshold of any detector.
     """
     film = scene_film()
-    pipes = pipelines(model, CAPS)
-    pictures = [frames_of(cap, ticks) for cap in range(CAPS)]
+    pipes = pipelines(model, ENDCAPS)
+    pictures = [frames_of(endcap, ticks) for endcap in range(ENDCAPS)]
     force, torque, right, judged, spent_ms = [], [], 0, 0, []
     for tick in range(0, ticks, step):
         readings = []
-        for cap, pipe in enumerate(pipes):
+        for endcap, pipe in enumerate(pipes):
             begin = time.process_time()
-            readings.append(pipe.update(pictures[cap][tick]))
+            readings.append(pipe.update(pictures[endcap][tick]))
             spent_ms.append(1e3 * (time.process_time() - begin))
         touching = film.touching(tick)
-        for cap, reading in enumerate(readings):
-            truth = film.truth(cap, tick)
-            if touching[cap]:
+        for endcap, reading in enumerate(readings):
+            truth = film.truth(endcap, tick)
+            if touching[endcap]:
                 force.append(reading.estimate.force_n - truth[:3])
                 torque.append(reading.estimate.torque_nm - truth[3:])
         moment = film.moments[tick % film.ticks]
@@ -126,24 +127,24 @@ def errors(model: LiveModel, ticks: int, step: int) -> tuple[dict[str, float], n
         "frames": len(spent_ms), "work_ms": float(np.mean(spent_ms)), "work_p99_ms": float(np.percentile(spent_ms, 99)),
         "frames_s_core": 1e3 / float(np.mean(spent_ms)),
         "force_error_n": rms[0], "torque_error_nm": rms[1], "contact_right": right / judged,
-    }, np.reshape(spent_ms, (-1, CAPS))  # fmt: skip
+    }, np.reshape(spent_ms, (-1, ENDCAPS))  # fmt: skip
 
 
-def computed(spent_ms: np.ndarray, caps: int, rate_hz: float, in_step: bool) -> dict[str, float]:
+def computed(spent_ms: np.ndarray, endcaps: int, rate_hz: float, in_step: bool) -> dict[str, float]:
     """Delays and drops of the loop on a core of its own, from the CPU time of every frame: free of other work's share.
 
-    Waking up is not in it. As the engine does: the newest frame of every cap is taken, the oldest worked on first.
+    Waking up is not in it. As the engine does: the newest frame of every endcap is taken, the oldest worked on first.
     """
     ticks, now, dropped, busy_ms = len(spent_ms), 0.0, 0, 0.0
-    due = (np.arange(ticks)[:, None] + (0.0 if in_step else np.arange(caps) / CAPS)) * 1e3 / rate_hz
-    due = np.broadcast_to(due, (ticks, caps))
-    latency, following = [], [0] * caps  # first frame not taken yet
-    while waiting := [due[k, cap] for cap, k in enumerate(following) if k < ticks]:
+    due = (np.arange(ticks)[:, None] + (0.0 if in_step else np.arange(endcaps) / ENDCAPS)) * 1e3 / rate_hz
+    due = np.broadcast_to(due, (ticks, endcaps))
+    latency, following = [], [0] * endcaps  # first frame not taken yet
+    while waiting := [due[k, endcap] for endcap, k in enumerate(following) if k < ticks]:
         now = max(now, min(waiting))
-        newest = [int(np.searchsorted(due[:, cap], now, "right")) - 1 for cap in range(caps)]
-        for when, k, cap in sorted((due[k, c], k, c) for c, k in enumerate(newest) if k >= following[c]):
-            dropped, following[cap] = dropped + k - following[cap], k + 1
-            now, busy_ms = now + spent_ms[k, cap], busy_ms + spent_ms[k, cap]
+        newest = [int(np.searchsorted(due[:, endcap], now, "right")) - 1 for endcap in range(endcaps)]
+        for when, k, endcap in sorted((due[k, c], k, c) for c, k in enumerate(newest) if k >= following[c]):
+            dropped, following[endcap] = dropped + k - following[endcap], k + 1
+            now, busy_ms = now + spent_ms[k, endcap], busy_ms + spent_ms[k, endcap]
             latency.append(now - when)
     return {
         "frames": len(latency), "core_share": float(busy_ms / now),
@@ -154,10 +155,10 @@ def computed(spent_ms: np.ndarray, caps: int, rate_hz: float, in_step: bool) -> 
 def live(model: LiveModel, plan: Plan, seconds: float) -> dict[str, float]:
     """Delay, drops and share of a core in the real loop, with a page that a viewer looks at or without."""
     made = []
-    for number, pipe in enumerate(pipelines(model, plan.caps)):
+    for number, pipe in enumerate(pipelines(model, plan.endcaps)):
         opener = partial(SceneSource, number, plan.rate_hz, 0.0 if plan.in_step else None)
-        made.append(LiveCap(CameraFeed(opener), pipe))
-    run = LiveRun(LiveConfig(tuple(cap.pipeline.cap for cap in made)), made, plan.workers)
+        made.append(LiveEndcap(CameraFeed(opener), pipe))
+    run = LiveRun(LiveConfig(tuple(endcap.pipeline.endcap for endcap in made)), made, plan.workers)
     latency: list[float] = []
     with ExitStack() as stack:
         if plan.page:
@@ -170,7 +171,7 @@ def live(model: LiveModel, plan: Plan, seconds: float) -> dict[str, float]:
 
 
 def _measured(run: LiveRun, latency: list[float], seconds: float, pid: int | None) -> dict[str, float]:
-    made = run.engine.caps
+    made = run.engine.endcaps
 
     class Sink:
         def put(self, reading) -> None:  # type: ignore[no-untyped-def]
@@ -181,11 +182,11 @@ def _measured(run: LiveRun, latency: list[float], seconds: float, pid: int | Non
         favour_the_loop()
         time.sleep(2.0)
         latency.clear()
-        before = [cap.health.dropped for cap in made]
+        before = [endcap.health.dropped for endcap in made]
         probe, begin = IdleProbe(), np.array(clocks(run, pid))
         time.sleep(seconds)
         wall, spent, loop, beside = np.array(clocks(run, pid)) - begin
-        dropped = sum(cap.health.dropped - b for cap, b in zip(made, before, strict=True))
+        dropped = sum(endcap.health.dropped - b for endcap, b in zip(made, before, strict=True))
     return {
         "frames": len(latency), "core_share": spent / wall, "loop_share": loop / wall, "page_share": beside / wall,
         "p50_ms": float(np.median(latency)), "p99_ms": float(np.percentile(latency, 99)),
@@ -202,12 +203,12 @@ def one_process(number: int, seconds: float) -> dict[str, float]:
 
 def six_processes(seconds: float) -> dict[str, float]:
     """Six of them at once: shares of a core add up, delays are the worst of the six."""
-    with ProcessPoolExecutor(CAPS, get_context("spawn")) as pool:
-        told = list(pool.map(one_process, range(CAPS), [seconds] * CAPS))
+    with ProcessPoolExecutor(ENDCAPS, get_context("spawn")) as pool:
+        reported = list(pool.map(one_process, range(ENDCAPS), [seconds] * ENDCAPS))
     return {
-        "frames": sum(t["frames"] for t in told), "core_share": sum(t["core_share"] for t in told),
-        "p50_ms": max(t["p50_ms"] for t in told), "p99_ms": max(t["p99_ms"] for t in told),
-        "idle_share": min(t["idle_share"] for t in told), "dropped": sum(t["dropped"] for t in told),
+        "frames": sum(t["frames"] for t in reported), "core_share": sum(t["core_share"] for t in reported),
+        "p50_ms": max(t["p50_ms"] for t in reported), "p99_ms": max(t["p99_ms"] for t in reported),
+        "idle_share": min(t["idle_share"] for t in reported), "dropped": sum(t["dropped"] for t in reported),
     }  # fmt: skip
 
 
@@ -234,12 +235,17 @@ def main() -> int:
     for name, weights, method in asked:
         model = load_model(name, params, weights, method)
         about = {"model": name, "method": method}
-        told, spent_ms = errors(model, film.ticks, options.step)
-        rows.append(about | {"caps": CAPS, "rate_hz": RATE_HZ} | told)
+        reported, spent_ms = errors(model, film.ticks, options.step)
+        rows.append(about | {"endcaps": ENDCAPS, "rate_hz": RATE_HZ} | reported)
         print(rows[-1], flush=True)
         for plan in COMPUTED:
-            how = {"caps": plan.caps, "workers": "computed", "rate_hz": plan.rate_hz, "in_step": int(plan.in_step)}
-            rows.append(about | how | computed(spent_ms, plan.caps, plan.rate_hz, plan.in_step))
+            how = {
+                "endcaps": plan.endcaps,
+                "workers": "computed",
+                "rate_hz": plan.rate_hz,
+                "in_step": int(plan.in_step),
+            }
+            rows.append(about | how | computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step))
             print(rows[-1], flush=True)
         if not options.seconds:
             continue
@@ -249,7 +255,7 @@ def main() -> int:
             rows.append(about | how | live(model, plan, options.seconds))
             print(rows[-1], flush=True)
         if ours:
-            how = {"caps": CAPS, "workers": "6 processes", "rate_hz": RATE_HZ, "outputs": "none"}
+            how = {"endcaps": ENDCAPS, "workers": "6 processes", "rate_hz": RATE_HZ, "outputs": "none"}
             rows.append(about | how | six_processes(options.seconds))
             print(rows[-1], flush=True)
     with (HERE / "live.csv").open("w", newline="") as file:

@@ -3,7 +3,7 @@
     python bench/bench_live_soak.py --seconds 3600
 
 Writes bench/live_soak.csv, one row for each twentieth of the run. Memory is the resident set of the process (MB), rates
-are readings a second of all caps together.
+are readings a second of all endcaps together.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 from live_probes import Viewer
 
 from sensing.live.demo.scene import scene_config
-from sensing.live.open_caps import open_caps
+from sensing.live.open_endcaps import open_endcaps
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun, favour_the_loop
 from sensing.live.web.page import PageServer
@@ -43,7 +43,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the run (60)")
     options = parser.parse_args()
     config, rows = scene_config(), []
-    run = LiveRun(config, open_caps(config))
+    run = LiveRun(config, open_endcaps(config))
     with tempfile.TemporaryDirectory() as folder:
         recording = Recording(run, Path(folder))
         page = PageServer(run, recording, "127.0.0.1", 0)
@@ -69,7 +69,11 @@ def main() -> int:
 
 def part(run: LiveRun, recording: Recording, file: Path, until_s: float) -> dict[str, Any]:
     """A part of the run, with a recording of its own that is thrown away."""
-    frames, cpu, begin = sum(cap.stats.frames for cap in run.engine.caps), time.process_time(), time.monotonic()
+    frames, cpu, begin = (
+        sum(endcap.stats.frames for endcap in run.engine.endcaps),
+        time.process_time(),
+        time.monotonic(),
+    )
     recording.start(file)
     time.sleep(max(0.0, until_s - time.monotonic()))
     recorded = recording.note.split(": ")[1]
@@ -78,7 +82,7 @@ def part(run: LiveRun, recording: Recording, file: Path, until_s: float) -> dict
     health, spent = run.engine.health(), time.monotonic() - begin
     return {
         "memory_mb": memory_mb(),
-        "rate_hz": (sum(cap.stats.frames for cap in run.engine.caps) - frames) / spent,
+        "rate_hz": (sum(endcap.stats.frames for endcap in run.engine.endcaps) - frames) / spent,
         "dropped": sum(h.dropped for h in health),
         "unusable": sum(h.faults for h in health),
         "p99_ms": max(h.p99_ms for h in health),

@@ -33,7 +33,7 @@ weights = ""
 method = "dots"
 weight_n = 117.7
 
-[[cap]]
+[[endcap]]
 name = "endcap_0"
 source = "SOURCE"
 zero = "zero.npz"
@@ -43,7 +43,7 @@ diameter_mm = 130.0
 wall_mm = 8.0
 T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 5.0], [0.0, 0.0, 0.0, 1.0]]
 
-[[cap]]
+[[endcap]]
 name = "endcap_1"
 source = "SOURCE"
 """

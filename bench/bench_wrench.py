@@ -67,9 +67,9 @@ def main() -> int:
     return 0
 
 
-def errors(told: np.ndarray, test: Samples) -> Row:
+def errors(reported: np.ndarray, test: Samples) -> Row:
     """RMSE over the three axes each."""
-    square = ((told - test.wrenches) ** 2).mean(axis=0)
+    square = ((reported - test.wrenches) ** 2).mean(axis=0)
     return {"force_rmse_n": float(np.sqrt(square[:3].mean())), "torque_rmse_nm": float(np.sqrt(square[3:].mean()))}
 
 
@@ -115,8 +115,8 @@ def times(train: list[Path], test: list[Path]) -> Iterator[Row]:
         begin = time.process_time()
         result = train_paper_model(released.fields, released.wrenches.astype(np.float32), 0, epochs, split)
         spent = time.process_time() - begin
-        told = predict(result.model, seen.fields)
-        yield errors(told, seen) | {"name": "paper", "seconds": spent, "x": spent}
+        reported = predict(result.model, seen.fields)
+        yield errors(reported, seen) | {"name": "paper", "seconds": spent, "x": spent}
 
 
 def latency(train: list[Path], test: list[Path]) -> Iterator[Row]:
@@ -185,9 +185,9 @@ def trained(known: Samples, unseen: Samples, config: FitConfig) -> Row:
     model: WrenchModel = fit(known, config)
     spent = time.process_time() - begin
     x = unseen.inputs
-    told, count = model.predict(x)[0], sum(w.size for name, w in model.weights.items() if name.startswith("mean."))
+    reported, count = model.predict(x)[0], sum(w.size for name, w in model.weights.items() if name.startswith("mean."))
     latency_us = microseconds(lambda: model.predict(x[:1]))
-    return errors(told, unseen) | {"seconds": spent, "microseconds": latency_us, "x": count}
+    return errors(reported, unseen) | {"seconds": spent, "microseconds": latency_us, "x": count}
 
 
 def microseconds(run: Callable[[], object], calls: int = 300) -> float:

@@ -51,16 +51,18 @@ def main() -> None:
     model = load_wrench_model(design, options.weights)
     rows, norms = [], {}
     stand = Rest(model, replace(RenderSettings(seed=0).at_level("data"), fresh_noise=True))
-    threshold = threshold_from_rest(np.array([w.force_n for w in stand.told(Lamp(), options.frames, 0)]), FALSE_RATE)
+    threshold = threshold_from_rest(
+        np.array([w.force_n for w in stand.reported(Lamp(), options.frames, 0)]), FALSE_RATE
+    )
     for number, (name, lamp) in enumerate(LAMPS.items(), 1):
-        told = list(stand.told(lamp, options.frames, number * options.frames))
+        reported = list(stand.reported(lamp, options.frames, number * options.frames))
         detector = ContactDetector(threshold)
-        norm = np.array([np.linalg.norm(w.force_n) for w in told])
-        false = sum(detector.update(wrench).touching for wrench in told)
+        norm = np.array([np.linalg.norm(w.force_n) for w in reported])
+        false = sum(detector.update(wrench).touching for wrench in reported)
         norms[name] = norm
         rows.append(
-            {"lamp": name, "frames": len(told), "median_n": np.median(norm), "p99_n": np.quantile(norm, 0.99),
-             "most_n": norm.max(), "threshold_n": threshold.on_n, "false_contacts": false / len(told)}
+            {"lamp": name, "frames": len(reported), "median_n": np.median(norm), "p99_n": np.quantile(norm, 0.99),
+             "most_n": norm.max(), "threshold_n": threshold.on_n, "false_contacts": false / len(reported)}
         )  # fmt: skip
         print(*(f"{v:.4g}" if isinstance(v, float) else v for v in rows[-1].values()), flush=True)
     with (HERE / "wrench_rest.csv").open("w", newline="") as stream:
@@ -79,7 +81,7 @@ class Rest:
         first = np.mean([self.picture(Lamp(), -1 - k).astype(float) for k in range(10)], axis=0)
         self.zero = Frame(0.0, 0, "rest", image=np.round(first).astype(np.uint8))
 
-    def told(self, lamp: Lamp, count: int, start: int) -> Iterator[Wrench]:
+    def reported(self, lamp: Lamp, count: int, start: int) -> Iterator[Wrench]:
         """The model's answers on frames under a lamp."""
         seen = model_input(self.zero, self.model.shape, self.model.design)
         for k in range(count):

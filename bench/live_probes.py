@@ -27,9 +27,9 @@ class Viewer:
     def close(self) -> int:
         """Number of states seen."""
         assert self._process.stdout is not None
-        told = self._process.stdout.read()  # it ends with the page
+        reported = self._process.stdout.read()  # it ends with the page
         self._process.wait()
-        return int(told or 0)
+        return int(reported or 0)
 
 
 async def view(url: str) -> int:
@@ -38,11 +38,11 @@ async def view(url: str) -> int:
     try:
         async with connect(url, max_size=None) as websocket:
             await websocket.recv()
-            await websocket.send('{"do":"show","cap":0}')
+            await websocket.send('{"do":"show","endcap":0}')
             async for message in websocket:
                 if isinstance(message, str):
                     seen += 1
-                    await websocket.send('{"do":"show","cap":0}')
+                    await websocket.send('{"do":"show","endcap":0}')
     except ConnectionClosed:
         pass
     return seen

@@ -102,8 +102,8 @@ def bomb(rng: random.Random) -> bytes:
     squeezed = zstandard.ZstdCompressor(level=1).compressobj(size=size)
     block = bytes(1 << 20)
     data = b"".join([*(squeezed.compress(block) for _ in range(size >> 20)), squeezed.flush()])
-    told = rng.choice((size, 1 << 16, 1 << 62, 0))
-    chunk = Chunk("zstd", data, 0, 0, 0, told)
+    reported = rng.choice((size, 1 << 16, 1 << 62, 0))
+    chunk = Chunk("zstd", data, 0, 0, 0, reported)
     builder = RecordBuilder()
     chunk.write(builder)
     return mcap_records.MAGIC + builder.end()
@@ -125,11 +125,11 @@ def _bad_message(rng: random.Random, record: McapRecord) -> McapRecord:
 def _bad_config(rng: random.Random, record: McapRecord) -> McapRecord:
     if not isinstance(record, Metadata):
         return record
-    told = json.loads(record.metadata["config"])
-    place = rng.choice((told, told["caps"][0], told["files"]))
+    reported = json.loads(record.metadata["config"])
+    place = rng.choice((reported, reported["endcaps"][0], reported["files"]))
     key = rng.choice(list(place))
     place[key] = rng.choice((None, 1, -1, 10**400, "x" * 5000, "\x1b[2J", [], {}, [[]] * 4, "/dev/zero", True, 1e308))
-    text = json.dumps(told)
+    text = json.dumps(reported)
     if rng.random() < 0.2:
         text = rng.choice(("[" * 100_000, "{", '"\\ud800"', "9" * 5000, mutated_text(rng, text + "\n")))
     data = text.encode("utf-8", "replace")

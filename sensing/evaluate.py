@@ -4,7 +4,7 @@
     python -m sensing.evaluate exports/test --weights weights.safetensors --train exports/data --csv table.csv
     python -m sensing.evaluate --train exports/data --holdout pose friction path random
 
-Our answers are those of :class:`sensing.live.core.pipeline.CapPipeline`, frame by frame, as a user runs it: once with
+Our answers are those of :class:`sensing.live.core.pipeline.EndcapPipeline`, frame by frame, as a user runs it: once with
 the ``camera.json`` that lies beside the frames (where one does), once without; each with tables by tilt and load.
 
 With ``--train`` the comparisons are fitted to the same loading paths: ridge, physics inverse, and the paper's model on
@@ -101,8 +101,8 @@ def evaluate(
         found |= _scores(answers, test, Path(folder).name)
         if np.isin(test.dots.phase, MOVING).any():
             for name, latency, predict in (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False)):
-                told = filtered_score(model, test.dots, latency, predict=predict)
-                found[f"ours + {name}, {Path(folder).name}"] = told
+                reported = filtered_score(model, test.dots, latency, predict=predict)
+                found[f"ours + {name}, {Path(folder).name}"] = reported
     return found, tables
 
 

@@ -79,9 +79,9 @@ def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
         ParameterError: a matrix that is no rigid transform.
     """
     adjoint = wrench_adjoint(rigid(T_target_source, f"T_{frame}_{wrench.frame}"))
-    told = adjoint @ np.concatenate([wrench.force_n, wrench.torque_nm])
+    reported = adjoint @ np.concatenate([wrench.force_n, wrench.torque_nm])
     covariance = adjoint @ wrench.covariance @ adjoint.T
-    return replace(wrench, force_n=told[:3], torque_nm=told[3:], covariance=covariance, frame=frame)
+    return replace(wrench, force_n=reported[:3], torque_nm=reported[3:], covariance=covariance, frame=frame)
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ class FtMount:
 
     def reading(self, wrench: Wrench) -> Array:
         """(6,) what the sensor shows for a wrench on the endcap: the inverse of :meth:`on_endcap`."""
-        told = wrench_in(wrench, inverse(self.T_endcap_ft), "ft")
-        return self.reads * np.concatenate([told.force_n, told.torque_nm]) + self.tare
+        reported = wrench_in(wrench, inverse(self.T_endcap_ft), "ft")
+        return self.reads * np.concatenate([reported.force_n, reported.torque_nm]) + self.tare
 
 
 def rigid(T: ArrayLike, name: str) -> Array:

@@ -1,8 +1,8 @@
 """Pairs camera frames with a force/torque sensor into labelled frames that ``sensing.train`` reads.
 
-    python -m sensing.record --source 0 --netft 192.168.1.1 --mount mount.json --out exports/cap3
-    python -m sensing.record --source run.avi --ft-csv run.csv --mount mount.json --out exports/cap3
-    python -m sensing.train exports/cap3 --method dots --start default --out cap3.safetensors
+    python -m sensing.record --source 0 --netft 192.168.1.1 --mount mount.json --out exports/endcap3
+    python -m sensing.record --source run.avi --ft-csv run.csv --mount mount.json --out exports/endcap3
+    python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors
 
 Begin untouched: the first frames (``--rest``) give the reference picture and the sensor's tare. Then press; every time
 the force goes back to rest a new loading path begins, and paths are what training and test never share. ``mount.json``

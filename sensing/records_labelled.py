@@ -34,7 +34,7 @@ COLUMNS: dict[str, str] = {
     "phase": "number in the manifest's phases",
     "level": "simulator level that answered (1 is the full model)",
     "scene": "robot scene, -1 without",
-    "cap": "endcap of the robot 0..5, -1 without",
+    "endcap": "endcap of the robot 0..5, -1 without",
     "time_s": "middle of the exposure, from the path's start",
     "exposure_s": "length of the exposure, 0 for a state at rest",
     "latency_s": "from the middle of the exposure to when the frame was published",

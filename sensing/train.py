@@ -1,7 +1,7 @@
 """Labelled frames to weights: ``python -m sensing.train --help``.
 
     python -m sensing.train exports/data --out weights.safetensors
-    python -m sensing.train exports/cap3 --method dots --start default --out cap3.safetensors      # own recording
+    python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors      # own recording
 
 An interrupted run goes on when the same command is given again. Wrenches about the sphere's centre, N and N m.
 """

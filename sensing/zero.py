@@ -1,8 +1,8 @@
 """The undeformed reference of a sensor: take it, compare with it, keep it up to date.
 
-    python -m sensing.zero take --source 0 --sensor "cap 3" --out cap3.npz
-    python -m sensing.zero check --zero cap3.npz --source 0
-    python -m sensing.zero watch --zero cap3.npz --source 0 --still 30
+    python -m sensing.zero take --source 0 --sensor "endcap 3" --out endcap3.npz
+    python -m sensing.zero check --zero endcap3.npz --source 0
+    python -m sensing.zero watch --zero endcap3.npz --source 0 --still 30
 
 What it is and when it is renewed: :mod:`sensing.tracking.zero`.
 """

@@ -19,9 +19,9 @@ COMMAND = """
 import sys
 from sensing.live.ending import end_at_once, leave
 end_at_once()
-import sensing.live.open_caps as caps
+import sensing.live.open_endcaps as endcaps
 from live_stand_in import stand_in
-caps.load_model = lambda *_: stand_in()
+endcaps.load_model = lambda *_: stand_in()
 from sensing.live.cli import main
 leave(main(sys.argv[1:]))
 """

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 import cv2
 import numpy as np
 
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel, live_model
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.newest import FrameSource
@@ -103,8 +103,8 @@ class Shown:
         return source
 
 
-def pipeline(name: str = "endcap_0", number: int = 0, zero_frames: int = 1, source: str = "test") -> CapPipeline:
-    return CapPipeline(CapConfig(name, source), stand_in(), None, number, zero_frames)
+def pipeline(name: str = "endcap_0", number: int = 0, zero_frames: int = 1, source: str = "test") -> EndcapPipeline:
+    return EndcapPipeline(EndcapConfig(name, source), stand_in(), None, number, zero_frames)
 
 
 def wait_for(condition: Callable[[], object], seconds: float = 180.0) -> None:

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import LabelledFrame, LabelledSet
 from sensing.tracking.zero import single_zero
 
@@ -53,7 +53,7 @@ class LiveAnswers:
 
 
 def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> LiveAnswers:
-    """Run all frames of a set through :class:`sensing.live.core.pipeline.CapPipeline`.
+    """Run all frames of a set through :class:`sensing.live.core.pipeline.EndcapPipeline`.
 
     Args:
         data: labelled frames with pictures.
@@ -89,6 +89,8 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
     return LiveAnswers(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _pipeline(design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None) -> CapPipeline:
-    config = CapConfig("evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera)
-    return CapPipeline(config, model, single_zero(item.reference))
+def _pipeline(design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:
+    config = EndcapConfig(
+        "evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera
+    )
+    return EndcapPipeline(config, model, single_zero(item.reference))

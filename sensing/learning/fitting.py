@@ -139,10 +139,10 @@ def _started(start: WrenchModel, samples: Samples) -> WrenchNet:
 
 def _gain(start: WrenchModel, samples: Samples) -> Array:
     """(6, 6) that takes the old answers to the new labels, near the identity: a few samples tell another stiffness."""
-    told, told_for = start.predict(samples.inputs)[0] / UNITS, samples.wrenches / UNITS
-    gram = told.T @ told
+    reported, reported_for = start.predict(samples.inputs)[0] / UNITS, samples.wrenches / UNITS
+    gram = reported.T @ reported
     damping = GAIN_SHARE * float(np.trace(gram)) / 6 + 1e-9
-    change = np.linalg.solve(gram + damping * np.eye(6), told.T @ (told_for - told)).T
+    change = np.linalg.solve(gram + damping * np.eye(6), reported.T @ (reported_for - reported)).T
     return (np.eye(6) + change) * UNITS[:, None] / UNITS
 
 

@@ -52,7 +52,7 @@ class Score:
 
 
 def score(
-    told: Array,
+    reported: Array,
     truth: Array,
     contact: NDArray[np.bool_],
     covariance: Array | None = None,
@@ -67,14 +67,16 @@ def score(
     Raises:
         ParameterError: shapes that do not fit, or answers that are not finite.
     """
-    if told.shape != truth.shape or told.shape[1:] != (6,) or not len(told):
-        raise ParameterError(f"told {told.shape}, truth {truth.shape}: need (N, 6) of both, N at least 1", name="told")
-    if not np.isfinite(told).all():
+    if reported.shape != truth.shape or reported.shape[1:] != (6,) or not len(reported):
+        raise ParameterError(
+            f"told {reported.shape}, truth {truth.shape}: need (N, 6) of both, N at least 1", name="told"
+        )
+    if not np.isfinite(reported).all():
         raise ParameterError("told holds numbers that are not finite: a model must never give them", name="told")
-    error = told - truth
-    force, true_force = np.linalg.norm(told[:, :3], axis=1), np.linalg.norm(truth[:, :3], axis=1)
+    error = reported - truth
+    force, true_force = np.linalg.norm(reported[:, :3], axis=1), np.linalg.norm(truth[:, :3], axis=1)
     clear = (true_force >= DIRECTION_N) & (force > 0)
-    cosine = (told[clear, :3] * truth[clear, :3]).sum(axis=1) / (force * true_force)[clear]
+    cosine = (reported[clear, :3] * truth[clear, :3]).sum(axis=1) / (force * true_force)[clear]
     said, real = force >= CONTACT_N, true_force >= CONTACT_N
     hits = float((said & real).sum())
     coverage = float("nan")
@@ -82,7 +84,7 @@ def score(
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         coverage = float((np.abs(error) <= 1.959964 * sigma)[contact].mean()) if contact.any() else float("nan")
     return Score(
-        count=len(told),
+        count=len(reported),
         rmse=tuple(np.sqrt((error**2).mean(axis=0)).tolist()),
         mae=tuple(np.abs(error).mean(axis=0).tolist()),
         mixed_mse=float((error**2).mean()),

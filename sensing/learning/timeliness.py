@@ -34,9 +34,9 @@ def filtered_score(
     answers = [
         _answers(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)
     ]
-    told, truth, spread, contact, _ = map(np.concatenate, zip(*answers, strict=True))
-    lags = [lag for told_, truth_, _, _, now in answers if np.isfinite(lag := _lag_of_run(told_, truth_, now))]
-    return replace(score(told, truth, contact, spread), lag_s=float(np.median(lags)) if lags else float("nan"))
+    reported, truth, spread, contact, _ = map(np.concatenate, zip(*answers, strict=True))
+    lags = [lag for reported_, truth_, _, _, now in answers if np.isfinite(lag := _lag_of_run(reported_, truth_, now))]
+    return replace(score(reported, truth, contact, spread), lag_s=float(np.median(lags)) if lags else float("nan"))
 
 
 def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:
@@ -54,40 +54,42 @@ def _answers(
 ) -> tuple[Array, Array, Array, NDArray[np.bool_], Array]:  # fmt: skip
     """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run."""
     times = test.time_s[rows]
-    told, spread = [], []
+    reported, spread = [], []
     for row in rows[times + latency_s <= times[-1]]:
         at = test.time_s[row]
         smooth.update(Wrench(at, value[row, :3], value[row, 3:], "sphere", covariance[row]))
         answer = smooth.at(at + latency_s if predict else at)
-        told.append([*answer.force_n, *answer.torque_nm])
+        reported.append([*answer.force_n, *answer.torque_nm])
         spread.append(answer.covariance)
-    now = times[: len(told)] + latency_s
+    now = times[: len(reported)] + latency_s
     truth = np.stack([np.interp(now, times, test.wrenches[rows, axis]) for axis in range(6)], axis=1)
-    shaped = np.reshape(told, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6))
-    return *shaped, test.contact[rows[: len(told)]].astype(bool), now
+    shaped = np.reshape(reported, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6))
+    return *shaped, test.contact[rows[: len(reported)]].astype(bool), now
 
 
-def _lag_of_run(told: Array, truth: Array, times_s: Array) -> float:
+def _lag_of_run(reported: Array, truth: Array, times_s: Array) -> float:
     """Lag of the force that moves most; NaN where none moves, or frames are few or missing."""
     steps = np.diff(times_s)
     if len(steps) < LAG_FRAMES or steps.max() > 1.5 * np.median(steps):
         return float("nan")
     axis = int(truth[:, :3].std(axis=0).argmax())
-    return lag_s(told[:, axis], truth[:, axis], times_s) if truth[:, axis].std() > MOVING_N else float("nan")
+    return lag_s(reported[:, axis], truth[:, axis], times_s) if truth[:, axis].std() > MOVING_N else float("nan")
 
 
-def lag_s(told: Array, truth: Array, times_s: Array) -> float:
+def lag_s(reported: Array, truth: Array, times_s: Array) -> float:
     """Delay of an answer behind the truth: the shift that leaves the least misfit (parabola through the best three)."""
     step = float(np.median(np.diff(times_s)))
     shifts = np.arange(-5, 6)
-    misfits = np.array([_misfit(told, truth, int(k)) for k in shifts])
+    misfits = np.array([_misfit(reported, truth, int(k)) for k in shifts])
     best = int(np.clip(misfits.argmin(), 1, len(misfits) - 2))
     left, middle, right = misfits[best - 1 : best + 2]
     bend = left - 2 * middle + right
     return float(step * (shifts[best] + (0.5 * (left - right) / bend if bend > 0 else 0.0)))
 
 
-def _misfit(told: Array, truth: Array, shift: int) -> float:
+def _misfit(reported: Array, truth: Array, shift: int) -> float:
     """Mean square difference of an answer to the truth ``shift`` samples earlier."""
-    ahead, behind = (told[shift:], truth[: len(truth) - shift]) if shift >= 0 else (told[:shift], truth[-shift:])
+    ahead, behind = (
+        (reported[shift:], truth[: len(truth) - shift]) if shift >= 0 else (reported[:shift], truth[-shift:])
+    )
     return float(((ahead - behind) ** 2).mean())

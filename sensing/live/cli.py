@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import MODELS, CapConfig, LiveConfig, load_config
+from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, load_config
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
 from sensing.live.options import complete
@@ -21,7 +21,7 @@ from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import METHODS
 
 DESCRIPTION = """\
-Wrench and contact of endcaps, live. Without arguments: a simulated robot on six caps.
+Wrench and contact of endcaps, live. Without arguments: a simulated robot on six endcaps.
 
   python -m sensing.live                                simulated robot, numbers here, page in the browser
   python -m sensing.live --camera 0,2,4                 three USB cameras
@@ -31,7 +31,7 @@ Wrench and contact of endcaps, live. Without arguments: a simulated robot on six
   python -m sensing.live --record run.mcap              with a recording; --replay run.mcap gives the same numbers
   python -m sensing.live --json --no-page | jq .force_n
 
-Cameras are zeroed at the start: leave the caps untouched for a second. Forces in N and torques in N m act on the
+Cameras are zeroed at the start: leave the endcaps untouched for a second. Forces in N and torques in N m act on the
 endcap, at the origin of its frame.
 """
 EPILOG = """\
@@ -53,29 +53,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sensing.live.open_caps import open_caps
+    from sensing.live.open_endcaps import open_endcaps
 
     config = _config(options)
     if options.check:
         return _check(options.replay, config)
     if options.replay is None:
-        caps = open_caps(config, options.speed)
+        endcaps = open_endcaps(config, options.speed)
     else:
-        from sensing.live.replay import replay_caps
+        from sensing.live.replay import replay_endcaps
 
-        caps = replay_caps(options.replay, config, options.speed)
-    if any(cap.pipeline.model.method == "dots" for cap in caps):
+        endcaps = replay_endcaps(options.replay, config, options.speed)
+    if any(endcap.pipeline.model.method == "dots" for endcap in endcaps):
         from sensing.live.core.warm_up import warm_up
 
         warm_up(lambda text: print(text, file=sys.stderr))
-    run = LiveRun(config, caps, min(options.workers, len(caps)))
+    run = LiveRun(config, endcaps, min(options.workers, len(endcaps)))
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
         add_outputs(run, options, outputs, lines)
         favour_the_loop()
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]
-    losses += [said for cap in caps if (said := getattr(cap.feed, "damage", ""))]
+    losses += [said for endcap in endcaps if (said := getattr(endcap.feed, "damage", ""))]
     for line in dict.fromkeys(losses):
         print(f"sensing.live: {printable(line)}", file=sys.stderr)
     return LOST if losses else 0
@@ -111,17 +111,19 @@ def _config(options: argparse.Namespace) -> LiveConfig:
         from sensing.live.demo.scene import scene_config
 
         config = scene_config(model, options.weights, options.method)
-        return replace(config, caps=tuple(replace(cap, rate_hz=options.rate) for cap in config.caps))
-    caps = tuple(
-        CapConfig(
+        return replace(config, endcaps=tuple(replace(endcap, rate_hz=options.rate) for endcap in config.endcaps))
+    endcaps = tuple(
+        EndcapConfig(
             f"endcap_{number}", word, options.zero, options.diameter, options.wall, rate_hz=options.rate,
             exposure=options.exposure,
         )
         for number, word in enumerate(words)
     )  # fmt: skip
-    if options.zero is not None and len(caps) > 1:
-        raise ParameterError("--zero is for one cap: write a configuration with python -m sensing.setup", name="zero")
-    return LiveConfig(caps, model, options.weights, options.method)
+    if options.zero is not None and len(endcaps) > 1:
+        raise ParameterError(
+            "--zero is for one endcap: write a configuration with python -m sensing.setup", name="zero"
+        )
+    return LiveConfig(endcaps, model, options.weights, options.method)
 
 
 def _sources(options: argparse.Namespace) -> list[str]:
@@ -145,10 +147,12 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     what = parser.add_argument_group("where frames come from").add_mutually_exclusive_group()
-    what.add_argument("--camera", metavar="N[,N]", help="numbers of USB cameras, one a cap")
-    what.add_argument("--video", type=Path, metavar="FILE", help="a video; its first picture is the untouched cap")
-    what.add_argument("--photos", type=Path, metavar="DIR", help="a folder of pictures; the first is the untouched cap")
-    what.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another cap")
+    what.add_argument("--camera", metavar="N[,N]", help="numbers of USB cameras, one an endcap")
+    what.add_argument("--video", type=Path, metavar="FILE", help="a video; its first picture is the untouched endcap")
+    what.add_argument(
+        "--photos", type=Path, metavar="DIR", help="a folder of pictures; the first is the untouched endcap"
+    )
+    what.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another endcap")
     what.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
     what.add_argument("--config", type=Path, metavar="FILE", help="endcaps.toml")
     model = parser.add_argument_group("what is computed")
@@ -161,7 +165,7 @@ def _parser() -> argparse.ArgumentParser:
     model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
     model.add_argument("--speed", type=float, metavar="X", help="of files; 0: as fast as possible (1)")
-    model.add_argument("--workers", type=int, metavar="N", help="threads that share the caps (1)")
+    model.add_argument("--workers", type=int, metavar="N", help="threads that share the endcaps (1)")
     out = parser.add_argument_group("outputs")
     out.add_argument("--no-page", action="store_true", help="numbers here only")
     out.add_argument("--host", help="address of the page (127.0.0.1); others need a token")

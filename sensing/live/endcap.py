@@ -15,14 +15,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.stats import EndcapHealth
 from sensing.live.core.warm_up import warm_up
-from sensing.live.open_caps import open_caps
+from sensing.live.open_endcaps import open_endcaps
 from sensing.records import Wrench
 from sensing.tracking.zero import ZeroError
 
@@ -33,13 +33,13 @@ class Endcap:
     """A running endcap; use as a context manager.
 
     Args:
-        cap: with its source, not yet started.
+        endcap: with its source, not yet started.
     """
 
-    def __init__(self, cap: LiveCap) -> None:
-        self._cap = cap
+    def __init__(self, endcap: LiveEndcap) -> None:
+        self._endcap = endcap
         self._readings = _Readings()
-        self._engine = Engine([cap], [self._readings])
+        self._engine = Engine([endcap], [self._readings])
 
     def __enter__(self) -> Endcap:
         self._engine.__enter__()
@@ -53,7 +53,7 @@ class Endcap:
         self._engine.close()
         self._readings.close()
 
-    def readings(self) -> Iterator[CapReading]:
+    def readings(self) -> Iterator[EndcapReading]:
         """Everything that each frame gives, until the source ends or the endcap is closed."""
         while True:
             reading = self._readings.take(0.1)
@@ -81,7 +81,7 @@ class Endcap:
         Raises:
             ZeroError: it is touched. A reference that looks pressed later is refused in ``health.message``.
         """
-        refusal = self._cap.pipeline.request_zero(confirmed)
+        refusal = self._endcap.pipeline.request_zero(confirmed)
         if refusal:
             raise ZeroError(refusal)
 
@@ -91,7 +91,7 @@ class Endcap:
         Raises:
             ZeroError: there is none.
         """
-        refusal = self._cap.pipeline.request_undo()
+        refusal = self._endcap.pipeline.request_undo()
         if refusal:
             raise ZeroError(refusal)
 
@@ -103,13 +103,13 @@ class Endcap:
     @property
     def touching(self) -> bool | None:
         """Whether the last frame shows contact; None while that is not known."""
-        last = self._cap.stats.last
+        last = self._endcap.stats.last
         return last.contact.touching if last is not None and last.contact.known and self.valid else None
 
     @property
-    def health(self) -> CapHealth:
+    def health(self) -> EndcapHealth:
         """Rate, delay, drops and what is wrong."""
-        return self._cap.health
+        return self._endcap.health
 
 
 def open_endcap(
@@ -130,9 +130,9 @@ def open_endcap(
     Raises:
         EndcapError: a source, file or design that cannot be used.
     """
-    cap = CapConfig("endcap_0", source, None if zero is None else Path(zero), diameter_mm, wall_mm)
+    endcap = EndcapConfig("endcap_0", source, None if zero is None else Path(zero), diameter_mm, wall_mm)
     models = None if model is None else lambda _: model
-    opened = Endcap(open_caps(LiveConfig((cap,)), models=models)[0])
+    opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
     warm_up(lambda text: print(text, file=sys.stderr))
     return opened
 
@@ -147,7 +147,7 @@ class _Readings(QueuedSink):
     def closed(self) -> bool:
         return self._closing
 
-    def take(self, timeout_s: float) -> CapReading | None:
+    def take(self, timeout_s: float) -> EndcapReading | None:
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing, timeout_s)
             return self._queue.popleft() if self._queue else None

@@ -97,8 +97,8 @@ def _too_short(place: Place, stream: BinaryIO, size: int) -> FileError:
 
 def _check_end(place: Place, body: bytes, check_sum: int, stream: BinaryIO) -> None:
     """The two check sums that the end of a whole file has; 0 stands for none."""
-    told = struct.unpack("<I", body)[0] if len(body) == 4 else None
-    if told is None or told not in (0, check_sum):
+    reported = struct.unpack("<I", body)[0] if len(body) == 4 else None
+    if reported is None or reported not in (0, check_sum):
         raise damaged(place, "the check sum of all before it differs")
     begin, end = stream.tell(), stream.seek(0, os.SEEK_END)
     stream.seek(max(begin, end - TAIL))

@@ -50,7 +50,7 @@ def complete(options: argparse.Namespace) -> argparse.Namespace:
 def _ignored(option: str, source: str, options: argparse.Namespace) -> ParameterError:
     shown = source if source == ROBOT else f"--{source}"
     if source == "config" and option in IN_FILE:
-        fix = f"set {IN_FILE[option]} of each [[cap]] in {options.config}"
+        fix = f"set {IN_FILE[option]} of each [[endcap]] in {options.config}"
     elif source == "replay":
         fix = "a recording holds its own; leave it out"
     else:

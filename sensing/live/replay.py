@@ -1,6 +1,6 @@
 """A recording through the same pipeline again: same pictures, same capture times, same references, same bits.
 
-    for cap in replay_caps(path, config): ...        # as sensing.live.open_caps.open_caps
+    for endcap in replay_endcaps(path, config): ...        # as sensing.live.open_endcaps.open_endcaps
     verify(path, config)                             # frames, and frames whose wrench differs in any bit
 
 A file that is cut or damaged is read up to there.
@@ -21,11 +21,11 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 from cad.errors import FileError
 from sensing.decode import MOST_PIXELS, png_size
 from sensing.live.core.config import LiveConfig
-from sensing.live.core.engine import LiveCap
+from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import Captured, FileFeed, Pace
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.mcap_records import CutError, DamagedError, read_records
-from sensing.live.open_caps import Models, configured_models
+from sensing.live.open_endcaps import Models, configured_models
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
 from sensing.live.outputs.recorder import TOPICS
@@ -85,31 +85,33 @@ def read_config(path: Path, model: str | None = None, weights: Path | None = Non
     return config if weights is None else replace(config, weights=weights)
 
 
-def replay_caps(path: Path, config: LiveConfig, speed: float = 1.0, models: Models | None = None) -> list[LiveCap]:
-    """Caps that read from a recording, keeping step with one another."""
+def replay_endcaps(
+    path: Path, config: LiveConfig, speed: float = 1.0, models: Models | None = None
+) -> list[LiveEndcap]:
+    """Endcaps that read from a recording, keeping step with one another."""
     models, pace = models or configured_models(config), Pace(speed)
-    caps = []
-    for number, cap in enumerate(config.caps):
-        pipeline = CapPipeline(cap, models(cap), None, number, zero_frames=0)
-        caps.append(LiveCap(ReplayFeed(path, cap.name, pipeline.set_zero, pace), pipeline))
-    return caps
+    endcaps = []
+    for number, endcap in enumerate(config.endcaps):
+        pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
+        endcaps.append(LiveEndcap(ReplayFeed(path, endcap.name, pipeline.set_zero, pace), pipeline))
+    return endcaps
 
 
 class ReplayFeed(FileFeed):
-    """Frames of one cap of a recording; hands over references when they are due.
+    """Frames of one endcap of a recording; hands over references when they are due.
 
     Args:
-        path: recording. cap: name. set_zero: takes a reference, in the thread that takes the frames. pace: shared.
+        path: recording. endcap: name. set_zero: takes a reference, in the thread that takes the frames. pace: shared.
 
     Attributes:
         damage: where the file is damaged; empty if it is not, so far.
     """
 
-    def __init__(self, path: Path, cap: str, set_zero: Callable[[Zero], None], pace: Pace) -> None:
+    def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero], None], pace: Pace) -> None:
         self._zeros: dict[int, Zero] = {}
         self._set_zero = set_zero
         self.damage = ""
-        super().__init__(lambda: self._frames_of(path, cap), pace)
+        super().__init__(lambda: self._frames_of(path, endcap), pace)
 
     def take(self) -> Captured | None:
         """The next frame that is due, after the reference it begins with."""
@@ -120,9 +122,9 @@ class ReplayFeed(FileFeed):
                 self._set_zero(zero)
         return item
 
-    def _frames_of(self, path: Path, cap: str) -> Iterator[Frame]:
+    def _frames_of(self, path: Path, endcap: str) -> Iterator[Frame]:
         try:
-            for recorded in recorded_frames(path, cap):
+            for recorded in recorded_frames(path, endcap):
                 if recorded.zero is not None:
                     self._zeros[id(recorded.frame)] = recorded.zero
                 yield recorded.frame
@@ -131,28 +133,28 @@ class ReplayFeed(FileFeed):
             raise
 
 
-def recorded_frames(path: Path, cap: str) -> Iterator[Recorded]:
-    """Pictures of a cap in the order of recording.
+def recorded_frames(path: Path, endcap: str) -> Iterator[Recorded]:
+    """Pictures of an endcap in the order of recording.
 
     Raises:
         FileError: missing, or no MCAP. DamagedError, CutError: after the pictures that can be read.
     """
     zero, time_s, begun = None, None, False
-    for topic, message in _messages(path, cap):
+    for topic, message in _messages(path, endcap):
         if topic == "zero":
-            zero, begun = single_zero(_frame(path, cap, message, 0.0), cap), True
+            zero, begun = single_zero(_frame(path, endcap, message, 0.0), endcap), True
         elif topic == "image/capture_time":
             time_s = _number(path, topic, message)
         elif topic == "image/compressed" and time_s is not None and begun:
-            yield Recorded(_frame(path, cap, message, time_s), zero)
+            yield Recorded(_frame(path, endcap, message, time_s), zero)
             zero, time_s = None, None
 
 
-def recorded_wrenches(path: Path, cap: str) -> list[np.ndarray]:
-    """(6,) filtered wrench of every frame of a cap, as recorded, as far as the file can be read."""
+def recorded_wrenches(path: Path, endcap: str) -> list[np.ndarray]:
+    """(6,) filtered wrench of every frame of an endcap, as recorded, as far as the file can be read."""
     found = []
     try:
-        for topic, message in _messages(path, cap):
+        for topic, message in _messages(path, endcap):
             if topic == "wrench/wrench_pred":
                 found.append(_wrench(path, message))
     except (CutError, DamagedError):
@@ -163,15 +165,15 @@ def recorded_wrenches(path: Path, cap: str) -> list[np.ndarray]:
 def verify(path: Path, config: LiveConfig, models: Models | None = None) -> Check:
     """Compute everything again and compare."""
     models, check = models or configured_models(config), Check(0, 0)
-    for number, cap in enumerate(config.caps):
-        pipeline = CapPipeline(cap, models(cap), None, number, zero_frames=0)
-        told = iter(recorded_wrenches(path, cap.name))
+    for number, endcap in enumerate(config.endcaps):
+        pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
+        reported = iter(recorded_wrenches(path, endcap.name))
         try:
-            for recorded in recorded_frames(path, cap.name):
+            for recorded in recorded_frames(path, endcap.name):
                 if recorded.zero is not None:
                     pipeline.set_zero(recorded.zero)
                 reading = pipeline.update(recorded.frame)
-                before = next(told, None)
+                before = next(reported, None)
                 if before is None:
                     break  # the end of a cut recording
                 again = None if reading is None else [*reading.wrench.force_n, *reading.wrench.torque_nm]
@@ -182,18 +184,18 @@ def verify(path: Path, config: LiveConfig, models: Models | None = None) -> Chec
     return check
 
 
-def _frame(path: Path, cap: str, message: Message, time_s: float) -> Frame:
-    told = _decoded(path, ros.IMAGE, message)
-    data, sequence = bytes(told.data), message.sequence
-    size = jpeg_size(data) if told.format == "jpeg" else png_size(data)
+def _frame(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
+    reported = _decoded(path, ros.IMAGE, message)
+    data, sequence = bytes(reported.data), message.sequence
+    size = jpeg_size(data) if reported.format == "jpeg" else png_size(data)
     if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
         raise _unusable(path, message, f"a picture of {size} px")
-    if told.format == "jpeg":
-        return Frame(time_s, sequence, cap, jpeg=data, size=size)
+    if reported.format == "jpeg":
+        return Frame(time_s, sequence, endcap, jpeg=data, size=size)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise _unusable(path, message, "no picture")
-    return Frame(time_s, sequence, cap, image=image)
+    return Frame(time_s, sequence, endcap, image=image)
 
 
 def _number(path: Path, topic: str, message: Message) -> float:
@@ -222,12 +224,12 @@ def _unusable(path: Path, message: Message, reason: str) -> DamagedError:
     )
 
 
-def _messages(path: Path, cap: str) -> Iterator[tuple[str, Message]]:
+def _messages(path: Path, endcap: str) -> Iterator[tuple[str, Message]]:
     topics: dict[int, str] = {}
     records: Iterator[McapRecord] = read_records(path)
     for record in records:
-        if isinstance(record, Channel) and record.topic.startswith(f"/{cap}/"):
-            topic = record.topic.removeprefix(f"/{cap}/")
+        if isinstance(record, Channel) and record.topic.startswith(f"/{endcap}/"):
+            topic = record.topic.removeprefix(f"/{endcap}/")
             if topic in TOPICS:
                 topics[record.id] = topic
         elif isinstance(record, Message) and record.channel_id in topics:

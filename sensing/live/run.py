@@ -1,4 +1,4 @@
-"""One run from start to end: caps, outputs, the lines in the terminal, and a clean stop by Ctrl-C or SIGTERM."""
+"""One run from start to end: endcaps, outputs, the lines in the terminal, and a clean stop by Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TextIO, cast
 
 from cad.errors import printable
 from sensing.live.core.config import LiveConfig
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.latest import Latest
 from sensing.live.core.robot import RobotState, robot_state
 from sensing.live.ending import Stop
@@ -28,14 +28,14 @@ class LiveRun:
 
     Attributes:
         config: what runs. engine: the loop. latest: newest readings.
-        notes: lines for the terminal beside those of the caps. losses: what was asked for and is not whole; each
+        notes: lines for the terminal beside those of the endcaps. losses: what was asked for and is not whole; each
             says so in a line, or nothing. patience_s: for how long an output may finish.
     """
 
-    def __init__(self, config: LiveConfig, caps: Sequence[LiveCap], workers: int = 1) -> None:
+    def __init__(self, config: LiveConfig, endcaps: Sequence[LiveEndcap], workers: int = 1) -> None:
         self.config = config
-        self.latest = Latest([cap.name for cap in config.caps])
-        self.engine = Engine(caps, [self.latest], workers)
+        self.latest = Latest([endcap.name for endcap in config.endcaps])
+        self.engine = Engine(endcaps, [self.latest], workers)
         self.notes: list[Callable[[], str]] = []
         self.losses: list[Callable[[], str]] = []
         self.patience_s = PATIENCE_S
@@ -52,19 +52,19 @@ class LiveRun:
         return any(reason() for reason in self._reasons)
 
     def robot(self) -> RobotState:
-        """What the caps say together, now."""
-        return robot_state(self.config.caps, self.latest.all(), self.config.weight_n, time.monotonic())
+        """What the endcaps say together, now."""
+        return robot_state(self.config.endcaps, self.latest.all(), self.config.weight_n, time.monotonic())
 
-    def zero(self, cap: str | None = None, confirmed: bool = False) -> None:
+    def zero(self, endcap: str | None = None, confirmed: bool = False) -> None:
         """Take a new reference of one endcap, or of all; ``confirmed``: also of one that is touched."""
-        for each in self.engine.caps:
-            if cap is None or each.name == cap:
+        for each in self.engine.endcaps:
+            if endcap is None or each.name == endcap:
                 each.pipeline.request_zero(confirmed)
 
-    def undo_zero(self, cap: str) -> None:
+    def undo_zero(self, endcap: str) -> None:
         """Go back to the reference before."""
-        for each in self.engine.caps:
-            if each.name == cap:
+        for each in self.engine.endcaps:
+            if each.name == endcap:
                 each.pipeline.request_undo()
 
 

@@ -31,7 +31,7 @@ JPEG_QUALITY = 95
 UNKNOWN: dict[str, Any] = {
     "T_world_endcap": np.full((4, 4), np.nan), "shift_mm": np.full(2, np.nan), "dots_mm": np.zeros((0, 3), np.float32),
     "dots_px": np.zeros((0, 2), np.float32), "dots_visible": np.zeros(0, bool), "phase": 0, "level": 0, "scene": -1,
-    "cap": -1, "reference": 0,
+    "endcap": -1, "reference": 0,
 }  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Whether an endcap touches anything: a threshold from an untouched interval, hysteresis, one state per endcap.
 
     threshold = threshold_from_rest(rest_force_n, false_positive_rate=1e-3)
-    detectors = {cap: ContactDetector(threshold[cap]) for cap in caps}
-    touching = detectors[cap].update(wrench).touching
+    detectors = {endcap: ContactDetector(threshold[endcap]) for endcap in endcaps}
+    touching = detectors[endcap].update(wrench).touching
 
 Forces in N, times in s. A rate is per frame: 1e-3 at 30 Hz is one false contact in 33 s.
 

@@ -136,7 +136,7 @@ class WrenchFilter:
         step = wrench.time_s - self._last.time_s
         if step <= 0:
             self.late += 1
-            return self._told(self._last.time_s, wrench.flags | {"late"})
+            return self._reported(self._last.time_s, wrench.flags | {"late"})
         if not usable:
             return self._predicted(wrench.time_s, wrench.flags | {"missing"})
         if step > self.config.gap_s:
@@ -149,7 +149,7 @@ class WrenchFilter:
         )
         correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
         self._last = wrench
-        return self._told(wrench.time_s, wrench.flags)
+        return self._reported(wrench.time_s, wrench.flags)
 
     @property
     def last_s(self) -> float | None:
@@ -175,14 +175,14 @@ class WrenchFilter:
         self._state[:, 0], self._state[:, 1] = measured, 0.0
         self._covariance[:, 0], self._covariance[:, 1], self._covariance[:, 2] = variance, 0.0, self._rates
         self._last, self.nis = wrench, float("nan")
-        return self._told(wrench.time_s, wrench.flags)
+        return self._reported(wrench.time_s, wrench.flags)
 
     def _ahead(self, step: float) -> tuple[Array, Array]:
         return ahead(self._state, self._covariance, step, self._walk, self._density)
 
     def _variance(self, covariance: Array) -> Array:
-        told = covariance.diagonal()
-        return np.where((told > TINY) & (told < np.inf), told, self._noise)
+        reported = covariance.diagonal()
+        return np.where((reported > TINY) & (reported < np.inf), reported, self._noise)
 
     def _predicted(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
@@ -193,13 +193,13 @@ class WrenchFilter:
             flags = flags | {"stale"}
         return _wrench(time_s, mixture(self._weight, state, covariance), self._last.frame, flags)
 
-    def _told(self, time_s: float, flags: frozenset[str]) -> Wrench:
+    def _reported(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
         return _wrench(time_s, mixture(self._weight, self._state, self._covariance), self._last.frame, flags)
 
 
-def _wrench(time_s: float, told: tuple[Array, Array], frame: str, flags: frozenset[str]) -> Wrench:
-    value, variance = told
+def _wrench(time_s: float, reported: tuple[Array, Array], frame: str, flags: frozenset[str]) -> Wrench:
+    value, variance = reported
     covariance = np.zeros((6, 6))
     covariance.flat[::7] = variance
     return Wrench(time_s, value[:3], value[3:], frame, covariance, flags)

@@ -70,12 +70,12 @@ def _product(line, x):
 @numba.njit(**_HELPER)
 def _units(weight, bias, inputs, anchored):
     """Answers silu(a + b) of a layer's units; ``anchored``: minus silu(b)."""
-    told = np.empty(len(bias))
+    reported = np.empty(len(bias))
     for k in range(len(bias)):
-        told[k] = _silu(_product(weight[k], inputs) + bias[k])
+        reported[k] = _silu(_product(weight[k], inputs) + bias[k])
         if anchored:
-            told[k] -= _silu(np.float64(bias[k]))
-    return told
+            reported[k] -= _silu(np.float64(bias[k]))
+    return reported
 
 
 @numba.njit(**_HELPER)
@@ -128,23 +128,25 @@ def ahead(state, covariance, step, walk, density):
 @numba.njit(**_KERNEL)
 def believe(weight, state, covariance, measured, variance, memory, least):
     """Weights (M, 6) after a measurement (6,), before it is taken in: Bayes' rule with a fading past, none at zero."""
-    count, told = len(weight), np.empty(weight.shape)
+    count, reported = len(weight), np.empty(weight.shape)
     for k in range(6):
         best, total, kept = -math.inf, 0.0, 0.0
         for m in range(count):
             spread = covariance[m, 0, k] + variance[k]
             innovation = measured[k] - state[m, 0, k]
-            told[m, k] = memory * math.log(weight[m, k]) - 0.5 * (innovation * innovation / spread + math.log(spread))
-            best = max(best, told[m, k])
+            reported[m, k] = memory * math.log(weight[m, k]) - 0.5 * (
+                innovation * innovation / spread + math.log(spread)
+            )
+            best = max(best, reported[m, k])
         for m in range(count):
-            told[m, k] = math.exp(told[m, k] - best)
-            total += told[m, k]
+            reported[m, k] = math.exp(reported[m, k] - best)
+            total += reported[m, k]
         for m in range(count):
-            told[m, k] = max(told[m, k] / total, least)
-            kept += told[m, k]
+            reported[m, k] = max(reported[m, k] / total, least)
+            kept += reported[m, k]
         for m in range(count):
-            told[m, k] /= kept
-    return told
+            reported[m, k] /= kept
+    return reported
 
 
 @numba.njit(**_KERNEL)

@@ -30,8 +30,8 @@ sixes = st.tuples(*[numbers] * 6).map(np.array)
 @given(poses, sixes, sixes)
 @settings(max_examples=60, deadline=None)
 def test_power_is_the_same_in_every_frame(T, wrench, twist):
-    told = wrench_adjoint(T) @ wrench @ (twist_adjoint(T) @ twist)
-    assert told == pytest.approx(wrench @ twist, abs=1e-7)
+    reported = wrench_adjoint(T) @ wrench @ (twist_adjoint(T) @ twist)
+    assert reported == pytest.approx(wrench @ twist, abs=1e-7)
 
 
 @given(poses, poses)
@@ -47,10 +47,10 @@ def test_a_moment_is_that_of_forces_at_points():
     T = pose(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3) * 40)
     points_mm, forces = rng.normal(size=(4, 3)) * 60, rng.normal(size=(4, 3))
     torque = np.cross(points_mm / 1000, forces).sum(axis=0)
-    told = wrench_in(Wrench(0.0, forces.sum(axis=0), torque), T, "joint")
+    reported = wrench_in(Wrench(0.0, forces.sum(axis=0), torque), T, "joint")
     moved, turned = points_mm @ T[:3, :3].T + T[:3, 3], forces @ T[:3, :3].T
-    assert np.allclose(told.torque_nm, np.cross(moved / 1000, turned).sum(axis=0), atol=1e-12)
-    assert told.frame == "joint"
+    assert np.allclose(reported.torque_nm, np.cross(moved / 1000, turned).sum(axis=0), atol=1e-12)
+    assert reported.frame == "joint"
 
 
 def test_a_push_along_a_radius_has_no_torque_about_the_sphere():
@@ -80,9 +80,9 @@ def test_covariance_goes_along():
     T = pose(Rotation.random(rng=rng).as_matrix(), (10, 20, 30))
     root = rng.normal(size=(6, 6)) * 0.1
     samples = rng.multivariate_normal(np.zeros(6), root @ root.T, 20000)
-    told = wrench_in(Wrench(0.0, np.zeros(3), np.zeros(3), covariance=root @ root.T), T, "ft")
+    reported = wrench_in(Wrench(0.0, np.zeros(3), np.zeros(3), covariance=root @ root.T), T, "ft")
     drawn = np.cov((samples @ wrench_adjoint(T).T).T)
-    assert np.abs(drawn - told.covariance).max() < 0.04 * np.abs(told.covariance).max()
+    assert np.abs(drawn - reported.covariance).max() < 0.04 * np.abs(reported.covariance).max()
 
 
 @pytest.mark.parametrize("bad", [np.eye(3), np.diag([1, 1, -1, 1]), np.full((4, 4), np.nan), 2 * np.eye(4)])

@@ -1,11 +1,11 @@
-"""What runs live: the caps, their cameras and references, as ``endcaps.toml`` says it.
+"""What runs live: the endcaps, their cameras and references, as ``endcaps.toml`` says it.
 
     model = "default"                   # or "paper"
     weights = ""                        # a file; empty for what ships with the toolkit
     method = ""                         # another field method than the model's own: dots, gelslim, ...
     weight_n = 117.7                    # of the robot, for the check of the force sum; 0 without
 
-    [[cap]]
+    [[endcap]]
     name = "endcap_0"                   # letters, digits, underscore; names topics and files
     source = "0"                        # camera number, http address, folder, video; "scene:0" for the simulated robot
     zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
@@ -36,13 +36,13 @@ from sensing.whole_file import replace_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
-MOST_CAPS = 32
+MOST_ENDCAPS = 32
 MOST_BYTES = 1 << 20  # of endcaps.toml
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
 @dataclass(frozen=True)
-class CapConfig:
+class EndcapConfig:
     """One endcap.
 
     Attributes:
@@ -111,31 +111,32 @@ class CapConfig:
 
 @dataclass(frozen=True)
 class LiveConfig:
-    """All caps and what they share.
+    """All endcaps and what they share.
 
     Attributes:
-        caps: at least one, names differ.
+        endcaps: at least one, names differ.
         model: ``default`` or ``paper``.
         weights: file of weights; None for those that ship.
         method: field method; None for the model's own.
         weight_n: of the robot; 0 without the check.
 
     Raises:
-        ParameterError: no cap, a name twice, or an unknown model or method.
+        ParameterError: no endcap, a name twice, or an unknown model or method.
     """
 
-    caps: tuple[CapConfig, ...]
+    endcaps: tuple[EndcapConfig, ...]
     model: str = "default"
     weights: Path | None = None
     method: str | None = None
     weight_n: float = 0.0
 
     def __post_init__(self) -> None:
-        names = [cap.name for cap in self.caps]
+        names = [endcap.name for endcap in self.endcaps]
         twice = sorted({name for name in names if names.count(name) > 1})
-        if not 1 <= len(names) <= MOST_CAPS or twice:
+        if not 1 <= len(names) <= MOST_ENDCAPS or twice:
             raise ParameterError(
-                f"caps={', '.join(twice) or len(names)}: need 1..{MOST_CAPS} caps of different names", name="caps"
+                f"endcaps={', '.join(twice) or len(names)}: need 1..{MOST_ENDCAPS} endcaps of different names",
+                name="endcaps",
             )
         if self.model not in MODELS:
             raise ParameterError(f"model={self.model!r}: choose {' or '.join(MODELS)}", name="model", value=self.model)
@@ -160,17 +161,17 @@ def load_config(path: Path) -> LiveConfig:
             text = stream.read(MOST_BYTES + 1)
         if len(text) > MOST_BYTES:
             raise ValueError(f"more than {MOST_BYTES} bytes")
-        told = tomllib.loads(text.decode("utf-8"))
+        reported = tomllib.loads(text.decode("utf-8"))
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
     except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting
         said = printable(str(error))[:200]
         raise FileError(f"{path}: no TOML ({said}): fix it or write it anew with python -m sensing.setup") from None
-    caps = told.pop("cap", [])
-    if not isinstance(caps, list) or not all(isinstance(cap, dict) for cap in caps):
-        raise FileError(f"{path}: cap is no list of tables: begin each with [[cap]]")
-    made = tuple(CapConfig(**_checked(path, CapConfig, cap)) for cap in caps)
-    return LiveConfig(made, **_checked(path, LiveConfig, told))
+    endcaps = reported.pop("endcap", [])
+    if not isinstance(endcaps, list) or not all(isinstance(endcap, dict) for endcap in endcaps):
+        raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
+    made = tuple(EndcapConfig(**_checked(path, EndcapConfig, endcap)) for endcap in endcaps)
+    return LiveConfig(made, **_checked(path, LiveConfig, reported))
 
 
 def save_config(config: LiveConfig, path: Path) -> None:
@@ -180,9 +181,9 @@ def save_config(config: LiveConfig, path: Path) -> None:
         FileError: the place cannot be written.
     """
     lines = ["# Written by python -m sensing.setup; read by python -m sensing.live --config FILE.", ""]
-    lines += _lines(config, ("caps",), path.parent)
-    for cap in config.caps:
-        lines += ["", "[[cap]]", *_lines(cap, (), path.parent)]
+    lines += _lines(config, ("endcaps",), path.parent)
+    for endcap in config.endcaps:
+        lines += ["", "[[endcap]]", *_lines(endcap, (), path.parent)]
     replace_file(path, ("\n".join(lines) + "\n").encode())
 
 
@@ -200,20 +201,20 @@ def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:
     return found
 
 
-def _checked(path: Path, kind: type, told: dict[str, Any]) -> dict[str, Any]:
+def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]:
     """The table's values in the types of a record's fields.
 
     Raises:
         FileError: a key that is unknown, missing or of another type.
     """
-    known = {entry.name for entry in fields(kind)} - {"caps"}
-    unknown = sorted(set(told) - known)
+    known = {entry.name for entry in fields(kind)} - {"endcaps"}
+    unknown = sorted(set(reported) - known)
     if unknown:
         raise FileError(f"{path}: unknown key {', '.join(unknown)}: known are {', '.join(sorted(known))}")
-    if kind is CapConfig and not {"name", "source"} <= set(told):
-        raise FileError(f"{path}: a [[cap]] without name or source: give both")
+    if kind is EndcapConfig and not {"name", "source"} <= set(reported):
+        raise FileError(f"{path}: a [[endcap]] without name or source: give both")
     values: dict[str, Any] = {}
-    for key, value in told.items():
+    for key, value in reported.items():
         if key in ("name", "source", "model", "method", "zero", "camera", "weights"):
             good = isinstance(value, str)
         elif key == "T_robot_endcap":

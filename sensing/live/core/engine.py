@@ -1,6 +1,6 @@
-"""The loop: takes the newest frame of every cap, works on it and hands the reading to all outputs.
+"""The loop: takes the newest frame of every endcap, works on it and hands the reading to all outputs.
 
-One thread works on all caps (``workers`` shares them out); sources and outputs have threads of their own. A cap that
+One thread works on all endcaps (``workers`` shares them out); sources and outputs have threads of their own. An endcap that
 fails says so and goes on with its next frame; it never stops the others.
 """
 
@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 
 from cad.errors import EndcapError, ParameterError
 from sensing.live.core.feed import Captured, Feed
-from sensing.live.core.pipeline import CapPipeline
-from sensing.live.core.reading import CapReading
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import Sink
 from sensing.live.core.state import Event, Machine
-from sensing.live.core.stats import CapHealth, CapStats
+from sensing.live.core.stats import EndcapHealth, EndcapStats
 from sensing.records import Frame
 
 IDLE_S = 0.1  # longest sleep; a lost wake-up costs no more
@@ -29,7 +29,7 @@ _SOURCE_EVENTS: dict[str, Event] = {
 
 
 @dataclass
-class LiveCap:
+class LiveEndcap:
     """An endcap with its source and its state.
 
     Attributes:
@@ -37,26 +37,26 @@ class LiveCap:
     """
 
     feed: Feed
-    pipeline: CapPipeline
-    stats: CapStats = field(init=False)
+    pipeline: EndcapPipeline
+    stats: EndcapStats = field(init=False)
     machine: Machine = field(default_factory=Machine, init=False)
     frame: Frame | None = field(default=None, init=False)
     _busy: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        self.stats = CapStats(self.name)
+        self.stats = EndcapStats(self.name)
 
     @property
     def name(self) -> str:
         """Name of the endcap."""
-        return self.pipeline.cap.name
+        return self.pipeline.endcap.name
 
     @property
-    def health(self) -> CapHealth:
+    def health(self) -> EndcapHealth:
         """State now."""
         return self.look()
 
-    def look(self, fresh: bool = False) -> CapHealth:
+    def look(self, fresh: bool = False) -> EndcapHealth:
         """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
         source = self.feed.health
         event = _SOURCE_EVENTS.get(source.status)
@@ -82,7 +82,7 @@ class LiveCap:
         self._busy = item is not None
         return item
 
-    def process(self, item: Captured) -> CapReading | None:
+    def process(self, item: Captured) -> EndcapReading | None:
         """Work on one frame; what goes wrong changes the state."""
         self.frame = item[0]
         reading = None
@@ -105,25 +105,25 @@ class LiveCap:
 
 
 class Engine:
-    """All caps of a run; use as a context manager.
+    """All endcaps of a run; use as a context manager.
 
     Args:
-        caps: at least one. sinks: outputs that take every reading. workers: threads that share the caps.
+        endcaps: at least one. sinks: outputs that take every reading. workers: threads that share the endcaps.
 
     Attributes:
-        caps: as given. threads: those that work on frames.
+        endcaps: as given. threads: those that work on frames.
 
     Raises:
-        ParameterError: no cap, or workers outside 1..number of caps.
+        ParameterError: no endcap, or workers outside 1..number of endcaps.
     """
 
-    def __init__(self, caps: Sequence[LiveCap], sinks: Sequence[Sink] = (), workers: int = 1) -> None:
-        if not 1 <= workers <= len(caps):
-            raise ParameterError(f"workers={workers} outside 1..{len(caps)} caps", name="workers", value=workers)
-        self.caps = list(caps)
+    def __init__(self, endcaps: Sequence[LiveEndcap], sinks: Sequence[Sink] = (), workers: int = 1) -> None:
+        if not 1 <= workers <= len(endcaps):
+            raise ParameterError(f"workers={workers} outside 1..{len(endcaps)} endcaps", name="workers", value=workers)
+        self.endcaps = list(endcaps)
         self._sinks = tuple(sinks)
         self._stop = threading.Event()
-        shares = [self.caps[k::workers] for k in range(workers)]
+        shares = [self.endcaps[k::workers] for k in range(workers)]
         self._wakes = [threading.Event() for _ in shares]
         self.threads = [
             threading.Thread(target=self._work, args=(share, wake), daemon=True)
@@ -139,8 +139,8 @@ class Engine:
 
     def start(self) -> None:
         """Open the sources and work on what they give."""
-        for index, cap in enumerate(self.caps):
-            cap.feed.start(self._wakes[index % len(self._wakes)].set)
+        for index, endcap in enumerate(self.endcaps):
+            endcap.feed.start(self._wakes[index % len(self._wakes)].set)
         for thread in self.threads:
             thread.start()
 
@@ -149,18 +149,18 @@ class Engine:
         self._stop.set()
         for wake in self._wakes:
             wake.set()
-        for cap in self.caps:
-            cap.feed.stop()
-            cap.pipeline.stop()
+        for endcap in self.endcaps:
+            endcap.feed.stop()
+            endcap.pipeline.stop()
         _join(self.threads, wait_s)
 
     def close(self, wait_s: float = 5.0) -> None:
         """Halt, then let go of the sources; what hangs in a driver is left behind after ``wait_s``, all together."""
         end_s = time.monotonic() + wait_s
         self.halt(wait_s)
-        for cap in self.caps:
-            cap.feed.close(max(0.0, end_s - time.monotonic()))
-            cap.pipeline.close(max(0.0, end_s - time.monotonic()))
+        for endcap in self.endcaps:
+            endcap.feed.close(max(0.0, end_s - time.monotonic()))
+            endcap.pipeline.close(max(0.0, end_s - time.monotonic()))
 
     def add_sink(self, sink: Sink) -> None:
         """One more output, from the next reading on."""
@@ -175,22 +175,22 @@ class Engine:
         _join(self.threads, timeout_s)
         return not any(thread.is_alive() for thread in self.threads)
 
-    def health(self, fresh: bool = False) -> list[CapHealth]:
-        """State of every cap (see :meth:`LiveCap.look`)."""
-        return [cap.look(fresh) for cap in self.caps]
+    def health(self, fresh: bool = False) -> list[EndcapHealth]:
+        """State of every endcap (see :meth:`LiveEndcap.look`)."""
+        return [endcap.look(fresh) for endcap in self.endcaps]
 
-    def _work(self, caps: list[LiveCap], wake: threading.Event) -> None:
+    def _work(self, endcaps: list[LiveEndcap], wake: threading.Event) -> None:
         while not self._stop.is_set():
             wake.clear()
-            taken = [(item, cap) for cap in caps if (item := cap.take()) is not None]
-            for item, cap in sorted(taken, key=lambda pair: pair[0][1]):  # the oldest picture first
-                reading = cap.process(item)
+            taken = [(item, endcap) for endcap in endcaps if (item := endcap.take()) is not None]
+            for item, endcap in sorted(taken, key=lambda pair: pair[0][1]):  # the oldest picture first
+                reading = endcap.process(item)
                 if reading is not None:
                     for sink in self._sinks:
                         sink.put(reading)
             if taken:
                 continue
-            if all(cap.feed.ended for cap in caps):
+            if all(endcap.feed.ended for endcap in endcaps):
                 return
             wake.wait(IDLE_S)
 

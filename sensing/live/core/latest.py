@@ -1,32 +1,32 @@
-"""The newest reading of every cap, for whoever looks now and then: terminal, page, robot state."""
+"""The newest reading of every endcap, for whoever looks now and then: terminal, page, robot state."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
 
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 
 
 class Latest:
-    """Newest reading by cap; putting never waits for a reader."""
+    """Newest reading by endcap; putting never waits for a reader."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
-        self._readings: dict[str, CapReading] = {}
+        self._readings: dict[str, EndcapReading] = {}
         self._lock = threading.Lock()
 
-    def put(self, reading: CapReading) -> None:
-        """Replace the cap's reading."""
+    def put(self, reading: EndcapReading) -> None:
+        """Replace the endcap's reading."""
         with self._lock:
-            self._readings[reading.cap] = reading
+            self._readings[reading.endcap] = reading
 
-    def get(self, cap: str) -> CapReading | None:
-        """Newest reading of a cap; None before the first."""
+    def get(self, endcap: str) -> EndcapReading | None:
+        """Newest reading of an endcap; None before the first."""
         with self._lock:
-            return self._readings.get(cap)
+            return self._readings.get(endcap)
 
-    def all(self) -> dict[str, CapReading]:
-        """Newest readings so far, by cap."""
+    def all(self) -> dict[str, EndcapReading]:
+        """Newest readings so far, by endcap."""
         with self._lock:
             return dict(self._readings)

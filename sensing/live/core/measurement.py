@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import CapReading, without_numbers
+from sensing.live.core.reading import EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
 from sensing.live.core.state import Event
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
@@ -39,29 +39,29 @@ class Measurement:
     """Readings of one endcap against one reference, frames in order.
 
     Args:
-        cap: its name, design and contact threshold. model: estimates the wrench. reference: picture and method.
-        number, epoch: see :class:`sensing.live.core.reading.CapReading`.
+        endcap: its name, design and contact threshold. model: estimates the wrench. reference: picture and method.
+        number, epoch: see :class:`sensing.live.core.reading.EndcapReading`.
 
     Attributes:
         contact: as of the last frame; None before the first.
     """
 
-    def __init__(self, cap: CapConfig, model: LiveModel, reference: Reference, number: int, epoch: int) -> None:
-        self._cap, self._model, self._used, self._number, self._epoch = cap, model, reference, number, epoch
-        self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(cap.params)))
-        self._sphere = cap.params.outer_radius_mm, cap.params.centre_height_mm
+    def __init__(self, endcap: EndcapConfig, model: LiveModel, reference: Reference, number: int, epoch: int) -> None:
+        self._endcap, self._model, self._used, self._number, self._epoch = endcap, model, reference, number, epoch
+        self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
+        self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
         self._gate, self._filter = Gate(), WrenchFilter()
-        self._detector = ContactDetector(model.threshold(cap.contact_on_n, cap.contact_off_n))
+        self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
         self._count = 0
         self.contact: ContactState | None = None
 
-    def read(self, frame: Frame, captured_s: float) -> CapReading:
+    def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
         watch, used = _Watch(), self._used
         blank = without_numbers(
-            self._cap.name, self._number, frame, self._model.shape, used.zero, self._epoch, captured_s, self._drift
+            self._endcap.name, self._number, frame, self._model.shape, used.zero, self._epoch, captured_s, self._drift
         )
         verdict = self._unusable(used.zero, frame)
         if verdict is None:
@@ -78,8 +78,8 @@ class Measurement:
         return self._measured(blank, tracks, field, gray, watch)
 
     def _measured(
-        self, blank: CapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
-    ) -> CapReading:
+        self, blank: EndcapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
+    ) -> EndcapReading:
         """The reading of a picture that was decoded."""
         estimate = self._model.estimator.estimate(field)
         watch.lap("wrench")

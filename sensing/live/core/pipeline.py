@@ -1,10 +1,10 @@
 """One endcap: frame -> decode -> track -> field -> wrench -> filter -> contact, with the time of every stage.
 
-    pipeline = CapPipeline(CapConfig("endcap_0", "0"), load_model("default", params), zero)
+    pipeline = EndcapPipeline(EndcapConfig("endcap_0", "0"), load_model("default", params), zero)
     reading = pipeline.update(frame)                 # None before the first reference, and for a frame that came late
 
 Every other frame gives a reading; whether its numbers count is part of it (:mod:`sensing.live.core.gate`).
-Deterministic: after :meth:`CapPipeline.restart` the same frames give the same bits, which is what replay relies on.
+Deterministic: after :meth:`EndcapPipeline.restart` the same frames give the same bits, which is what replay relies on.
 Times in s of the frames' own clock, stages in ms.
 """
 
@@ -14,10 +14,10 @@ import time
 
 from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.reference import Reference, ReferenceTaker
 from sensing.live.core.state import NOTE_S, Event
 from sensing.records import Frame
@@ -30,34 +30,34 @@ JUMP_S = 0.5  # capture times that go back by more than this, or forward by a mi
 FORWARD_S = 60.0
 
 
-class CapPipeline:
+class EndcapPipeline:
     """Frames of one endcap in, readings out; not for two threads at once, but for the requests.
 
     Args:
-        cap: its name and design. model: estimates the wrench. zero: the reference; without it the first
+        endcap: its name and design. model: estimates the wrench. zero: the reference; without it the first
             ``zero_frames`` frames are (the endcap must be untouched).
         number: place in the list of endcaps. zero_frames: 1 takes a single picture as it is; 0 waits for
             :meth:`set_zero`, as a replay does.
 
     Attributes:
         outcome: event and reason of the last frame; None for one that came late.
-        faults: frames that could not be used. epoch: see :class:`sensing.live.core.reading.CapReading`.
+        faults: frames that could not be used. epoch: see :class:`sensing.live.core.reading.EndcapReading`.
     """
 
     def __init__(
         self,
-        cap: CapConfig,
+        endcap: EndcapConfig,
         model: LiveModel,
         zero: Zero | None = None,
         number: int = 0,
         zero_frames: int = ZERO_FRAMES,
     ) -> None:
-        self.cap, self.model, self.number, self.zero_frames = cap, model, number, zero_frames
+        self.endcap, self.model, self.number, self.zero_frames = endcap, model, number, zero_frames
         self.faults, self.epoch = 0, 0
         self.outcome: tuple[Event, str] | None = None
-        self._camera = None if cap.camera is None else MountedCamera.load(cap.camera)
-        most_n = model.threshold(cap.contact_on_n, cap.contact_off_n).on_n
-        self._taker = ReferenceTaker(cap.name, cap.params, zero_frames, self._build, model.estimator, most_n)
+        self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera)
+        most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n).on_n
+        self._taker = ReferenceTaker(endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n)
         self._used: Reference | None = None
         self._measurement: Measurement | None = None
         self._before: Reference | None = None
@@ -130,7 +130,7 @@ class CapPipeline:
         self._taker.close(wait_s)
 
     # --- the loop's thread ----------------------------------------------------------------------------------------
-    def update(self, frame: Frame, captured_s: float | None = None) -> CapReading | None:
+    def update(self, frame: Frame, captured_s: float | None = None) -> EndcapReading | None:
         """Work on one frame; its event is left in ``outcome``.
 
         Returns:
@@ -173,11 +173,11 @@ class CapPipeline:
         self._restart_wanted = False
         self.epoch += 1
         if self._used is not None:
-            self._measurement = Measurement(self.cap, self.model, self._used, self.number, self.epoch)
+            self._measurement = Measurement(self.endcap, self.model, self._used, self.number, self.epoch)
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
-            method = model_input(zero.frame(), self.model.shape, self.cap.params, self._camera)
+            method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
             return method

@@ -1,4 +1,4 @@
-"""What one frame of one cap gave: the record that goes to every output.
+"""What one frame of one endcap gave: the record that goes to every output.
 
 Times are seconds of the monotonic clock. Wrenches act on the endcap, at the origin of the endcap frame.
 """
@@ -19,11 +19,11 @@ from sensing.wrench.contact_place import PressureCentre
 
 
 @dataclass(frozen=True)
-class CapReading:
+class EndcapReading:
     """One frame from camera to contact.
 
     Attributes:
-        cap: name. number: place in the list of caps.
+        endcap: name. number: place in the list of endcaps.
         frame: the picture. tracks: its dots, None for methods without. field: its shear field.
         estimate: wrench of this frame alone. wrench: filtered.
         contact: whether it touches. centre: where the line of action meets the sphere.
@@ -34,7 +34,7 @@ class CapReading:
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
     """
 
-    cap: str
+    endcap: str
     number: int
     frame: Frame
     tracks: DotTracks | None
@@ -70,11 +70,11 @@ class CapReading:
         return int((~self.tracks.lost).sum()), len(self.tracks.ids)
 
 
-def plain(reading: CapReading) -> dict[str, Any]:
+def plain(reading: EndcapReading) -> dict[str, Any]:
     """The numbers of a reading for JSON: plain types, units in the names; null where there is no number."""
     wrench, followed = reading.wrench, reading.dots
     return {
-        "cap": reading.cap,
+        "endcap": reading.endcap,
         "valid": reading.valid,
         "state": word(reading.event),
         "reason": reading.reason,
@@ -94,16 +94,16 @@ def plain(reading: CapReading) -> dict[str, Any]:
     }
 
 
-def nothing(cap: str, state: str, reason: str) -> dict[str, Any]:
+def nothing(endcap: str, state: str, reason: str) -> dict[str, Any]:
     """What :func:`plain` gives of an endcap of which no frame comes: its state, and null for every number."""
     numbers = ("time_s", "force_norm_n", "contact", "contact_since_s")
-    return {"cap": cap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
+    return {"endcap": endcap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
         "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3, "flags": [],
     }  # fmt: skip
 
 
 def without_numbers(
-    cap: str,
+    endcap: str,
     number: int,
     frame: Frame,
     shape: tuple[int, int],
@@ -111,15 +111,15 @@ def without_numbers(
     epoch: int,
     captured_s: float,
     drift: Drift | None,
-) -> CapReading:
+) -> EndcapReading:
     """A reading whose numbers are all NaN and whose field, (H, W) = ``shape``, is invalid everywhere."""
     nothing = np.full(3, np.nan)
     wrench = Wrench(frame.time_s, nothing, nothing, "endcap")
     field = ShearField(frame.time_s, np.zeros((2, *shape), np.float32), valid=np.zeros(shape, bool))
     contact = ContactState(frame.time_s, False, float("nan"), float("nan"), False)
     centre = PressureCentre(nothing, float("nan"), float("nan"))
-    return CapReading(
-        cap, number, frame, None, field, wrench, wrench, contact, centre, drift, zero, epoch, captured_s, captured_s,
+    return EndcapReading(
+        endcap, number, frame, None, field, wrench, wrench, contact, centre, drift, zero, epoch, captured_s, captured_s,
         {}, Event.UNDECODED, "",
     )  # fmt: skip
 

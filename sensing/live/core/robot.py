@@ -1,7 +1,7 @@
-"""What the caps of one robot say together: which touch, since when, and whether their forces carry the weight.
+"""What the endcaps of one robot say together: which touch, since when, and whether their forces carry the weight.
 
-Robot frame (``T_robot_endcap`` of each cap); N, s. The force sum needs no attitude: its norm is that of the weight
-while nothing accelerates and nothing but the caps touches the ground.
+Robot frame (``T_robot_endcap`` of each endcap); N, s. The force sum needs no attitude: its norm is that of the weight
+while nothing accelerates and nothing but the endcaps touches the ground.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sensing.frames import Array
-from sensing.live.core.config import CapConfig
-from sensing.live.core.reading import CapReading
+from sensing.live.core.config import EndcapConfig
+from sensing.live.core.reading import EndcapReading
 
-STANDING = 3  # caps that carry the whole robot
+STANDING = 3  # endcaps that carry the whole robot
 TOLERANCE = 0.25  # E: of the weight, by which the force sum may differ before it is told
 OLD_S = 0.5  # a reading older than this says nothing about now
 
@@ -25,9 +25,9 @@ class RobotState:
     """The robot at one moment.
 
     Attributes:
-        touching: names of the caps that touch. since_s: of each, capture time at which contact began.
-        unknown: names of the caps that cannot tell.
-        force_n: (3,) sum over the caps that touch, robot frame. weight_n: of the robot; 0 where not told.
+        touching: names of the endcaps that touch. since_s: of each, capture time at which contact began.
+        unknown: names of the endcaps that cannot tell.
+        force_n: (3,) sum over the endcaps that touch, robot frame. weight_n: of the robot; 0 where not told.
         standing: at least three touch. consistent: whether the force sum carries the weight; None unless standing.
     """
 
@@ -41,22 +41,22 @@ class RobotState:
 
 
 def robot_state(
-    caps: Sequence[CapConfig], readings: Mapping[str, CapReading], weight_n: float, now_s: float
+    endcaps: Sequence[EndcapConfig], readings: Mapping[str, EndcapReading], weight_n: float, now_s: float
 ) -> RobotState:
     """State from the newest readings.
 
     Args:
-        caps: of the robot. readings: newest by cap. weight_n: 0 without the check. now_s: on this run's clock.
+        endcaps: of the robot. readings: newest by endcap. weight_n: 0 without the check. now_s: on this run's clock.
     """
     touching, since, unknown, total = [], {}, [], np.zeros(3)
-    for cap in caps:
-        reading = readings.get(cap.name)
+    for endcap in endcaps:
+        reading = readings.get(endcap.name)
         if reading is None or now_s - reading.captured_s > OLD_S or not reading.contact.known:
-            unknown.append(cap.name)
+            unknown.append(endcap.name)
         elif reading.contact.touching:
-            touching.append(cap.name)
-            since[cap.name] = reading.contact.since_s
-            total += cap.T_robot_endcap[:3, :3] @ reading.wrench.force_n
+            touching.append(endcap.name)
+            since[endcap.name] = reading.contact.since_s
+            total += endcap.T_robot_endcap[:3, :3] @ reading.wrench.force_n
     standing = len(touching) >= STANDING
     consistent = None
     if standing and weight_n > 0 and not unknown:

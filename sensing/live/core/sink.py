@@ -9,7 +9,7 @@ import threading
 from collections import deque
 from typing import Protocol
 
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 
 LAST_S = 0.2  # for the reading under way and the end of a file
 
@@ -17,7 +17,7 @@ LAST_S = 0.2  # for the reading under way and the end of a file
 class Sink(Protocol):
     """What the engine asks of an output."""
 
-    def put(self, reading: CapReading) -> None:
+    def put(self, reading: EndcapReading) -> None:
         """Take one reading; must return at once."""
         ...
 
@@ -30,7 +30,7 @@ class QueuedSink:
     """
 
     def __init__(self, length: int) -> None:
-        self._queue: deque[CapReading] = deque(maxlen=length)
+        self._queue: deque[EndcapReading] = deque(maxlen=length)
         self._changed = threading.Condition()
         self._closing = False
         self.dropped, self.failed = 0, ""
@@ -40,7 +40,7 @@ class QueuedSink:
         """Begin to write."""
         self._thread.start()
 
-    def put(self, reading: CapReading) -> None:
+    def put(self, reading: EndcapReading) -> None:
         """Queue one reading."""
         with self._changed:
             if self.failed or self._closing:
@@ -70,14 +70,14 @@ class QueuedSink:
                 self._queue.clear()
             self._thread.join(LAST_S)
 
-    def write(self, reading: CapReading) -> None:
+    def write(self, reading: EndcapReading) -> None:
         """One reading, in the output's thread; an OSError ends the output."""
         raise NotImplementedError
 
     def finish(self) -> None:
         """End of the output, in its thread, also after a failure."""
 
-    def lost(self, reading: CapReading) -> None:
+    def lost(self, reading: EndcapReading) -> None:
         """A reading was dropped; called with the queue locked, must not wait."""
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""How a cap is doing: rate, delay, drops, faults, dots, drift; over the last seconds and since the start."""
+"""How an endcap is doing: rate, delay, drops, faults, dots, drift; over the last seconds and since the start."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.state import Condition
 from sensing.sources.newest import Health
 
@@ -21,11 +21,11 @@ HOLD_S = 0.5  # times are looked up anew this often
 
 
 @dataclass(frozen=True)
-class CapHealth:
-    """State of one cap at one moment.
+class EndcapHealth:
+    """State of one endcap at one moment.
 
     Attributes:
-        cap: name. status: word of the state. valid: whether its numbers count now. level: 0 good, 1 to be looked at, 2
+        endcap: name. status: word of the state. valid: whether its numbers count now. level: 0 good, 1 to be looked at, 2
             bad. message: what is wrong; empty when nothing is.
         frames: readings so far. dropped: frames nobody took in time. faults: frames that could not be used.
         rate_hz: readings a second. age_s: since the capture of the last one.
@@ -35,7 +35,7 @@ class CapHealth:
             refused because of a press. undoable: whether there is an earlier one.
     """
 
-    cap: str
+    endcap: str
     status: str
     valid: bool
     level: int
@@ -69,19 +69,19 @@ class _Timing:
     stage_ms: dict[str, float] = field(default_factory=dict)
 
 
-class CapStats:
-    """Collects for one cap; written by one thread."""
+class EndcapStats:
+    """Collects for one endcap; written by one thread."""
 
-    def __init__(self, cap: str) -> None:
-        self.cap = cap
+    def __init__(self, endcap: str) -> None:
+        self.endcap = endcap
         self.frames = 0
-        self.last: CapReading | None = None
+        self.last: EndcapReading | None = None
         self._latency_ms = np.full(WINDOW, np.nan)  # rings: row frames % length
         self._ready_s = np.full(WINDOW, -np.inf)
         self._stages: deque[Mapping[str, float]] = deque(maxlen=STAGES)
         self._timing = _Timing(0.0)
 
-    def add(self, reading: CapReading) -> None:
+    def add(self, reading: EndcapReading) -> None:
         """Take one reading."""
         row = self.frames % WINDOW
         self._latency_ms[row], self._ready_s[row] = reading.latency_ms, reading.ready_s
@@ -98,7 +98,7 @@ class CapStats:
         confirmable: bool = False,
         undoable: bool = False,
         fresh: bool = False,
-    ) -> CapHealth:
+    ) -> EndcapHealth:
         """State now, from this and from what source, machine and pipeline say.
 
         Args:
@@ -110,8 +110,8 @@ class CapStats:
             self._timing = self._look(now)
         timing = self._timing
         dots = (0, 0) if last is None else last.dots
-        return CapHealth(
-            cap=self.cap,
+        return EndcapHealth(
+            endcap=self.endcap,
             status=condition.state.value,
             valid=condition.valid,
             level=condition.level,

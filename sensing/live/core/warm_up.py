@@ -22,9 +22,11 @@ def warm_up(say: Callable[[str], object]) -> None:
     Args:
         say: is told, from another thread, when this takes long.
     """
-    told = threading.Timer(PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"])
-    told.daemon = True
-    told.start()
+    reported = threading.Timer(
+        PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"]
+    )
+    reported.daemon = True
+    reported.start()
     try:
         image, _ = draw_dots(Drawing(specks=0, digit=""))
         covered = image.copy()
@@ -33,4 +35,4 @@ def warm_up(say: Callable[[str], object]) -> None:
         for number, picture in enumerate((image, covered, np.roll(image, JUMP_PX, axis=1))):
             seen.update(Frame(float(number), number, "drawing", image=np.ascontiguousarray(picture)))
     finally:
-        told.cancel()
+        reported.cancel()

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import ParameterError
-from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.records import Frame
 
 SIZE = (640, 480)
-CAPS = 6
+ENDCAPS = 6
 WORD = "scene:"
 
 
@@ -40,34 +40,34 @@ def scene_start_s() -> float:
 
 
 def scene_config(model: str = "default", weights: Path | None = None, method: str | None = None) -> LiveConfig:
-    """Six caps of the robot, as they are screwed on."""
+    """Six endcaps of the robot, as they are screwed on."""
     film = scene_film()
-    caps = tuple(
-        CapConfig(f"endcap_{number}", f"{WORD}{number}", T_robot_endcap=film.scene.T_robot_endcap[number])
-        for number in range(CAPS)
+    endcaps = tuple(
+        EndcapConfig(f"endcap_{number}", f"{WORD}{number}", T_robot_endcap=film.scene.T_robot_endcap[number])
+        for number in range(ENDCAPS)
     )
-    return LiveConfig(caps, model, weights, method, film.weight_n)
+    return LiveConfig(endcaps, model, weights, method, film.weight_n)
 
 
 class SceneSource:
     """One camera of the scene, for ever.
 
     Args:
-        number: of the cap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame it
+        number: of the endcap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame it
             is late; None for a sixth later than the camera before.
 
     Raises:
-        ParameterError: no such cap, or a rate that is not 1..240.
+        ParameterError: no such endcap, or a rate that is not 1..240.
     """
 
     def __init__(self, number: int, rate_hz: float = 30.0, phase: float | None = None) -> None:
-        if not 0 <= number < CAPS:
-            raise ParameterError(f"{WORD}{number}: give {WORD}0 to {WORD}{CAPS - 1}", name="source", value=number)
+        if not 0 <= number < ENDCAPS:
+            raise ParameterError(f"{WORD}{number}: give {WORD}0 to {WORD}{ENDCAPS - 1}", name="source", value=number)
         if not 1 <= rate_hz <= 240:
             raise ParameterError(f"rate_hz={rate_hz:g} outside 1..240", name="rate_hz", value=rate_hz)
         self.number, self.name, self._rate_hz = number, f"{WORD}{number}", rate_hz
         self._film, self._start_s = scene_film(), scene_start_s()
-        self._phase = number / CAPS if phase is None else phase
+        self._phase = number / ENDCAPS if phase is None else phase
 
     def __iter__(self) -> Iterator[Frame]:
         count = int((time.monotonic() - self._start_s) * self._rate_hz - self._phase) + 1

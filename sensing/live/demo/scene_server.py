@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from cad.errors import EndcapError, ParameterError
-from sensing.live.demo.scene import CAPS, SceneSource
+from sensing.live.demo.scene import ENDCAPS, SceneSource
 from sensing.sources.newest import FrameSource
 
 BOUNDARY = "endcap-frame"
@@ -29,8 +29,8 @@ def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             number = self.path.strip("/")
-            if not (number.isascii() and number.isdigit() and len(number) < 3 and int(number) < CAPS):
-                self.send_error(404, f"give /0 to /{CAPS - 1}")
+            if not (number.isascii() and number.isdigit() and len(number) < 3 and int(number) < ENDCAPS):
+                self.send_error(404, f"give /0 to /{ENDCAPS - 1}")
                 return
             self.send_response(200)
             self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={BOUNDARY}")
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         server = mjpeg_server(options.port)
-        print(f"http://127.0.0.1:{server.server_port}/0 to /{CAPS - 1}", flush=True)
+        print(f"http://127.0.0.1:{server.server_port}/0 to /{ENDCAPS - 1}", flush=True)
         server.serve_forever()
     except EndcapError as error:
         print(f"sensing.live.demo.scene_server: {error}", file=sys.stderr)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.stats import EndcapHealth
 
 Diagnosis = tuple[str, int, str, dict[str, str]]  # name, level (0 OK, 1 WARN, 2 ERROR), message, values
 
 
-def diagnosis(health: CapHealth) -> Diagnosis:
+def diagnosis(health: EndcapHealth) -> Diagnosis:
     """State, level, reason and counts of one endcap."""
     message = f"{health.status}: {health.message}" if health.message else health.status
     values = {
@@ -23,4 +23,4 @@ def diagnosis(health: CapHealth) -> Diagnosis:
         "drift": health.drift,
         "zeroed": health.zeroed,
     }
-    return health.cap, health.level, message, values
+    return health.endcap, health.level, message, values

@@ -9,10 +9,10 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any, TextIO
 
-from sensing.live.core.reading import CapReading, nothing, plain
+from sensing.live.core.reading import EndcapReading, nothing, plain
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.state import State
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs.beat import Beat
 
 ROOM = 1024  # readings that a slow reader may be behind
@@ -30,7 +30,7 @@ class JsonLines(QueuedSink):
         lines: written.
     """
 
-    def __init__(self, stream: TextIO, health: Callable[[], Sequence[CapHealth]] = list) -> None:
+    def __init__(self, stream: TextIO, health: Callable[[], Sequence[EndcapHealth]] = list) -> None:
         super().__init__(ROOM)
         self._stream, self._health = stream, health
         self._states: dict[str, str] = {}
@@ -49,7 +49,7 @@ class JsonLines(QueuedSink):
         super().start()
         self._beat.start()
 
-    def write(self, reading: CapReading) -> None:
+    def write(self, reading: EndcapReading) -> None:
         """One line."""
         self._line(plain(reading))
 
@@ -62,9 +62,9 @@ class JsonLines(QueuedSink):
         if self._queue:
             return  # readings from before come first
         for health in self._health():
-            changed, self._states[health.cap] = self._states.get(health.cap) != health.status, health.status
+            changed, self._states[health.endcap] = self._states.get(health.endcap) != health.status, health.status
             if changed and health.status in NO_FRAMES and not self.failed:
-                self._line(nothing(health.cap, health.status, health.message))
+                self._line(nothing(health.endcap, health.status, health.message))
 
     def _line(self, content: dict[str, Any]) -> None:
         with self._writing:

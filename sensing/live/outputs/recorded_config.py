@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError
-from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.model import shipped_weights
 from sensing.whole_file import replace_file
 
@@ -46,21 +46,23 @@ def carried_files(config: LiveConfig) -> list[CarriedFile]:
         FileError: one cannot be read, or is too large to be carried.
     """
     weights = config.weights
-    if weights is None and len({cap.params.digest for cap in config.caps}) == 1:
-        weights = shipped_weights(config.model, config.caps[0].params)
+    if weights is None and len({endcap.params.digest for endcap in config.endcaps}) == 1:
+        weights = shipped_weights(config.model, config.endcaps[0].params)
     paths = {} if weights is None else {WEIGHTS: weights}
-    paths |= {f"camera/{cap.name}": cap.camera for cap in config.caps if cap.camera is not None}
+    paths |= {f"camera/{endcap.name}": endcap.camera for endcap in config.endcaps if endcap.camera is not None}
     return [CarriedFile(name, _content(path)) for name, path in paths.items()]
 
 
 def about(config: LiveConfig, files: Iterable[CarriedFile]) -> dict[str, str]:
     """The configuration as metadata of the recording."""
-    caps = []
-    for cap in config.caps:
-        told = {entry.name: getattr(cap, entry.name) for entry in fields(cap) if entry.name not in NOT_RECORDED}
-        caps.append(told | {"camera": None, "T_robot_endcap": cap.T_robot_endcap.tolist()})
+    endcaps = []
+    for endcap in config.endcaps:
+        reported = {
+            entry.name: getattr(endcap, entry.name) for entry in fields(endcap) if entry.name not in NOT_RECORDED
+        }
+        endcaps.append(reported | {"camera": None, "T_robot_endcap": endcap.T_robot_endcap.tolist()})
     record = {
-        "format": FORMAT, "caps": caps, "model": config.model, "method": config.method, "weight_n": config.weight_n,
+        "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method, "weight_n": config.weight_n,
         "files": {file.name: file.digest for file in files},
     }  # fmt: skip
     text = json.dumps(record)
@@ -72,7 +74,7 @@ class RecordedConfig:
     """What ran.
 
     Attributes:
-        config: its caps read from the recording; without weights and cameras. files: digests of those by name.
+        config: its endcaps read from the recording; without weights and cameras. files: digests of those by name.
     """
 
     config: LiveConfig
@@ -85,27 +87,27 @@ class RecordedConfig:
             FileError: one is missing or is not what it was.
         """
         kept = {name: _kept(path, name, digest, found.get(name)) for name, digest in self.files.items()}
-        caps = tuple(replace(cap, camera=kept.get(f"camera/{cap.name}")) for cap in self.config.caps)
-        return replace(self.config, caps=caps, weights=kept.get(WEIGHTS))
+        endcaps = tuple(replace(endcap, camera=kept.get(f"camera/{endcap.name}")) for endcap in self.config.endcaps)
+        return replace(self.config, endcaps=endcaps, weights=kept.get(WEIGHTS))
 
 
 def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
-    """What :func:`about` wrote, its caps reading from ``path``.
+    """What :func:`about` wrote, its endcaps reading from ``path``.
 
     Raises:
         FileError: damaged, or of another version.
     """
     try:
         text = metadata["config"]
-        told = json.loads(text)
-        if not isinstance(told, dict) or told.get("format") != FORMAT:
+        reported = json.loads(text)
+        if not isinstance(reported, dict) or reported.get("format") != FORMAT:
             raise FileError(f"{path}: recorded by another version of the toolkit: replay it there, or record again")
         if hashlib.sha256(text.encode()).hexdigest() != metadata["sha256"]:
             raise ValueError("its digest differs: the file is damaged")
-        caps = tuple(_cap(cap, path) for cap in told["caps"])
-        files = {str(name): str(digest) for name, digest in told["files"].items()}
-        weight_n = float(told["weight_n"])
-        return RecordedConfig(LiveConfig(caps, told["model"], None, told["method"], weight_n), files)
+        endcaps = tuple(_endcap(endcap, path) for endcap in reported["endcaps"])
+        files = {str(name): str(digest) for name, digest in reported["files"].items()}
+        weight_n = float(reported["weight_n"])
+        return RecordedConfig(LiveConfig(endcaps, reported["model"], None, reported["method"], weight_n), files)
     except FileError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
@@ -113,11 +115,11 @@ def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
         raise FileError(f"{path}: its configuration cannot be read ({said}): the file is damaged") from None
 
 
-def _cap(told: dict[str, Any], path: Path) -> CapConfig:
-    unknown = set(told) - {entry.name for entry in fields(CapConfig) if entry.name not in NOT_RECORDED}
+def _endcap(reported: dict[str, Any], path: Path) -> EndcapConfig:
+    unknown = set(reported) - {entry.name for entry in fields(EndcapConfig) if entry.name not in NOT_RECORDED}
     if unknown:
         raise ValueError(f"unknown key {', '.join(sorted(unknown))[:80]}")
-    return CapConfig(**{**told, "source": str(path), "camera": None})
+    return EndcapConfig(**{**reported, "source": str(path), "camera": None})
 
 
 def _content(path: Path) -> bytes:

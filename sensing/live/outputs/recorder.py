@@ -1,7 +1,7 @@
 """Records a run as MCAP with ROS 2 schemas: pictures, references, fields, wrenches, contact, diagnostics.
 
 Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` gives the same bits again. For that the
-recording of a cap begins with a restart of its pipeline and with its reference, and does so again wherever a frame had
+recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever a frame had
 to be left out (a slow disk). Every chunk is flushed: a killed run leaves a file that is readable up to there. Stamps
 are wall time; the exact capture time on the frames' own clock lies beside every picture.
 """
@@ -20,9 +20,9 @@ from mcap.writer import CompressionType, Writer
 
 from cad.errors import FileError
 from sensing.live.core.config import LiveConfig
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
@@ -50,8 +50,8 @@ class Recorder(QueuedSink):
     """Writes one file.
 
     Args:
-        path: must not exist. config: what runs. epochs: epoch of every cap before its restart was asked for.
-        restart: asks for the restart of a cap. health: for the diagnostics. stream: instead of a file, for tests.
+        path: must not exist. config: what runs. epochs: epoch of every endcap before its restart was asked for.
+        restart: asks for the restart of an endcap. health: for the diagnostics. stream: instead of a file, for tests.
 
     Attributes:
         frames: readings written. kept: those that the file certainly holds.
@@ -66,7 +66,7 @@ class Recorder(QueuedSink):
         config: LiveConfig,
         epochs: dict[str, int],
         restart: Callable[[str], None],
-        health: Callable[[], Sequence[CapHealth]] = list,
+        health: Callable[[], Sequence[EndcapHealth]] = list,
         stream: BinaryIO | None = None,
     ) -> None:
         super().__init__(ROOM)
@@ -103,31 +103,31 @@ class Recorder(QueuedSink):
             self._writer.add_metadata(METADATA, about(self._config, self._files))
             for file in self._files:
                 self._writer.add_attachment(time.time_ns(), time.time_ns(), file.name, "", file.data)
-            for cap in self._config.caps:
+            for endcap in self._config.endcaps:
                 for topic in TOPICS:
-                    self._channel(f"/{cap.name}/{topic}", TOPICS[topic])
+                    self._channel(f"/{endcap.name}/{topic}", TOPICS[topic])
             self._channel("/diagnostics", ros.DIAGNOSTICS)
             self._stream.flush()
         except OSError as error:
             raise FileError(f"{self.path}: {error.strerror}: choose another place") from None
         super().start()
 
-    def write(self, reading: CapReading) -> None:
+    def write(self, reading: EndcapReading) -> None:
         """All messages of one reading."""
-        if reading.epoch <= self._old[reading.cap]:
+        if reading.epoch <= self._old[reading.endcap]:
             return  # from before the restart
         stamp = self._wall_ns + int(reading.captured_s * 1e9)
-        if reading.epoch != self._begun[reading.cap]:
-            self._begun[reading.cap] = reading.epoch
-            png, form = ros.picture_bytes(Frame(0.0, 0, reading.cap, image=reading.zero.image))
-            self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.cap), stamp)
+        if reading.epoch != self._begun[reading.endcap]:
+            self._begun[reading.endcap] = reading.epoch
+            png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
+            self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
         data, form = ros.picture_bytes(reading.frame)
         norm = float((reading.wrench.force_n**2).sum() ** 0.5)
         self._add(reading, "image/capture_time", ros.float64(reading.frame.time_s), stamp)
-        self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.cap), stamp)
+        self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.endcap), stamp)
         self._add(reading, "array/shear_vector", ros.shear_vector(reading.field), stamp)
-        self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.cap), stamp)
-        self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.cap), stamp)
+        self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.endcap), stamp)
+        self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.endcap), stamp)
         self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
         self._add(reading, "valid", ros.boolean(reading.valid), stamp)
         self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)
@@ -138,11 +138,11 @@ class Recorder(QueuedSink):
         if self._bytes >= CHUNK_BYTES or time.monotonic() >= self._flushed_s + FLUSH_S:
             self._flush()
 
-    def lost(self, reading: CapReading) -> None:
-        """What follows a gap could not be replayed to the bit: begin the cap anew."""
-        if reading.epoch > self._old[reading.cap]:
-            self._old[reading.cap] = reading.epoch
-            self._restart(reading.cap)
+    def lost(self, reading: EndcapReading) -> None:
+        """What follows a gap could not be replayed to the bit: begin the endcap anew."""
+        if reading.epoch > self._old[reading.endcap]:
+            self._old[reading.endcap] = reading.epoch
+            self._restart(reading.endcap)
 
     def close(self, wait_s: float = 5.0) -> None:
         """Write what is queued and the end of the file; gives up after ``wait_s``."""
@@ -175,8 +175,8 @@ class Recorder(QueuedSink):
             self._channels["/diagnostics"], stamp, ros.diagnostic_array(states, stamp), stamp, self.frames
         )
 
-    def _add(self, reading: CapReading, topic: str, data: bytes, stamp: int) -> None:
-        channel = self._channels[f"/{reading.cap}/{topic}"]
+    def _add(self, reading: EndcapReading, topic: str, data: bytes, stamp: int) -> None:
+        channel = self._channels[f"/{reading.endcap}/{topic}"]
         self._writer.add_message(channel, stamp, data, stamp, reading.frame.sequence % 2**32)
         self._bytes += len(data)
 

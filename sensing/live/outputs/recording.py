@@ -61,7 +61,7 @@ class Recording:
             now = datetime.datetime.now()
             stamp = f"{now:%Y%m%d_%H%M%S}_{now.microsecond // 1000:03d}"
             engine = self._run.engine
-            pipelines = {cap.name: cap.pipeline for cap in engine.caps}
+            pipelines = {endcap.name: endcap.pipeline for endcap in engine.endcaps}
             recorder = Recorder(
                 path or self._folder / f"endcap_{stamp}.mcap",
                 self._run.config,

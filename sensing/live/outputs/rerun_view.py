@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 from cad.errors import ParameterError
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink
 
 ROOM = 16
@@ -27,12 +27,14 @@ class RerunView(QueuedSink):
             raise ParameterError("--rerun needs the Rerun viewer: run pip install rerun-sdk", name="rerun") from None
         self._rerun.init("endcaps", spawn=True)
 
-    def write(self, reading: CapReading) -> None:
+    def write(self, reading: EndcapReading) -> None:
         """Picture and wrench of one reading."""
         rerun = self._rerun
         rerun.set_time("capture", duration=reading.captured_s)
         if reading.frame.jpeg is not None:
-            rerun.log(f"{reading.cap}/image", rerun.EncodedImage(contents=reading.frame.jpeg, media_type="image/jpeg"))
+            rerun.log(
+                f"{reading.endcap}/image", rerun.EncodedImage(contents=reading.frame.jpeg, media_type="image/jpeg")
+            )
         for name, values in (("force_n", reading.wrench.force_n), ("torque_nm", reading.wrench.torque_nm)):
             for axis, value in zip("xyz", values, strict=True):
-                rerun.log(f"{reading.cap}/{name}/{axis}", rerun.Scalars(float(value)))
+                rerun.log(f"{reading.endcap}/{name}/{axis}", rerun.Scalars(float(value)))

@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from cad.errors import ParameterError
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.diagnosis import diagnosis
 
@@ -41,14 +41,14 @@ class RosTopics(QueuedSink):
     """Publishes every reading.
 
     Args:
-        caps: names, which begin the topics. domain: None for ``ROS_DOMAIN_ID`` or 0. health: for the diagnostics.
+        endcaps: names, which begin the topics. domain: None for ``ROS_DOMAIN_ID`` or 0. health: for the diagnostics.
 
     Raises:
         ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.
     """
 
     def __init__(
-        self, caps: tuple[str, ...], domain: int | None = None, health: Callable[[], Sequence[CapHealth]] = list
+        self, endcaps: tuple[str, ...], domain: int | None = None, health: Callable[[], Sequence[EndcapHealth]] = list
     ) -> None:
         super().__init__(ROOM)
         self._health, self._beat = health, Beat(BEAT_S, self._diagnose)
@@ -58,7 +58,7 @@ class RosTopics(QueuedSink):
         except ImportError:
             raise ParameterError("--ros needs Cyclone DDS: run pip install 'endcap-toolkit[ros]'", name="ros") from None
         try:
-            self._writers, self._diagnostics = _writers(caps, self._domain)
+            self._writers, self._diagnostics = _writers(endcaps, self._domain)
         except DDSException as error:
             raise ParameterError(
                 f"--ros: DDS cannot start in domain {self._domain} ({error}): is there a network interface?", name="ros"
@@ -75,13 +75,13 @@ class RosTopics(QueuedSink):
         super().start()
         self._beat.start()
 
-    def write(self, reading: CapReading) -> None:
+    def write(self, reading: EndcapReading) -> None:
         """All messages of one reading."""
         from sensing.live.outputs import dds_types as dds
 
-        writers = self._writers[reading.cap]
+        writers = self._writers[reading.endcap]
         stamp = self._wall_ns + int(reading.captured_s * 1e9)
-        header = dds.Header(dds.Time(stamp // 10**9, stamp % 10**9), reading.cap)
+        header = dds.Header(dds.Time(stamp // 10**9, stamp % 10**9), reading.endcap)
         force, torque = (
             dds.Vector3(*(float(x) for x in part)) for part in (reading.wrench.force_n, reading.wrench.torque_nm)
         )
@@ -123,7 +123,7 @@ class RosTopics(QueuedSink):
 
 
 def topic_types() -> dict[str, Any]:
-    """DDS type of each topic below a cap's name."""
+    """DDS type of each topic below an endcap's name."""
     from sensing.live.outputs import dds_types as dds
 
     return {
@@ -148,7 +148,7 @@ def topic_qos() -> Any:
     )
 
 
-def _writers(caps: tuple[str, ...], domain: int) -> tuple[dict[str, dict[str, Any]], Any]:
+def _writers(endcaps: tuple[str, ...], domain: int) -> tuple[dict[str, dict[str, Any]], Any]:
     """(writers by endcap and topic, writer of /diagnostics)."""
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.pub import DataWriter
@@ -159,17 +159,17 @@ def _writers(caps: tuple[str, ...], domain: int) -> tuple[dict[str, dict[str, An
     participant, qos = DomainParticipant(domain), topic_qos()
     diagnostics = DataWriter(participant, Topic(participant, "rt/diagnostics", dds.DiagnosticArray, qos=qos), qos=qos)
     writers = {
-        cap: {
-            name: DataWriter(participant, Topic(participant, f"rt/{cap}/{name}", kind, qos=qos), qos=qos)
+        endcap: {
+            name: DataWriter(participant, Topic(participant, f"rt/{endcap}/{name}", kind, qos=qos), qos=qos)
             for name, kind in topic_types().items()
         }
-        for cap in caps
+        for endcap in endcaps
     }
     return writers, diagnostics
 
 
 def _domain(domain: int | None) -> int:
-    told = os.environ.get("ROS_DOMAIN_ID", "0") if domain is None else str(domain)
-    if not (told.isascii() and told.isdigit() and len(told) < 5) or int(told) > MOST_DOMAIN:
-        raise ParameterError(f"ROS_DOMAIN_ID={told} outside 0..{MOST_DOMAIN}", name="domain", value=told)
-    return int(told)
+    reported = os.environ.get("ROS_DOMAIN_ID", "0") if domain is None else str(domain)
+    if not (reported.isascii() and reported.isdigit() and len(reported) < 5) or int(reported) > MOST_DOMAIN:
+        raise ParameterError(f"ROS_DOMAIN_ID={reported} outside 0..{MOST_DOMAIN}", name="domain", value=reported)
+    return int(reported)

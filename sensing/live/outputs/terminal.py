@@ -1,4 +1,4 @@
-"""Numbers in the terminal: one quiet line a cap, rewritten in place; nothing but changes where it is no terminal."""
+"""Numbers in the terminal: one quiet line an endcap, rewritten in place; nothing but changes where it is no terminal."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import TextIO
 import numpy as np
 
 from cad.errors import printable
-from sensing.live.core.reading import CapReading
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.robot import RobotState
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.stats import EndcapHealth
 
 REFRESH_S = 0.2
 
@@ -31,39 +31,43 @@ class Terminal:
         self._said: dict[str, str] = {}
 
     def show(
-        self, healths: Sequence[CapHealth], readings: Mapping[str, CapReading], robot: RobotState, notes: Sequence[str]
+        self,
+        healths: Sequence[EndcapHealth],
+        readings: Mapping[str, EndcapReading],
+        robot: RobotState,
+        notes: Sequence[str],
     ) -> None:
         """Rewrite all lines, or tell what has changed."""
         if not self._tty:
             self._tell_changes(healths)
             return
         width = shutil.get_terminal_size().columns - 1
-        lines = [cap_line(health, readings.get(health.cap)) for health in healths]
+        lines = [endcap_line(health, readings.get(health.endcap)) for health in healths]
         lines += [robot_line(robot), *notes]
         up = f"\x1b[{self._lines}A" if self._lines else ""
         self._stream.write(up + "".join(f"\r\x1b[2K{printable(line)[:width]}\n" for line in lines) + "\x1b[J")
         self._stream.flush()
         self._lines = len(lines)
 
-    def _tell_changes(self, healths: Sequence[CapHealth]) -> None:
+    def _tell_changes(self, healths: Sequence[EndcapHealth]) -> None:
         for health in healths:
             said = health.message.split(" for ")[0] or health.status
-            if self._said.get(health.cap) != said:
-                self._said[health.cap] = said
-                self._stream.write(printable(f"{health.cap}: {health.message or health.status}") + "\n")
+            if self._said.get(health.endcap) != said:
+                self._said[health.endcap] = said
+                self._stream.write(printable(f"{health.endcap}: {health.message or health.status}") + "\n")
                 self._stream.flush()
 
 
-def cap_line(health: CapHealth, reading: CapReading | None) -> str:
-    """One cap in one line."""
+def endcap_line(health: EndcapHealth, reading: EndcapReading | None) -> str:
+    """One endcap in one line."""
     if reading is None or not reading.valid or not health.valid:
         dots = f"  {health.dots}/{health.dots_known} dots" if health.dots_known else ""
-        return f"{health.cap:<10} F    -  {health.status}{dots}  {health.message}".rstrip()
+        return f"{health.endcap:<10} F    -  {health.status}{dots}  {health.message}".rstrip()
     force, torque = reading.wrench.force_n, reading.wrench.torque_nm
     spread = np.sqrt(np.clip(np.diagonal(reading.wrench.covariance)[:3], 0, None)).max()
     touch = "touch" if reading.contact.touching else "  -  "
     text = (
-        f"{health.cap:<10} F {force[0]:+6.1f} {force[1]:+6.1f} {force[2]:+6.1f} N ±{spread:3.1f}  "
+        f"{health.endcap:<10} F {force[0]:+6.1f} {force[1]:+6.1f} {force[2]:+6.1f} N ±{spread:3.1f}  "
         f"T {torque[0]:+5.2f} {torque[1]:+5.2f} {torque[2]:+5.2f} N m  {touch}  {health.rate_hz:4.1f} Hz "
         f"{health.p50_ms:4.1f} ms  {health.dropped} dropped"
     )
@@ -85,12 +89,12 @@ def robot_line(robot: RobotState) -> str:
     return text
 
 
-def summary(healths: Sequence[CapHealth], seconds: float) -> list[str]:
-    """Last words: one line a cap."""
+def summary(healths: Sequence[EndcapHealth], seconds: float) -> list[str]:
+    """Last words: one line an endcap."""
     lines = [f"{seconds:.1f} s"]
     for health in healths:
         lines.append(
-            f"{health.cap}: {health.frames} frames, {health.dropped} dropped, {health.faults} unusable, "
+            f"{health.endcap}: {health.frames} frames, {health.dropped} dropped, {health.faults} unusable, "
             f"image to wrench {_ms(health.p50_ms)} median, {_ms(health.p99_ms)} at 99 %"
             + (f", reopened {health.reopened} times" if health.reopened else "")
             + (f": {health.message}" if health.message else "")

@@ -12,7 +12,7 @@ import ipaddress
 import json
 import struct
 
-HEAD = struct.Struct(">cBI")  # kind, number of the cap, length of what follows
+HEAD = struct.Struct(">cBI")  # kind, number of the endcap, length of what follows
 HELLO, DETAIL, PICTURE, STATE = b"H", b"D", b"P", b"S"
 WORDS = ("zero", "zero_confirmed", "zero_all", "undo", "record_start", "record_stop")
 FRESH_MS = 2000  # a viewer may act on what it saw this long ago
@@ -20,26 +20,26 @@ LATEST_MS = 10**15  # no clock of a run shows more
 LONGEST_LINE = 256
 
 
-def message(kind: bytes, data: bytes, cap: int = 0) -> bytes:
+def message(kind: bytes, data: bytes, endcap: int = 0) -> bytes:
     """One message of the run."""
-    return HEAD.pack(kind, cap, len(data)) + data
+    return HEAD.pack(kind, endcap, len(data)) + data
 
 
-def parse_request(text: str, caps: int) -> tuple[str, int, int] | None:
+def parse_request(text: str, endcaps: int) -> tuple[str, int, int] | None:
     """(what to do, number of the endcap, ms of the state seen) from a viewer's message; None for no request."""
     try:
         request = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(request, dict) or set(request) - {"do", "cap", "seen"}:
+    if not isinstance(request, dict) or set(request) - {"do", "endcap", "seen"}:
         return None
-    what, cap, seen = request.get("do"), request.get("cap", 0), request.get("seen", 0)
-    if what not in ("show", *WORDS) or type(cap) is not int or not 0 <= cap < caps:
+    what, endcap, seen = request.get("do"), request.get("endcap", 0), request.get("seen", 0)
+    if what not in ("show", *WORDS) or type(endcap) is not int or not 0 <= endcap < endcaps:
         return None
-    return (what, cap, seen) if type(seen) is int and 0 <= seen < LATEST_MS else None
+    return (what, endcap, seen) if type(seen) is int and 0 <= seen < LATEST_MS else None
 
 
-def parse_line(line: bytes, caps: int) -> tuple[str, list[int], int] | None:
+def parse_line(line: bytes, endcaps: int) -> tuple[str, list[int], int] | None:
     """(word, numbers of endcaps, ms of the state seen) from a line of the page's process; None for anything else."""
     word, *numbers = line.decode("ascii", "replace").split() or [""]
     if not numbers or not all(n.isdecimal() and len(n) < 16 for n in numbers):
@@ -49,7 +49,7 @@ def parse_line(line: bytes, caps: int) -> tuple[str, list[int], int] | None:
         seen = int(numbers.pop())
     elif word != "look":
         return None
-    chosen = [int(n) for n in numbers if len(n) < 4 and int(n) < caps]
+    chosen = [int(n) for n in numbers if len(n) < 4 and int(n) < endcaps]
     return (word, chosen, seen) if len(chosen) == len(numbers) else None
 
 

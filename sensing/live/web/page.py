@@ -2,7 +2,7 @@
 
 The page's process (:mod:`sensing.live.web.process`) asks for the newest state while somebody looks, one thread here
 answers; nothing is made for nobody, and however many look, it is made once. What comes back from there is one of four
-words and the number of a cap: no word of the network reaches a file name. On another address than loopback a token is
+words and the number of an endcap: no word of the network reaches a file name. On another address than loopback a token is
 needed. Everything the page needs is served from there: it works without any other network.
 """
 
@@ -70,7 +70,7 @@ class PageServer:
         self._link, self._theirs = socket.socketpair()
         self._process: subprocess.Popen[bytes] | None = None
         self._sent: dict[int, tuple[str, int]] = {}
-        self._previews = [Preview() for _ in run.config.caps]
+        self._previews = [Preview() for _ in run.config.endcaps]
         self._thread = threading.Thread(target=self._talk, daemon=True)
         self._closing, self._failed = False, ""
 
@@ -115,12 +115,12 @@ class PageServer:
 
     def _talk(self) -> None:
         """Answers the page's process until the link ends."""
-        caps = len(self._run.config.caps)
+        endcaps = len(self._run.config.endcaps)
         try:
-            self._link.sendall(message(HELLO, json.dumps(hello(self._run) | {"token": self.token}).encode(), caps))
+            self._link.sendall(message(HELLO, json.dumps(hello(self._run) | {"token": self.token}).encode(), endcaps))
             with self._link.makefile("rb") as lines:
                 while line := lines.readline(LONGEST_LINE):
-                    request = parse_line(line, caps)
+                    request = parse_line(line, endcaps)
                     if request is not None:
                         self._do(*request)
             self._failed = "its process ended"
@@ -134,7 +134,7 @@ class PageServer:
             shown = state(self._run, self._recording.note, self._recording.on)
             self._link.sendall(message(STATE, _plain(shown)))
         elif is_fresh(seen_ms, time.monotonic()):
-            self._press(word, self._run.config.caps[numbers[0]].name)
+            self._press(word, self._run.config.endcaps[numbers[0]].name)
 
     def _press(self, word: str, name: str) -> None:
         """A button."""
@@ -149,9 +149,9 @@ class PageServer:
 
     def _show(self, number: int) -> None:
         """Details of an endcap, and its picture if that is new; without a valid reading, the newest frame."""
-        cap = self._run.engine.caps[number]
-        reading, frame = self._run.latest.get(cap.name), cap.frame
-        now = cap.machine.condition.valid or (reading is not None and reading.frame is frame)
+        endcap = self._run.engine.endcaps[number]
+        reading, frame = self._run.latest.get(endcap.name), endcap.frame
+        now = endcap.machine.condition.valid or (reading is not None and reading.frame is frame)
         if reading is not None and reading.valid and reading.tracks is not None and now:
             frame, shown = reading.frame, detail(reading, number)
         elif frame is None:
@@ -175,8 +175,8 @@ def picture(frame: Frame) -> bytes:
         return b""
 
 
-def _plain(told: dict[str, Any]) -> bytes:
-    return json.dumps(told, allow_nan=False, separators=(",", ":")).encode()
+def _plain(reported: dict[str, Any]) -> bytes:
+    return json.dumps(reported, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _listen(host: str, port: int | None) -> socket.socket:

@@ -86,13 +86,13 @@ class Link:
     """The run as the page sees it.
 
     Attributes:
-        hello: what every viewer is told first. token: it must know; empty for none. caps: their number.
-        pictures: by cap, (count of its changes, JPEG).
+        hello: what every viewer is told first. token: it must know; empty for none. endcaps: their number.
+        pictures: by endcap, (count of its changes, JPEG).
     """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
-        self.hello, self.token, self.caps = "", "", 0
+        self.hello, self.token, self.endcaps = "", "", 0
         self.pictures: dict[int, tuple[int, bytes]] = {}
         self._details: dict[int, str] = {}
         self._state = "{}"
@@ -102,34 +102,34 @@ class Link:
 
     async def begin(self) -> None:
         """Hear what does not change."""
-        _, self.caps, data = await self._receive()
-        told = json.loads(data)
-        self.token, self.hello = told.pop("token"), json.dumps(told)
+        _, self.endcaps, data = await self._receive()
+        reported = json.loads(data)
+        self.token, self.hello = reported.pop("token"), json.dumps(reported)
 
-    def ask(self, word: str, cap: int, seen_ms: int) -> None:
+    def ask(self, word: str, endcap: int, seen_ms: int) -> None:
         """Press a button, on a state that was seen at ``seen_ms``."""
-        self._writer.write(f"{word} {cap} {seen_ms}\n".encode())
+        self._writer.write(f"{word} {endcap} {seen_ms}\n".encode())
 
-    async def look(self, cap: int) -> str:
-        """The newest state as JSON, with the details of one cap; all viewers that wait get the same look."""
-        self._wanted.add(cap)
+    async def look(self, endcap: int) -> str:
+        """The newest state as JSON, with the details of one endcap; all viewers that wait get the same look."""
+        self._wanted.add(endcap)
         self._asked.set()
         await asyncio.shield(self._answer)
-        return f'{self._state[:-1]},"selected":{self._details.get(cap, "null")}}}'
+        return f'{self._state[:-1]},"selected":{self._details.get(endcap, "null")}}}'
 
     async def talk(self) -> None:
         """Ask for looks and take what comes; raises asyncio.IncompleteReadError or OSError when the link ends."""
         asking = asyncio.create_task(self._ask_for_looks())
         try:
             while True:
-                kind, cap, data = await self._receive()
+                kind, endcap, data = await self._receive()
                 if kind == STATE:
                     self._state = data.decode()
                     self._answered.set()
                 elif kind == DETAIL:
-                    self._details[cap] = data.decode()
+                    self._details[endcap] = data.decode()
                 elif kind == PICTURE:
-                    self.pictures[cap] = self.pictures.get(cap, (0, b""))[0] + 1, data
+                    self.pictures[endcap] = self.pictures.get(endcap, (0, b""))[0] + 1, data
         finally:
             asking.cancel()
 
@@ -147,8 +147,8 @@ class Link:
             await asyncio.sleep(FASTEST_S)
 
     async def _receive(self) -> tuple[bytes, int, bytes]:
-        kind, cap, length = HEAD.unpack(await self._reader.readexactly(HEAD.size))
-        return kind, cap, await self._reader.readexactly(length)
+        kind, endcap, length = HEAD.unpack(await self._reader.readexactly(HEAD.size))
+        return kind, endcap, await self._reader.readexactly(length)
 
 
 def build_app(run: Link, port: int) -> Starlette:
@@ -166,7 +166,7 @@ def build_app(run: Link, port: int) -> Starlette:
             response.set_cookie(cookie, run.token, httponly=True, samesite="strict")
         return response
 
-    async def told(request: Request) -> Response:
+    async def reported(request: Request) -> Response:
         refusal = _refusal(request, run.token, cookie)
         if refusal:
             return PlainTextResponse(refusal, 403, HEADERS)
@@ -186,7 +186,7 @@ def build_app(run: Link, port: int) -> Starlette:
             viewers.count -= 1
 
     routes: list[Any] = [Route(path, file) for path in STATIC]
-    return Starlette(routes=[*routes, Route("/state.json", told), WebSocketRoute("/ws", socket_)])
+    return Starlette(routes=[*routes, Route("/state.json", reported), WebSocketRoute("/ws", socket_)])
 
 
 class _Viewers:
@@ -198,17 +198,17 @@ async def _answer(websocket: WebSocket, run: Link) -> None:
     await websocket.send_text(run.hello)
     seen = (-1, -1)
     while True:
-        request = parse_request(await websocket.receive_text(), run.caps)
+        request = parse_request(await websocket.receive_text(), run.endcaps)
         if request is None:
             await websocket.close(1003)
             return
-        word, cap, seen_ms = request
+        word, endcap, seen_ms = request
         if word != "show":
-            run.ask(word, cap, seen_ms)
-        await websocket.send_text(await run.look(cap))
-        count, jpeg = run.pictures.get(cap, (0, b""))
-        if jpeg and (cap, count) != seen:
-            seen = (cap, count)
+            run.ask(word, endcap, seen_ms)
+        await websocket.send_text(await run.look(endcap))
+        count, jpeg = run.pictures.get(endcap, (0, b""))
+        if jpeg and (endcap, count) != seen:
+            seen = (endcap, count)
             await websocket.send_bytes(jpeg)
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sensing.live.core.reading import CapReading, nothing, plain, rounded
-from sensing.live.core.stats import CapHealth
+from sensing.live.core.reading import EndcapReading, nothing, plain, rounded
+from sensing.live.core.stats import EndcapHealth
 
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
@@ -18,27 +18,27 @@ UNIT_PX = 0.01  # of its arrows, px of the 200 x 200 crop
 
 
 def hello(run: LiveRun) -> dict[str, Any]:
-    """What does not change: names, sizes and places of the caps (mm, robot frame)."""
-    caps = [
+    """What does not change: names, sizes and places of the endcaps (mm, robot frame)."""
+    endcaps = [
         {
-            "name": cap.name,
-            "radius_mm": cap.params.outer_radius_mm,
-            "centre_mm": cap.params.centre_height_mm,
-            "T_robot_endcap": cap.T_robot_endcap.tolist(),
+            "name": endcap.name,
+            "radius_mm": endcap.params.outer_radius_mm,
+            "centre_mm": endcap.params.centre_height_mm,
+            "T_robot_endcap": endcap.T_robot_endcap.tolist(),
         }
-        for cap in run.config.caps
+        for endcap in run.config.endcaps
     ]
-    return {"hello": caps, "weight_n": run.config.weight_n, "model": run.config.model}
+    return {"hello": endcaps, "weight_n": run.config.weight_n, "model": run.config.model}
 
 
 def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
-    """The newest numbers of all caps."""
+    """The newest numbers of all endcaps."""
     readings, robot = run.latest.all(), run.robot()
-    caps = [_cap(health, readings.get(health.cap)) for health in run.engine.health()]
+    endcaps = [_endcap(health, readings.get(health.endcap)) for health in run.engine.health()]
     return {
         "time_s": time.monotonic(),
         "seen": int(1e3 * time.monotonic()),
-        "caps": caps,
+        "endcaps": endcaps,
         "touching": list(robot.touching),
         "force_sum_n": rounded(float(np.linalg.norm(robot.force_n)), 2),
         "consistent": robot.consistent,
@@ -47,9 +47,9 @@ def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
     }
 
 
-def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
-    told: dict[str, Any] = {
-        "name": health.cap,
+def _endcap(health: EndcapHealth, reading: EndcapReading | None) -> dict[str, Any]:
+    reported: dict[str, Any] = {
+        "name": health.endcap,
         "status": health.status,
         "level": health.level,
         "zeroed": health.zeroed,
@@ -68,14 +68,14 @@ def _cap(health: CapHealth, reading: CapReading | None) -> dict[str, Any]:
         "dots_known": health.dots_known,
         "reopened": health.reopened,
     }
-    told |= nothing(health.cap, health.status, health.message) | {"flags": []}
+    reported |= nothing(health.endcap, health.status, health.message) | {"flags": []}
     if reading is not None and reading.valid and health.valid:
-        told |= plain(reading) | {"state": health.status}
-    return told
+        reported |= plain(reading) | {"state": health.status}
+    return reported
 
 
-def detail(reading: CapReading, number: int) -> dict[str, Any]:
-    """Of one cap: dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
+def detail(reading: EndcapReading, number: int) -> dict[str, Any]:
+    """Of one endcap: dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
     assert reading.frame.size is not None
     dots: list[list[float]] = []
     if reading.tracks is not None:

@@ -110,7 +110,7 @@ def _labels(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg:
         "phase": PHASES.index(point.phase),
         "level": min(begin.level, end.level),
         "scene": path.scene,
-        "cap": path.endcap,
+        "endcap": path.endcap,
         "time_s": point.time_s - path.exposure_s / 2,
         "exposure_s": path.exposure_s,
         "latency_s": path.latency_s,

@@ -14,8 +14,8 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
-from sensing.live.core.config import CapConfig
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.config import EndcapConfig
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
@@ -57,7 +57,7 @@ def write_set(folder, paths, seed, diameter=130.0):
         rows = {name: np.zeros(n) for name in COLUMNS}
         rows |= {
             "path": np.full(n, path), "step": np.arange(n), "phase": np.array([0, 2, 2, 3]), "scene": np.full(n, -1),
-            "cap": np.full(n, -1), "time_s": np.arange(n) / 30, "force_n": forces, "torque_nm": np.zeros((n, 3)),
+            "endcap": np.full(n, -1), "time_s": np.arange(n) / 30, "force_n": forces, "torque_nm": np.zeros((n, 3)),
             "contact": np.arange(n) > 0, "tilt_deg": np.full(n, 10.0 * path), "azimuth_deg": np.full(n, 3.0 * seed),
             "friction": np.full(n, 0.5 + 0.01 * path), "reference": np.zeros(n, int),
             "dots_mm": 0.02 * np.repeat(forces[:, None], DOTS, axis=1),
@@ -109,11 +109,11 @@ def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
         turned_in = mount(nominal_lens(), (0.4, -0.3, design.camera_height_mm + 0.3), turned)
         (turned_in if mounted == "camera.json" else nominal_mount(design)).save(camera)
     trained = read_samples(folder)
-    cap = CapConfig("endcap_0", "test", camera=camera if mounted == "camera.json" else None)
+    endcap = EndcapConfig("endcap_0", "test", camera=camera if mounted == "camera.json" else None)
     pipe, live = None, []
     for item in LabelledSet(folder).frames():
         if item.frame.sequence == 0:
-            pipe = CapPipeline(cap, stand_in(), single_zero(item.reference))
+            pipe = EndcapPipeline(endcap, stand_in(), single_zero(item.reference))
         live.append(pipe.update(item.frame).field.channels)
     off = np.abs(np.array(live) - trained.fields).max()
     assert off == 0 if mounted != "the nominal camera's file" else off < 1e-6
@@ -159,10 +159,10 @@ def test_leaks_and_bad_input_are_refused_in_one_line(folders, weights, tmp_path,
 def test_scores_of_known_errors():
     truth = np.zeros((4, 6))
     truth[:2, 2] = -2.0
-    told = truth + np.array([0.1, 0, 0, 0, 0, 0.01])
-    told[3, 2] = 0.5
+    reported = truth + np.array([0.1, 0, 0, 0, 0, 0.01])
+    reported[3, 2] = 0.5
     covariance = np.tile(np.diag([0.01, 1, 1, 1, 1, 1e-6]), (4, 1, 1))
-    s = score(told, truth, np.array([True, True, False, False]), covariance)
+    s = score(reported, truth, np.array([True, True, False, False]), covariance)
     assert s.rmse[0] == pytest.approx(0.1) and s.rmse[2] == pytest.approx(0.25) and s.mae[5] == pytest.approx(0.01)
     assert s.mixed_mse == pytest.approx((0.01 * 4 + 0.25 + 1e-4 * 4) / 24)
     assert s.precision == pytest.approx(2 / 3) and s.recall == 1.0 and s.rest_n == pytest.approx(np.hypot(0.1, 0.5))
@@ -170,15 +170,15 @@ def test_scores_of_known_errors():
     assert s.coverage == pytest.approx(5 / 6)
     assert "0.2500" in table({"a": s})
     with pytest.raises(ParameterError, match="never give them"):
-        score(told * np.nan, truth, np.ones(4, bool))
+        score(reported * np.nan, truth, np.ones(4, bool))
 
 
 def test_turning_a_field_turns_place_and_direction():
     y, x = np.mgrid[-10:11, -10:11].astype(float)
     field = np.stack([np.exp(-((x - 5) ** 2 + y**2) / 8), 0 * x])
-    told = turned_field(field, 90.0)  # from +x to +y
+    reported = turned_field(field, 90.0)  # from +x to +y
     expected = np.stack([0 * x, np.exp(-(x**2 + (y - 5) ** 2) / 8)])
-    assert np.abs(told - expected).max() < 0.02
+    assert np.abs(reported - expected).max() < 0.02
 
 
 def test_physics_inverse_finds_place_and_force_of_a_made_up_compliance(folders):
@@ -212,8 +212,8 @@ def test_physics_inverse_finds_place_and_force_of_a_made_up_compliance(folders):
         azimuth_deg=np.array([p[1] for p in places]), friction=np.ones(n),
     )  # fmt: skip
     fresh = [made(25.0, rng.uniform(0, 360), np.array([8.0, 2.0, -1.0])) for _ in range(20)]
-    told = fit_compliance(samples).predict(np.array([f.ravel() for f, _ in fresh]))
-    error = told - np.array([w for _, w in fresh])
+    reported = fit_compliance(samples).predict(np.array([f.ravel() for f, _ in fresh]))
+    error = reported - np.array([w for _, w in fresh])
     assert np.sqrt((error[:, :3] ** 2).mean()) < 0.8 and np.sqrt((error[:, 3:] ** 2).mean()) < 0.05
 
 
@@ -252,7 +252,7 @@ def test_what_is_held_out_is_on_no_other_side(folders):
         held_out(views, "sensor")
 
 
-def test_holdouts_are_told_for_every_model(folders, capsys):
+def test_holdouts_are_reported_for_every_model(folders, capsys):
     assert evaluate.main(["--train", str(folders[0]), "--holdout", "path", "--paper-epochs", "2"]) == 0
     said = capsys.readouterr().out
     assert all(f"{name}, leave out path" in said for name in ("ours", "ridge", "physics inverse", "paper"))
@@ -260,7 +260,7 @@ def test_holdouts_are_told_for_every_model(folders, capsys):
     assert evaluate.main([]) == 2
 
 
-def test_lag_left_in_is_told_and_prediction_takes_it_out():
+def test_lag_left_in_is_reported_and_prediction_takes_it_out():
     """The answers themselves are the truth here, so that all lag is the latency's. A run that stands still has none."""
     time = np.arange(90) / 30
     swing = np.outer(np.sin(4 * time), [5.0, 2.0, 8.0, 0.1, 0.2, 0.3])

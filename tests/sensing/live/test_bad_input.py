@@ -21,7 +21,7 @@ from sensing.tracking.zero import load_zero, save_zero, single_zero
 
 @pytest.fixture(autouse=True)
 def stand_in_model(monkeypatch):
-    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
 
 
 def refused(capsys, *arguments: str) -> str:
@@ -35,7 +35,7 @@ def refused(capsys, *arguments: str) -> str:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("--config e.toml --rate 60", "--rate has no effect with --config: set rate_hz of each [[cap]] in e.toml"),
+        ("--config e.toml --rate 60", "--rate has no effect with --config: set rate_hz of each [[endcap]] in e.toml"),
         ("--config e.toml --diameter 140", "set diameter_mm"),
         ("--config e.toml --wall 9", "set wall_mm"),
         ("--config e.toml --zero z.npz", "set zero"),
@@ -55,7 +55,7 @@ def test_an_option_that_would_be_ignored_or_is_no_number_is_refused(capsys, argu
     assert said in refused(capsys, *arguments.split())
 
 
-CAP = '[[cap]]\nname = "a"\nsource = "0"\n'
+CAP = '[[endcap]]\nname = "a"\nsource = "0"\n'
 
 
 @pytest.mark.parametrize(
@@ -155,11 +155,11 @@ def test_control_characters_of_a_server_do_not_reach_the_terminal():
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         with program("--url", f"http://127.0.0.1:{server.server_port}/", "--no-page", "--seconds", "1.5") as process:
-            told, errors = process.communicate(timeout=120)
+            reported, errors = process.communicate(timeout=120)
     finally:
         server.shutdown()
-    assert "gone" in told and "\\x1b[2J" in told and process.returncode == 0
-    assert not any(ord(c) < 32 and c != "\n" for c in told + errors)
+    assert "gone" in reported and "\\x1b[2J" in reported and process.returncode == 0
+    assert not any(ord(c) < 32 and c != "\n" for c in reported + errors)
 
 
 def test_a_camera_file_that_nests_too_deep_is_one_line(tmp_path, capsys):
@@ -167,5 +167,5 @@ def test_a_camera_file_that_nests_too_deep_is_one_line(tmp_path, capsys):
     camera.write_text("[" * 100_000)
     picture = tmp_path / "0.jpg"
     picture.write_bytes(film([0])[0])
-    config.write_text(f"[[cap]]\nname = 'a'\nsource = {json.dumps(str(picture))}\ncamera = 'c.json'\n")
+    config.write_text(f"[[endcap]]\nname = 'a'\nsource = {json.dumps(str(picture))}\ncamera = 'c.json'\n")
     assert "not a camera file" in refused(capsys, "--config", str(config), "--no-page")

@@ -18,10 +18,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "scripts"))
 from live_picture import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this computer")
-RUNNING = "live() && latest.caps[0].status === 'running'"
-FREE = RUNNING + " && latest.caps[0].force_norm_n < 0.5 && !latest.caps[0].contact"
-TOUCHED = RUNNING + " && latest.caps[0].contact"
-CARD = "document.querySelector('.cap .{}').textContent"
+RUNNING = "live() && latest.endcaps[0].status === 'running'"
+FREE = RUNNING + " && latest.endcaps[0].force_norm_n < 0.5 && !latest.endcaps[0].contact"
+TOUCHED = RUNNING + " && latest.endcaps[0].contact"
+CARD = "document.querySelector('.endcap .{}').textContent"
 BUTTONS_OFF = "['zero','undo','zero_all','record'].every((id) => $(id).disabled)"
 STALE = "document.body.classList.contains('stale')"
 COLOURS = """(() => { const c = $("image"), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data,
@@ -99,10 +99,10 @@ def test_a_recording_is_started_and_stopped_by_the_button_that_says_so(stage):
 
 def test_a_zero_under_load_asks_first_and_can_be_undone(stage):
     stage.free()
-    before = stage.tab.value("latest.caps[0].zeroed")
+    before = stage.tab.value("latest.endcaps[0].zeroed")
     stage.shown.now = "pressed"
     stage.tab.until(TOUCHED)
-    force_n = stage.tab.value("latest.caps[0].force_norm_n")
+    force_n = stage.tab.value("latest.endcaps[0].force_norm_n")
     stage.click("zero")
     assert stage.tab.value("$('ask').classList.contains('open')")
     assert "is touched" in stage.tab.value("$('question').textContent")
@@ -110,23 +110,23 @@ def test_a_zero_under_load_asks_first_and_can_be_undone(stage):
     drawn = stage.tab.value("window.drawn")
     stage.tab.until(f"window.drawn > {drawn + 20}")  # more frames than a reference needs
     assert not stage.tab.value("$('ask').classList.contains('open')")
-    assert stage.tab.value("latest.caps[0].zeroed") == before and stage.tab.value(TOUCHED)
+    assert stage.tab.value("latest.endcaps[0].zeroed") == before and stage.tab.value(TOUCHED)
     stage.click("zero")
     stage.click("confirm")
-    stage.tab.until(f"{FREE} && latest.caps[0].zeroed !== '{before}'")
+    stage.tab.until(f"{FREE} && latest.endcaps[0].zeroed !== '{before}'")
     stage.tab.until("!$('undo').disabled")
     stage.click("undo")
-    stage.tab.until(f"{TOUCHED} && latest.caps[0].zeroed === '{before}'")
-    assert stage.tab.value("latest.caps[0].force_norm_n") == pytest.approx(force_n, rel=0.2)
+    stage.tab.until(f"{TOUCHED} && latest.endcaps[0].zeroed === '{before}'")
+    assert stage.tab.value("latest.endcaps[0].force_norm_n") == pytest.approx(force_n, rel=0.2)
 
 
 def test_a_black_picture_shows_a_dash_and_the_reason(stage):
     stage.free()
     stage.shown.now = "black"
-    stage.tab.until("live() && latest.caps[0].status === 'blind'")
+    stage.tab.until("live() && latest.endcaps[0].status === 'blind'")
     drawn = stage.tab.value("window.drawn")
     stage.tab.until(f"window.drawn > {drawn + 2}")
-    card = stage.tab.value("document.querySelector('.cap').innerText")
+    card = stage.tab.value("document.querySelector('.endcap').innerText")
     assert stage.tab.value(CARD.format("n")) == "–" and not re.search(r"\d N\b", card)
     assert re.search(r"blind: \d+ of \d+ dots are seen", stage.tab.value(CARD.format("h")))
     assert stage.tab.value("document.querySelectorAll('.lamp.touch').length") == 0
@@ -169,7 +169,7 @@ def settled(stage: Stage) -> None:
 
 def test_without_a_reference_the_picture_is_shown_with_its_dots_and_the_reason_then_the_server_goes(tab, tmp_path):
     with Stage(tmp_path, tab, Shown("shaken")) as stage:
-        tab.until("live() && latest.caps[0].status === 'waiting for a reference' && latest.selected")
+        tab.until("live() && latest.endcaps[0].status === 'waiting for a reference' && latest.selected")
         assert re.search(r"waiting for a reference: \S+", tab.value(CARD.format("h")))
         assert tab.value(CARD.format("n")) == "–" and "not yet" in tab.value("$('health').innerText")
         tab.until("/^\\d+ dots found, mean brightness \\d+ of 255/.test($('image_note').textContent)")

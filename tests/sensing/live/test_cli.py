@@ -48,7 +48,7 @@ def test_a_stop_is_clean_and_tells_what_was_done(address, tmp_path, number):
 def test_json_goes_to_the_pipe_alone_and_a_closed_pipe_ends_the_run(address):
     with program("--url", address, "--no-page", "--json") as process:
         lines = [json.loads(process.stdout.readline()) for _ in range(5)]
-        assert [line["cap"] for line in lines] == ["endcap_0"] * 5
+        assert [line["endcap"] for line in lines] == ["endcap_0"] * 5
         assert sorted(line["time_s"] for line in lines) == [line["time_s"] for line in lines]
         process.stdout.close()
         assert process.wait(15) == 0
@@ -62,24 +62,24 @@ def photos(folder: Path) -> Path:
 
 
 def test_photos_each_stand_for_themselves(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
     assert main(["--photos", str(photos(tmp_path)), "--no-page", "--json", "--speed", "0"]) == 0
-    told = capsys.readouterr()
-    lines = [json.loads(line) for line in told.out.splitlines()]
+    reported = capsys.readouterr()
+    lines = [json.loads(line) for line in reported.out.splitlines()]
     assert [line["contact"] for line in lines] == [False, False, True, False]
     assert lines[2]["force_n"][0] > 5 and abs(lines[3]["force_n"][0]) < 0.5  # no memory of the photo before
-    assert "endcap_0: 4 frames" in told.err
+    assert "endcap_0: 4 frames" in reported.err
 
 
 def test_rerun_is_an_option_that_says_how_to_get_it(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["--photos", str(photos(tmp_path)), "--no-page", "--rerun"]) == 2
     assert "pip install rerun-sdk" in capsys.readouterr().err
 
 
 def test_a_video_a_recording_of_it_and_its_check(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
     video, mcap = tmp_path / "press.avi", tmp_path / "press.mcap"
     writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 30, (640, 480))
     for jpeg in film([0] * 3 + [0.5, 1.0, 1.0]):

@@ -23,7 +23,7 @@ from mcap.records import Chunk, Metadata
 from cad.errors import FileError
 from sensing.camera.nominal import nominal_mount
 from sensing.live.cli import main
-from sensing.live.core.config import CapConfig, LiveConfig
+from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.mcap_records import HEAD, MAGIC, CutError, DamagedError, read_records
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
@@ -34,7 +34,7 @@ FRAMES = 24
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
 
 
 def record(path: Path, config: LiveConfig, count: int = FRAMES) -> None:
@@ -52,7 +52,7 @@ def record(path: Path, config: LiveConfig, count: int = FRAMES) -> None:
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     path = tmp_path_factory.mktemp("damaged") / "run.mcap"
-    record(path, LiveConfig((CapConfig("endcap_0", "test"),)))
+    record(path, LiveConfig((EndcapConfig("endcap_0", "test"),)))
     return path.read_bytes()
 
 
@@ -84,11 +84,11 @@ def test_a_flipped_bit_is_found_where_it_is(tmp_path, whole, capsys):
     assert found.frames == 12 and found.different == 0 and isinstance(found.end, DamagedError)
     assert f"damaged at byte {place} (the check sum of a chunk differs)" in str(found.end)
     assert main(["--replay", str(tmp_path / "x.mcap"), "--check"]) == 1
-    told = capsys.readouterr()
-    assert "12 frames computed again, 0 differ" in told.out and "damaged at byte" in told.err
+    reported = capsys.readouterr()
+    assert "12 frames computed again, 0 differ" in reported.out and "damaged at byte" in reported.err
     assert main(["--replay", str(tmp_path / "x.mcap"), "--no-page", "--speed", "0"]) == 1
-    told = capsys.readouterr()
-    assert "12 frames" in told.out and told.err.count("damaged at byte") == 1
+    reported = capsys.readouterr()
+    assert "12 frames" in reported.out and reported.err.count("damaged at byte") == 1
 
 
 def test_every_part_of_the_file_is_covered_by_a_check_sum(tmp_path, whole):
@@ -184,14 +184,14 @@ def with_config(data: bytes, text: str) -> bytes:
 def config_of(data: bytes, tmp_path: Path) -> dict:
     path = tmp_path / "whole.mcap"
     path.write_bytes(data)
-    (told,) = [record.metadata for record in read_records(path) if isinstance(record, Metadata)]
-    return json.loads(told["config"])
+    (reported,) = [record.metadata for record in read_records(path) if isinstance(record, Metadata)]
+    return json.loads(reported["config"])
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"weight_n": 10**400}, {"caps": []}, {"caps": 3}, {"files": None}, {"model": "\x1b[2J"}, {"model": []},
+        {"weight_n": 10**400}, {"endcaps": []}, {"endcaps": 3}, {"files": None}, {"model": "\x1b[2J"}, {"model": []},
         {"format": 99}, {"method": "none such"}, {"files": {"weights": "0" * 64}}, {"files": {"camera/endcap_0": "1"}},
     ],
 )  # fmt: skip
@@ -213,17 +213,17 @@ def test_json_that_is_none_is_one_line(tmp_path, whole, text):
 
 def test_a_recording_carries_its_files_and_opens_no_path_that_it_names(tmp_path):
     camera, path = tmp_path / "camera.json", tmp_path / "run.mcap"
-    config = CapConfig("endcap_0", "test")
+    config = EndcapConfig("endcap_0", "test")
     nominal_mount(config.params, 640, 480).save(camera)
     weights = tmp_path / "weights.safetensors"
     weights.write_bytes(b"weights of this run")
-    record(path, LiveConfig((CapConfig("endcap_0", "test", camera=camera),), weights=weights), 4)
+    record(path, LiveConfig((EndcapConfig("endcap_0", "test", camera=camera),), weights=weights), 4)
     kept = camera.read_bytes()
     camera.unlink()
     weights.unlink()
     os.mkfifo(weights)  # opened, it would wait for ever
     found = read_config(path)
-    assert found.caps[0].camera.read_bytes() == kept and found.weights.read_bytes() == b"weights of this run"
+    assert found.endcaps[0].camera.read_bytes() == kept and found.weights.read_bytes() == b"weights of this run"
     assert (tmp_path / "cache") in found.weights.parents and str(camera).encode() not in path.read_bytes()
     found.weights.write_bytes(b"changed by somebody")
     assert read_config(path).weights.read_bytes() == b"weights of this run"
@@ -251,5 +251,7 @@ def test_random_damage_is_borne():
         "print([fault for kind in ('configuration', 'recording') for _, fault in cases(kind, 6, 2, 11) if fault])"
     )
     environment = {**os.environ, "PYTHONPATH": f"{bench}{os.pathsep}{bench.parent}"}
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300)
-    assert told.stdout.splitlines()[-1:] == ["[]"], told.stdout + told.stderr
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300
+    )
+    assert reported.stdout.splitlines()[-1:] == ["[]"], reported.stdout + reported.stderr

@@ -17,13 +17,13 @@ from live_program import camera, program
 from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
 from mcap.records import ChunkIndex
 
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
-from sensing.live.replay import read_config, replay_caps, verify
+from sensing.live.replay import read_config, replay_endcaps, verify
 from sensing.records import Frame
 from sensing.tracking.zero import ZeroError
 
@@ -46,24 +46,24 @@ def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
         raise ZeroError("moved")
 
     monkeypatch.setattr("sensing.live.core.reference.take_zero", slow)
-    caps = [LiveCap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
-    with Engine(caps):
+    endcaps = [LiveEndcap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
+    with Engine(endcaps):
         assert began.wait(30)
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
-    makers = [cap.pipeline._taker._thread for cap in caps]
+    makers = [endcap.pipeline._taker._thread for endcap in endcaps]
     assert not any(maker is not None and maker.is_alive() for maker in makers)
 
 
 def test_a_file_has_ended_when_its_last_frame_is_worked_on_and_not_when_it_is_read():
-    cap = LiveCap(FileFeed(lambda: frames(film([0, 0, 0])), Pace(0)), pipeline())
-    cap.feed.start(lambda: None)
-    wait_for(lambda: cap.feed.health.status == "ended")
+    endcap = LiveEndcap(FileFeed(lambda: frames(film([0, 0, 0])), Pace(0)), pipeline())
+    endcap.feed.start(lambda: None)
+    wait_for(lambda: endcap.feed.health.status == "ended")
     for done in range(3):
-        assert cap.health.status != "ended", done
-        item = cap.take()
-        assert cap.health.status != "ended", done
-        assert cap.process(item) is not None
-    assert cap.take() is None and cap.health.status == "ended"
+        assert endcap.health.status != "ended", done
+        item = endcap.take()
+        assert endcap.health.status != "ended", done
+        assert endcap.process(item) is not None
+    assert endcap.take() is None and endcap.health.status == "ended"
 
 
 def test_an_end_while_zeroing_is_clean(address):
@@ -86,15 +86,15 @@ class HungSource:
 
 
 def test_cameras_that_hang_are_left_behind_together():
-    caps = [LiveCap(CameraFeed(HungSource), pipeline(f"endcap_{k}", k)) for k in range(6)]
-    engine = Engine(caps)
+    endcaps = [LiveEndcap(CameraFeed(HungSource), pipeline(f"endcap_{k}", k)) for k in range(6)]
+    engine = Engine(endcaps)
     engine.start()
-    wait_for(lambda: all(cap.feed.health.frames for cap in caps))
+    wait_for(lambda: all(endcap.feed.health.frames for endcap in endcaps))
     waited = []
-    for cap in caps:  # how long each may take is what is tested, not how long it takes here
-        cap.feed.close = lambda wait_s: waited.append(wait_s) or time.sleep(wait_s)
+    for endcap in endcaps:  # how long each may take is what is tested, not how long it takes here
+        endcap.feed.close = lambda wait_s: waited.append(wait_s) or time.sleep(wait_s)
     engine.close(0.4)
-    assert sum(waited) <= 0.4 and all(cap.feed._live._stop.is_set() for cap in caps)
+    assert sum(waited) <= 0.4 and all(endcap.feed._live._stop.is_set() for endcap in endcaps)
 
 
 def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
@@ -109,7 +109,7 @@ def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
     assert check.frames > 3 and check.end is None
 
 
-def test_a_full_disk_while_recording_is_told_and_gives_status_1(address, tmp_path):
+def test_a_full_disk_while_recording_is_reported_and_gives_status_1(address, tmp_path):
     path = tmp_path / "run.mcap"
     room = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, 1_500_000))}
     with program("--url", address, "--no-page", "--record", str(path), **room) as process:
@@ -123,7 +123,7 @@ def test_a_full_disk_while_recording_is_told_and_gives_status_1(address, tmp_pat
     assert f"; {check.frames} frames are kept" in said and check.frames > 0 and isinstance(check.end, CutError)
 
 
-def test_json_to_a_full_disk_is_told_and_gives_status_1(address):
+def test_json_to_a_full_disk_is_reported_and_gives_status_1(address):
     with open("/dev/full", "w") as full, program("--url", address, "--no-page", "--json", stdout=full) as process:
         assert process.wait(60) == 1
         assert "sensing.live: --json: stopped after 0 lines (No space left on device)" in process.stderr.read()
@@ -154,7 +154,7 @@ def test_a_terminal_that_has_stopped_holds_nothing_up():
 def recording(tmp_path_factory):
     """Sixty frames."""
     path = tmp_path_factory.mktemp("ends") / "run.mcap"
-    recorder = Recorder(path, LiveConfig((CapConfig("endcap_0", "test"),)), {"endcap_0": 0}, lambda _: None)
+    recorder = Recorder(path, LiveConfig((EndcapConfig("endcap_0", "test"),)), {"endcap_0": 0}, lambda _: None)
     recorder.start()
     pipe = pipeline()
     for frame in frames(film([0, 0, 0.5, 1.0] * 15)):
@@ -170,19 +170,19 @@ def test_a_replay_keeps_no_frames_and_is_not_zeroing(recording):
     class Sink:
         def put(self, reading):
             nonlocal most
-            seen.add(caps[0].health.status)
+            seen.add(endcaps[0].health.status)
             most = max(most, sum(type(each) is Frame for each in gc.get_objects()))
 
-    caps = replay_caps(recording, read_config(recording), 0, lambda _: stand_in())
+    endcaps = replay_endcaps(recording, read_config(recording), 0, lambda _: stand_in())
     before = sum(type(each) is Frame for each in gc.get_objects())
-    with Engine(caps, [Sink()]) as engine:
+    with Engine(endcaps, [Sink()]) as engine:
         assert engine.wait(60)
-    assert caps[0].stats.frames == 60 and most - before < 15  # some wait for the loop
-    assert "zeroing" not in seen and caps[0].health.message == ""
+    assert endcaps[0].stats.frames == 60 and most - before < 15  # some wait for the loop
+    assert "zeroing" not in seen and endcaps[0].health.message == ""
 
 
 def test_the_index_of_a_recording_does_not_grow_in_memory(tmp_path):
-    config = LiveConfig((CapConfig("endcap_0", "test"),))
+    config = LiveConfig((EndcapConfig("endcap_0", "test"),))
     recorder = Recorder(tmp_path / "long.mcap", config, {"endcap_0": 0}, lambda _: None)
     recorder.start()
     pipe = pipeline()
@@ -205,5 +205,7 @@ def test_random_ends_are_clean():
     bench = Path(__file__).resolve().parents[3] / "bench"
     code = "from bench_robust_ends import ends; print([fault for *_, fault in ends(6, 2, 7) if fault])"
     environment = {**os.environ, "PYTHONPATH": f"{bench}{os.pathsep}{bench.parent}"}
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300)
-    assert told.stdout.splitlines()[-1:] == ["[]"], told.stdout + told.stderr
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300
+    )
+    assert reported.stdout.splitlines()[-1:] == ["[]"], reported.stdout + reported.stderr

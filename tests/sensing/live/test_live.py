@@ -12,17 +12,17 @@ from live_stand_in import LinearModel, dots, endless, film, frames, pipeline, st
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.live.cli import main
-from sensing.live.core.config import CapConfig, LiveConfig, load_config, save_config
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig, load_config, save_config
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.model import live_model, load_model
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import plain
 from sensing.live.core.robot import robot_state
 from sensing.live.core.state import Condition, Event
-from sensing.live.core.stats import STAGES, WINDOW, CapStats
+from sensing.live.core.stats import STAGES, WINDOW, EndcapStats
 from sensing.live.outputs.json_lines import JsonLines
-from sensing.live.outputs.terminal import cap_line, robot_line, summary
+from sensing.live.outputs.terminal import endcap_line, robot_line, summary
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.newest import Health, SourceError
@@ -34,7 +34,7 @@ def press() -> list[bytes]:
     return film([0] * 12 + [0.3, 0.7, 1.0, 1.0, 0.7, 0.3] + [0] * 4)
 
 
-def readings(pipe: CapPipeline, given: list[Frame]) -> list:
+def readings(pipe: EndcapPipeline, given: list[Frame]) -> list:
     return [pipe.update(frame) for frame in given]
 
 
@@ -42,42 +42,42 @@ def readings(pipe: CapPipeline, given: list[Frame]) -> list:
 def test_a_configuration_survives_the_file(tmp_path):
     pose = np.eye(4)
     pose[:3, 3] = 1.5, -2.0, 300.25
-    caps = (
-        CapConfig(
+    endcaps = (
+        EndcapConfig(
             "left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, exposure=120.0, T_robot_endcap=pose
         ),
-        CapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0),
+        EndcapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0),
     )
-    config = LiveConfig(caps, "paper", tmp_path / "w.pth", "dis", 117.7)
+    config = LiveConfig(endcaps, "paper", tmp_path / "w.pth", "dis", 117.7)
     save_config(config, tmp_path / "endcaps.toml")
     again = load_config(tmp_path / "endcaps.toml")
-    assert [replace(a, T_robot_endcap=np.eye(4)).__repr__() for a in again.caps] == [
-        replace(c, T_robot_endcap=np.eye(4)).__repr__() for c in caps
+    assert [replace(a, T_robot_endcap=np.eye(4)).__repr__() for a in again.endcaps] == [
+        replace(c, T_robot_endcap=np.eye(4)).__repr__() for c in endcaps
     ]
-    assert np.array_equal(again.caps[0].T_robot_endcap, pose)
+    assert np.array_equal(again.endcaps[0].T_robot_endcap, pose)
     assert (again.model, again.weights, again.method, again.weight_n) == ("paper", tmp_path / "w.pth", "dis", 117.7)
 
 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("caps = 3", "unknown key caps"),
-        ("[[cap]]\nname = 'a'", "without name or source"),
-        ("[[cap]]\nname = 'a'\nsource = 0", "source = 0"),
-        ("[[cap]]\nname = 'a b'\nsource = '0'", "name='a b'"),
-        ("[[cap]]\nname = 'a'\nsource = '0'\nT_robot_endcap = [[1,2],[3,4]]", "T_robot_endcap"),
-        ("[[cap]]\nname = 'a'\nsource = '0'\ncontact_on_n = 1\ncontact_off_n = 2", "contact_off_n=2"),
-        ("[[cap]]\nname = 'a'\nsource = '0'\n[[cap]]\nname = 'a'\nsource = '1'", "caps=a"),
-        ("[[cap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
-        ("model = 'best'\n[[cap]]\nname = 'a'\nsource = '0'", "model='best'"),
-        ("cap = 3", "no list of tables"),
+        ("endcaps = 3", "unknown key endcaps"),
+        ("[[endcap]]\nname = 'a'", "without name or source"),
+        ("[[endcap]]\nname = 'a'\nsource = 0", "source = 0"),
+        ("[[endcap]]\nname = 'a b'\nsource = '0'", "name='a b'"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\nT_robot_endcap = [[1,2],[3,4]]", "T_robot_endcap"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\ncontact_on_n = 1\ncontact_off_n = 2", "contact_off_n=2"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\n[[endcap]]\nname = 'a'\nsource = '1'", "endcaps=a"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
+        ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "model='best'"),
+        ("endcap = 3", "no list of tables"),
         ("weight_n = ", "no TOML"),
     ],
 )
-def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, told, capsys):
+def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, reported, capsys):
     path = tmp_path / "endcaps.toml"
     path.write_text(text)
-    with pytest.raises((FileError, ParameterError), match=told.replace("[", r"\[")):
+    with pytest.raises((FileError, ParameterError), match=reported.replace("[", r"\[")):
         load_config(path)
     assert main(["--config", str(path)]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
@@ -96,7 +96,7 @@ def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, told, capsys):
     ],
 )
 def test_bad_input_ends_with_one_line_and_status_2(arguments, capsys, monkeypatch):
-    monkeypatch.setattr("sensing.live.open_caps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
     assert main(arguments) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
 
@@ -181,10 +181,10 @@ def test_a_late_frame_is_passed_over(press):
 
 
 @pytest.mark.parametrize("method", ["dots", "gelslim"])
-def test_a_size_change_and_a_corrupt_picture_are_told_and_survived(press, method):
+def test_a_size_change_and_a_corrupt_picture_are_reported_and_survived(press, method):
     import cv2
 
-    pipe = CapPipeline(CapConfig("endcap_0", "test"), stand_in(method), None, 0, 1)
+    pipe = EndcapPipeline(EndcapConfig("endcap_0", "test"), stand_in(method), None, 0, 1)
     given = frames(press)
     readings(pipe, given[:3])
     small = cv2.imencode(".jpg", np.full((240, 320, 3), 90, np.uint8))[1].tobytes()
@@ -200,21 +200,21 @@ def test_a_size_change_and_a_corrupt_picture_are_told_and_survived(press, method
 
 # --- figures ---------------------------------------------------------------------------------------------------
 def test_the_figures_are_those_of_the_last_readings():
-    rng, stats, made = np.random.default_rng(0), CapStats("endcap_0"), []
+    rng, stats, made = np.random.default_rng(0), EndcapStats("endcap_0"), []
     for number in range(WINDOW + 37):
         ready_s = time.monotonic() - 0.01 * (WINDOW + 37 - number)
         stages = {"decode": rng.uniform(), "track": rng.uniform()} | ({"drift": 5.0} if number % 30 == 0 else {})
         made.append(SimpleNamespace(latency_ms=rng.uniform(1, 9), ready_s=ready_s, stage_ms=stages, dots=(1, 2)))
         made[-1].captured_s, made[-1].drift = ready_s, None
         stats.add(made[-1])
-    told = stats.health(Health(), Condition(), 0, fresh=True)
+    reported = stats.health(Health(), Condition(), 0, fresh=True)
     latency = [reading.latency_ms for reading in made[-WINDOW:]]
-    assert told.frames == WINDOW + 37 and told.p50_ms == pytest.approx(np.median(latency))
-    assert told.p99_ms == sorted(latency)[round(0.99 * WINDOW)]
-    assert told.rate_hz == pytest.approx(100, abs=3)  # of the last two seconds, 10 ms apart
+    assert reported.frames == WINDOW + 37 and reported.p50_ms == pytest.approx(np.median(latency))
+    assert reported.p99_ms == sorted(latency)[round(0.99 * WINDOW)]
+    assert reported.rate_hz == pytest.approx(100, abs=3)  # of the last two seconds, 10 ms apart
     last = made[-STAGES:]
-    assert told.stage_ms["decode"] == pytest.approx(np.median([r.stage_ms["decode"] for r in last]))
-    assert told.stage_ms["drift"] == 5.0 and told.work_ms == pytest.approx(
+    assert reported.stage_ms["decode"] == pytest.approx(np.median([r.stage_ms["decode"] for r in last]))
+    assert reported.stage_ms["drift"] == 5.0 and reported.work_ms == pytest.approx(
         np.median([sum(r.stage_ms.values()) for r in last])
     )
 
@@ -225,15 +225,15 @@ def test_files_are_played_in_step_and_none_of_their_frames_is_lost(press):
 
     class Slow:
         def put(self, reading):
-            got.append((reading.cap, reading.frame.sequence))
+            got.append((reading.endcap, reading.frame.sequence))
             time.sleep(0.002)
 
     pace = Pace(0)
-    caps = [LiveCap(FileFeed(lambda: given, pace), pipeline(f"endcap_{k}", k)) for k in range(2)]
-    with Engine(caps, [Slow()]) as engine:
+    endcaps = [LiveEndcap(FileFeed(lambda: given, pace), pipeline(f"endcap_{k}", k)) for k in range(2)]
+    with Engine(endcaps, [Slow()]) as engine:
         assert engine.wait(20)
     for k in range(2):
-        assert [n for cap, n in got if cap == f"endcap_{k}"] == list(range(len(given)))
+        assert [n for endcap, n in got if endcap == f"endcap_{k}"] == list(range(len(given)))
     assert all(h.status == "ended" and h.frames == len(given) for h in engine.health())
 
 
@@ -265,40 +265,40 @@ def test_a_camera_that_is_pulled_comes_back_and_the_others_go_on(press):
                 raise SourceError("/dev/video9: no more frames: is it unplugged?")
             yield frame
 
-    caps = [
-        LiveCap(CameraFeed(plugged), pipeline("endcap_0", 0)),
-        LiveCap(CameraFeed(endless(rest)), pipeline("endcap_1", 1)),
+    endcaps = [
+        LiveEndcap(CameraFeed(plugged), pipeline("endcap_0", 0)),
+        LiveEndcap(CameraFeed(endless(rest)), pipeline("endcap_1", 1)),
     ]
     said = set()
-    with Engine(caps) as engine:
+    with Engine(endcaps) as engine:
         wait_for(lambda: said.add(engine.health()[0].message) or len(opened) >= 3)
-        count = caps[1].stats.frames
-        frames_before = caps[0].stats.frames
-        wait_for(lambda: caps[0].stats.frames > frames_before + 5 and caps[1].stats.frames > count + 5)
+        count = endcaps[1].stats.frames
+        frames_before = endcaps[0].stats.frames
+        wait_for(lambda: endcaps[0].stats.frames > frames_before + 5 and endcaps[1].stats.frames > count + 5)
         assert any("unplugged" in m for m in said) and engine.health()[0].reopened == 1  # attempts do not count
-        assert caps[1].health.faults == 0
+        assert endcaps[1].health.faults == 0
 
 
-def test_a_frozen_camera_is_told_by_name_and_clock(press):
-    cap = LiveCap(CameraFeed(endless(press[:1], 120)), pipeline())
-    with Engine([cap]) as engine:
+def test_a_frozen_camera_is_reported_by_name_and_clock(press):
+    endcap = LiveEndcap(CameraFeed(endless(press[:1], 120)), pipeline())
+    with Engine([endcap]) as engine:
         wait_for(lambda: engine.health()[0].status == "frozen")
         assert "same picture" in engine.health()[0].message
 
 
-def test_a_bug_in_one_cap_leaves_the_others_alone(press):
+def test_a_bug_in_one_endcap_leaves_the_others_alone(press):
     bad, good = pipeline("endcap_0", 0), pipeline("endcap_1", 1)
 
     def broken(*_):
         raise ZeroDivisionError("planted")
 
     bad.model.estimator.estimate = broken
-    caps = [LiveCap(FileFeed(lambda: frames(press), Pace(0)), p) for p in (bad, good)]
-    with Engine(caps) as engine:
+    endcaps = [LiveEndcap(FileFeed(lambda: frames(press), Pace(0)), p) for p in (bad, good)]
+    with Engine(endcaps) as engine:
         assert engine.wait(20)
-    told = engine.health()
-    assert told[0].frames == 0 and told[0].faults == len(press) and "planted" in told[0].message
-    assert told[1].frames == len(press)
+    reported = engine.health()
+    assert reported[0].frames == 0 and reported[0].faults == len(press) and "planted" in reported[0].message
+    assert reported[1].frames == len(press)
 
 
 def test_a_slow_output_never_slows_the_loop(press):
@@ -306,36 +306,36 @@ def test_a_slow_output_never_slows_the_loop(press):
         def write(self, reading):
             release.wait(20)
 
-    release, cap = threading.Event(), LiveCap(CameraFeed(endless(press[:12], 200)), pipeline())
+    release, endcap = threading.Event(), LiveEndcap(CameraFeed(endless(press[:12], 200)), pipeline())
     stuck = Stuck(io.StringIO())
     stuck._queue = type(stuck._queue)(maxlen=5)
     stuck.start()
-    with Engine([cap], [stuck]):
+    with Engine([endcap], [stuck]):
         wait_for(lambda: stuck.dropped > 20)
-    assert cap.health.p50_ms < 100
+    assert endcap.health.p50_ms < 100
     release.set()
     stuck.close()
 
 
 # --- robot -----------------------------------------------------------------------------------------------------
-def test_three_caps_carry_the_weight_in_the_robots_frame(press):
+def test_three_endcaps_carry_the_weight_in_the_robots_frame(press):
     reading = readings(pipeline(), frames(press[:1]))[0]
-    rng, caps, held = np.random.default_rng(0), [], {}
+    rng, endcaps, held = np.random.default_rng(0), [], {}
     for k in range(4):
         axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         axes *= np.sign(np.linalg.det(axes))
         pose = np.eye(4)
         pose[:3, :3] = axes
-        caps.append(CapConfig(f"endcap_{k}", "0", T_robot_endcap=pose))
+        endcaps.append(EndcapConfig(f"endcap_{k}", "0", T_robot_endcap=pose))
         force = axes.T @ np.array([0, 0, 40.0]) if k < 3 else np.zeros(3)
         wrench = Wrench(9.0, force, np.zeros(3), "endcap")
         contact = ContactState(9.0, k < 3, 8.0 + k / 10, float(np.linalg.norm(force)), True)
         held[f"endcap_{k}"] = replace(reading, wrench=wrench, contact=contact, captured_s=9.0)
-    state = robot_state(caps, held, 120.0, 9.1)
+    state = robot_state(endcaps, held, 120.0, 9.1)
     assert state.touching == ("endcap_0", "endcap_1", "endcap_2") and state.consistent
     assert state.force_n == pytest.approx([0, 0, 120]) and state.since_s["endcap_2"] == pytest.approx(8.2)
-    assert robot_state(caps, held, 200.0, 9.1).consistent is False
-    assert robot_state(caps, held, 120.0, 30.0).unknown == tuple(c.name for c in caps)  # old readings say nothing
+    assert robot_state(endcaps, held, 200.0, 9.1).consistent is False
+    assert robot_state(endcaps, held, 120.0, 30.0).unknown == tuple(c.name for c in endcaps)  # old readings say nothing
     assert "consistent" in robot_line(state)
 
 
@@ -348,10 +348,12 @@ def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
     for reading in found:
         lines.put(reading)
     lines.close()
-    told = [json.loads(line) for line in stream.getvalue().splitlines()]
-    assert [t["sequence"] for t in told] == [r.frame.sequence for r in found]
-    assert told[15]["force_n"] == pytest.approx(found[15].wrench.force_n, abs=1e-5) and told[15]["contact"] is True
-    assert told[0]["centre_mm"] == [None] * 3  # no force, no place: null, not NaN
+    reported = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [t["sequence"] for t in reported] == [r.frame.sequence for r in found]
+    assert (
+        reported[15]["force_n"] == pytest.approx(found[15].wrench.force_n, abs=1e-5) and reported[15]["contact"] is True
+    )
+    assert reported[0]["centre_mm"] == [None] * 3  # no force, no place: null, not NaN
 
     class Gone(io.StringIO):
         def write(self, _):
@@ -365,18 +367,20 @@ def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
 
 
 def test_the_terminals_line_says_what_counts(press):
-    cap = LiveCap(FileFeed(lambda: frames(press[:16]), Pace(0)), pipeline())
-    with Engine([cap]) as engine:
+    endcap = LiveEndcap(FileFeed(lambda: frames(press[:16]), Pace(0)), pipeline())
+    with Engine([endcap]) as engine:
         engine.wait(20)
-    line = cap_line(cap.health, cap.stats.last)
-    assert "touch" in line and f"{dots()}/{dots()} dots" in line and f"{cap.stats.last.wrench.force_n[0]:+6.1f}" in line
-    assert "16 frames, 0 dropped" in summary([cap.health], 1.0)[1]
-    assert plain(cap.stats.last)["dots"] == dots() > 90
+    line = endcap_line(endcap.health, endcap.stats.last)
+    assert (
+        "touch" in line and f"{dots()}/{dots()} dots" in line and f"{endcap.stats.last.wrench.force_n[0]:+6.1f}" in line
+    )
+    assert "16 frames, 0 dropped" in summary([endcap.health], 1.0)[1]
+    assert plain(endcap.stats.last)["dots"] == dots() > 90
 
 
 def test_a_run_ends_with_its_sources_and_a_summary(press):
-    config = LiveConfig((CapConfig("endcap_0", "test"),))
-    run = LiveRun(config, [LiveCap(FileFeed(lambda: frames(press), Pace(0)), pipeline())])
+    config = LiveConfig((EndcapConfig("endcap_0", "test"),))
+    run = LiveRun(config, [LiveEndcap(FileFeed(lambda: frames(press), Pace(0)), pipeline())])
     stream = io.StringIO()
     run_until_stopped(run, stream)
     assert f"{len(press)} frames" in stream.getvalue().splitlines()[-1]

@@ -22,8 +22,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from cad.errors import ParameterError
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun
@@ -43,13 +43,13 @@ class Site:
 
     def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
         pose = np.eye(4)
-        caps = []
+        endcaps = []
         for k in range(3):
             pose[:3, 3] = 250 * np.cos(2.1 * k), 250 * np.sin(2.1 * k), 0
-            caps.append(CapConfig(f"endcap_{k}", "test", T_robot_endcap=pose))
+            endcaps.append(EndcapConfig(f"endcap_{k}", "test", T_robot_endcap=pose))
         pictures = film([0] * 4 + [0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5])
-        live = [LiveCap(CameraFeed(endless(pictures, 20)), pipeline(f"endcap_{k}", k)) for k in range(3)]
-        self.run = LiveRun(LiveConfig(tuple(caps), weight_n=30.0), live)
+        live = [LiveEndcap(CameraFeed(endless(pictures, 20)), pipeline(f"endcap_{k}", k)) for k in range(3)]
+        self.run = LiveRun(LiveConfig(tuple(endcaps), weight_n=30.0), live)
         self.recording = Recording(self.run, folder)
         self.server = PageServer(self.run, self.recording, host, 0)
         self.url = self.server.url
@@ -81,9 +81,9 @@ def fetch(url: str, **headers: str) -> tuple[int, bytes]:
         return error.code, error.read()
 
 
-def press(word: str, cap: int = 0, age_s: float = 0.0) -> str:
+def press(word: str, endcap: int = 0, age_s: float = 0.0) -> str:
     """A viewer's message for a button, pressed on a state of some age."""
-    return json.dumps({"do": word, "cap": cap, "seen": int(1e3 * (time.monotonic() - age_s))})
+    return json.dumps({"do": word, "endcap": endcap, "seen": int(1e3 * (time.monotonic() - age_s))})
 
 
 def talk(site: Site, *messages: str, **options) -> list:
@@ -103,23 +103,27 @@ def talk(site: Site, *messages: str, **options) -> list:
 
 # --- what is shown ---------------------------------------------------------------------------------------------
 def test_the_socket_tells_names_then_numbers_then_a_picture(site):
-    hello, told, picture = talk(site, '{"do":"show","cap":1}', '{"do":"show","cap":1}')
-    assert [cap["name"] for cap in hello["hello"]] == ["endcap_0", "endcap_1", "endcap_2"]
-    told = json.loads(told)
-    assert len(told["caps"]) == 3 and told["selected"]["number"] == 1 and len(told["selected"]["dots"]) == dots()
-    assert len(told["caps"][0]["force_n"]) == 3 and told["caps"][0]["p50_ms"] > 0
+    hello, reported, picture = talk(site, '{"do":"show","endcap":1}', '{"do":"show","endcap":1}')
+    assert [endcap["name"] for endcap in hello["hello"]] == ["endcap_0", "endcap_1", "endcap_2"]
+    reported = json.loads(reported)
+    assert (
+        len(reported["endcaps"]) == 3
+        and reported["selected"]["number"] == 1
+        and len(reported["selected"]["dots"]) == dots()
+    )
+    assert len(reported["endcaps"][0]["force_n"]) == 3 and reported["endcaps"][0]["p50_ms"] > 0
     assert picture[:2] == b"\xff\xd8"
 
 
 def test_buttons_zero_and_record(site):
-    epoch = site.run.engine.caps[2].pipeline.zero.digest
+    epoch = site.run.engine.endcaps[2].pipeline.zero.digest
     talk(site, press("record_start"), press("record_start"))  # explicit: twice is no stop
     assert site.recording.on
     wait_for(lambda: site.recording._recorder.frames > 5)
     talk(site, press("record_stop"))
     assert not site.recording.on and len(list(site.folder.glob("endcap_*.mcap"))) == 1
     talk(site, press("zero_confirmed", 2))
-    wait_for(lambda: site.run.engine.caps[2].pipeline.zero.digest != epoch)
+    wait_for(lambda: site.run.engine.endcaps[2].pipeline.zero.digest != epoch)
 
 
 def test_the_page_needs_nothing_but_this_server():
@@ -159,8 +163,8 @@ def test_on_another_address_it_wants_the_token(tmp_path, own_settings):
         cookie = {"Cookie": f"endcap_token_{port}={token}"}
         assert status == 200 and fetch(base + "state.json", **cookie)[0] == 200
         assert fetch(base + "state.json", Cookie=f"endcap_token_{port + 1}={token}")[0] == 403  # another run's
-        status, told = fetch(base + "?token=wrong")
-        assert b"<h1>This page is locked</h1>" in told and b"is not that of the run" in told
+        status, reported = fetch(base + "?token=wrong")
+        assert b"<h1>This page is locked</h1>" in reported and b"is not that of the run" in reported
         assert b"has no token" in fetch(base)[1] and b"QR code" in fetch(base)[1]
         open_site.url = base
         with pytest.raises(InvalidStatus):
@@ -216,15 +220,15 @@ def test_no_path_reaches_a_file(site):
 # --- fuzz ------------------------------------------------------------------------------------------------------
 def test_what_is_no_request_is_none():
     good = {("show", 0, 0), ("zero", 2, 7), ("record_start", 0, 1), ("zero_all", 1, 2), ("undo", 1, 3)}
-    assert {parse_request(json.dumps({"do": d, "cap": c, "seen": s}), 3) for d, c, s in good} == good
+    assert {parse_request(json.dumps({"do": d, "endcap": c, "seen": s}), 3) for d, c, s in good} == good
     for seen in (-1, True, 1.5, "1", None, 10**20):
-        assert parse_request(json.dumps({"do": "zero", "cap": 0, "seen": seen}), 3) is None
+        assert parse_request(json.dumps({"do": "zero", "endcap": 0, "seen": seen}), 3) is None
     rng = random.Random(0)
     values = [None, True, -1, 3, 1.0, "0", "../../x", [], {}, 10**30, float("nan"), "show", "zero\n", "record "]
-    for do, cap in itertools.product(values, values):
-        if (do, cap) != ("show", 0):
-            assert parse_request(json.dumps({"do": do, "cap": cap}), 3) is None or do == "show"
-    for extra in ({"do": "record", "path": "/etc/x"}, {"do": "show", "cap": True}, [], "show", 7, None):
+    for do, endcap in itertools.product(values, values):
+        if (do, endcap) != ("show", 0):
+            assert parse_request(json.dumps({"do": do, "endcap": endcap}), 3) is None or do == "show"
+    for extra in ({"do": "record", "path": "/etc/x"}, {"do": "show", "endcap": True}, [], "show", 7, None):
         assert parse_request(json.dumps(extra), 3) is None
     for _ in range(2000):
         text = "".join(
@@ -234,7 +238,7 @@ def test_what_is_no_request_is_none():
     assert parse_request("[" * 100_000, 3) is None
 
 
-def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_caps():
+def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_endcaps():
     assert parse_line(b"look 0 2\n", 3) == ("look", [0, 2], 0) and parse_line(b"zero 1 55\n", 3) == ("zero", [1], 55)
     assert parse_line(b"zero 1\n", 3) is None and parse_line(b"zero 1 2 3\n", 3) is None
     for line in (b"", b"\n", b"look\n", b"look 3\n", b"look -1\n", b"erase 0\n", b"zero 0x1\n", b"zero \xb2\n",
@@ -242,13 +246,13 @@ def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_caps():
         assert parse_line(line, 3) is None, line
 
 
-def test_a_page_whose_process_dies_is_told_and_the_loop_goes_on(tmp_path):
+def test_a_page_whose_process_dies_is_reported_and_the_loop_goes_on(tmp_path):
     with Site(tmp_path) as doomed:
-        talk(doomed, '{"do":"show","cap":0}')
+        talk(doomed, '{"do":"show","endcap":0}')
         os.kill(doomed.server.pid, signal.SIGKILL)
         wait_for(lambda: "page: gone" in doomed.server.note)
-        count = doomed.run.engine.caps[0].stats.frames
-        wait_for(lambda: doomed.run.engine.caps[0].stats.frames > count + 3)
+        count = doomed.run.engine.endcaps[0].stats.frames
+        wait_for(lambda: doomed.run.engine.endcaps[0].stats.frames > count + 3)
 
 
 def test_the_pages_process_ends_when_the_run_is_no_more(tmp_path):
@@ -271,14 +275,14 @@ def test_malformed_requests_and_messages_leave_the_page_and_the_loop_running(sit
                 raw.settimeout(0.2)
                 with contextlib.suppress(OSError):
                     raw.recv(1000)
-    for text in ("", "{", '{"do":"show","cap":99}', '{"do":"erase"}', "\x00", "x" * 900, '{"do":' * 100):
+    for text in ("", "{", '{"do":"show","endcap":99}', '{"do":"erase"}', "\x00", "x" * 900, '{"do":' * 100):
         with pytest.raises(ConnectionClosed):
             talk(site, text)
     with pytest.raises(ConnectionClosed):
         talk(site, "x" * 100_000)  # longer than any request
-    count = site.run.engine.caps[0].stats.frames
-    wait_for(lambda: site.run.engine.caps[0].stats.frames > count + 5)
-    talk(site, '{"do":"show","cap":0}')
+    count = site.run.engine.endcaps[0].stats.frames
+    wait_for(lambda: site.run.engine.endcaps[0].stats.frames > count + 5)
+    talk(site, '{"do":"show","endcap":0}')
     assert [(h.faults, h.message) for h in site.run.engine.health() if h.faults] == []
 
 
@@ -286,13 +290,13 @@ def test_a_viewer_that_stalls_or_vanishes_costs_nothing(site):
     async def stall():
         websocket = await connect(site.url.replace("http", "ws", 1) + "ws", max_queue=1)
         for _ in range(5):
-            await websocket.send('{"do":"show","cap":0}')  # asks and never reads
-        count = site.run.engine.caps[0].stats.frames
-        await asyncio.to_thread(wait_for, lambda: site.run.engine.caps[0].stats.frames > count + 20)
+            await websocket.send('{"do":"show","endcap":0}')  # asks and never reads
+        count = site.run.engine.endcaps[0].stats.frames
+        await asyncio.to_thread(wait_for, lambda: site.run.engine.endcaps[0].stats.frames > count + 20)
         websocket.transport.abort()  # no goodbye
 
     asyncio.run(stall())
-    talk(site, '{"do":"show","cap":0}')
+    talk(site, '{"do":"show","endcap":0}')
 
 
 def test_more_viewers_than_allowed_are_turned_away_and_room_comes_back(site):
@@ -335,22 +339,22 @@ def test_a_short_soak_with_viewer_and_recordings_keeps_memory_flat(site):
     def work(rounds: int) -> float:
         for _ in range(rounds):
             site.recording.start()
-            frames = site.run.engine.caps[0].stats.frames
-            wait_for(lambda frames=frames: site.run.engine.caps[0].stats.frames > frames + 8)
-            talk(site, *['{"do":"show","cap":1}'] * 6)
+            frames = site.run.engine.endcaps[0].stats.frames
+            wait_for(lambda frames=frames: site.run.engine.endcaps[0].stats.frames > frames + 8)
+            talk(site, *['{"do":"show","endcap":1}'] * 6)
             site.recording.stop()
         return memory_mb()
 
-    before, counts = work(4), [cap.stats.frames for cap in site.run.engine.caps]
+    before, counts = work(4), [endcap.stats.frames for endcap in site.run.engine.endcaps]
     after = work(12)
-    told = [cap.stats.frames - count for cap, count in zip(site.run.engine.caps, counts, strict=True)]
-    assert min(told) > 90 and after - before < 12  # 300 pictures of 47 kB alone would be 14 MB
+    reported = [endcap.stats.frames - count for endcap, count in zip(site.run.engine.endcaps, counts, strict=True)]
+    assert min(reported) > 90 and after - before < 12  # 300 pictures of 47 kB alone would be 14 MB
 
 
 # --- in a browser ----------------------------------------------------------------------------------------------
 LOOK = """JSON.stringify({
   drawn: window.drawn, lamps: document.querySelectorAll(".lamp.touch").length,
-  caps: document.querySelectorAll(".cap").length, health: document.getElementById("health").innerText,
+  endcaps: document.querySelectorAll(".endcap").length, health: document.getElementById("health").innerText,
   wide: document.documentElement.scrollWidth, inner: window.innerWidth,
   colours: [...document.querySelectorAll("canvas")].map((c) => {
     const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data, s = new Set();
@@ -366,12 +370,12 @@ def test_the_page_draws_everything_in_a_browser(site, tmp_path, size):
     browser = Browser(tmp_path, size)
     try:
         touching = "window.drawn > 5 && document.querySelectorAll('.lamp.touch').length > 0"
-        told, png = browser.look(site.url, touching, LOOK)
+        reported, png = browser.look(site.url, touching, LOOK)
     finally:
         browser.close()
-    told = json.loads(told)
-    assert told["caps"] == 3 and told["lamps"] >= 1 and told["others"] == []
-    assert len(told["colours"]) == 8 and min(told["colours"]) > 3  # image, scene and six plots are not blank
-    assert f"{dots()} of {dots()}" in told["health"] and told["wide"] <= told["inner"]
+    reported = json.loads(reported)
+    assert reported["endcaps"] == 3 and reported["lamps"] >= 1 and reported["others"] == []
+    assert len(reported["colours"]) == 8 and min(reported["colours"]) > 3  # image, scene and six plots are not blank
+    assert f"{dots()} of {dots()}" in reported["health"] and reported["wide"] <= reported["inner"]
     image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     assert image.shape[:2] == (size[1], size[0]) and len(np.unique(image.reshape(-1, 3)[::53], axis=0)) > 100

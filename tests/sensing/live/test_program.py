@@ -75,7 +75,7 @@ def talk(url: str, *words: str) -> dict:
     with connect(url.replace("http", "ws", 1) + "ws") as viewer:
         viewer.recv()
         for word in ("show", *words, "show", "show"):
-            viewer.send(json.dumps({"do": word, "cap": 0, "seen": state.get("seen", 0)}))
+            viewer.send(json.dumps({"do": word, "endcap": 0, "seen": state.get("seen", 0)}))
             while not isinstance(answer := viewer.recv(30), str):
                 pass
             state = json.loads(answer)
@@ -123,7 +123,7 @@ def test_a_damaged_jpeg_is_no_number_and_is_counted(day):
 
 
 def test_a_zero_under_load_is_refused_and_the_load_stays_in_sight(day):
-    before, _, after = (state["caps"][0] for state in day.states)
+    before, _, after = (state["endcaps"][0] for state in day.states)
     assert before["contact"] and not before["confirmable"]
     assert after["confirmable"] and "not zeroed: touched with" in after["message"]
     assert after["zeroed"] == before["zeroed"] != "" and not after["undoable"]

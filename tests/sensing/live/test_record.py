@@ -12,16 +12,16 @@ import pytest
 from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import FileError
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorder import TOPICS, Recorder
 from sensing.live.outputs.recording import Recording
-from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, replay_caps, verify
+from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, replay_endcaps, verify
 from sensing.live.run import LiveRun
 
-CAPS = ("endcap_0", "endcap_1")
+ENDCAPS = ("endcap_0", "endcap_1")
 
 
 @pytest.fixture(scope="module")
@@ -30,12 +30,12 @@ def press() -> list[bytes]:
 
 
 def config() -> LiveConfig:
-    return LiveConfig(tuple(CapConfig(name, "test", contact_on_n=2.0, contact_off_n=1.0) for name in CAPS))
+    return LiveConfig(tuple(EndcapConfig(name, "test", contact_on_n=2.0, contact_off_n=1.0) for name in ENDCAPS))
 
 
 def a_run(press: list[bytes]) -> LiveRun:
-    caps = [LiveCap(CameraFeed(endless(press, 40), 4), pipeline(name, k)) for k, name in enumerate(CAPS)]
-    return LiveRun(config(), caps)
+    endcaps = [LiveEndcap(CameraFeed(endless(press, 40), 4), pipeline(name, k)) for k, name in enumerate(ENDCAPS)]
+    return LiveRun(config(), endcaps)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def recorded(press, tmp_path_factory) -> Path:
         wait_for(lambda: len(run.latest.all()) == 2)
         recording.start(path)
         wait_for(lambda: recording._recorder.frames > 30)
-        run.engine.caps[1].pipeline.request_zero(confirmed=True)
+        run.engine.endcaps[1].pipeline.request_zero(confirmed=True)
         wait_for(lambda: recording._recorder.frames > 70)
         recording.stop()
     assert "frames recorded" in recording.note and "lost" not in recording.note
@@ -57,10 +57,10 @@ def recorded(press, tmp_path_factory) -> Path:
 
 def test_a_recording_computed_again_gives_the_same_bits(recorded):
     found = read_config(recorded)
-    assert [cap.name for cap in found.caps] == list(CAPS) and found.caps[0].contact_on_n == 2.0
+    assert [endcap.name for endcap in found.endcaps] == list(ENDCAPS) and found.endcaps[0].contact_on_n == 2.0
     check = verify(recorded, found, lambda _: stand_in())
     assert check.frames > 70 and check.different == 0 and check.end is None
-    zeros = [sum(r.zero is not None for r in recorded_frames(recorded, cap)) for cap in CAPS]
+    zeros = [sum(r.zero is not None for r in recorded_frames(recorded, endcap)) for endcap in ENDCAPS]
     assert zeros == [1, 2]
 
 
@@ -82,24 +82,26 @@ def test_frames_from_before_the_restart_are_left_out(press, tmp_path):
 
 
 def test_the_check_sees_a_bit_that_differs(recorded, monkeypatch):
-    told = recorded_wrenches(recorded, CAPS[0])
-    told[7] = np.nextafter(told[7], 9)
-    monkeypatch.setattr("sensing.live.replay.recorded_wrenches", lambda path, cap: told if cap == CAPS[0] else [])
+    reported = recorded_wrenches(recorded, ENDCAPS[0])
+    reported[7] = np.nextafter(reported[7], 9)
+    monkeypatch.setattr(
+        "sensing.live.replay.recorded_wrenches", lambda path, endcap: reported if endcap == ENDCAPS[0] else []
+    )
     assert verify(recorded, read_config(recorded), lambda _: stand_in()).different == 1
 
 
 def test_replay_through_the_engine_gives_the_recorded_wrenches(recorded):
-    found, got = read_config(recorded), {cap: [] for cap in CAPS}
+    found, got = read_config(recorded), {endcap: [] for endcap in ENDCAPS}
 
     class Sink:
         def put(self, reading):
-            got[reading.cap].append(np.concatenate([reading.wrench.force_n, reading.wrench.torque_nm]))
+            got[reading.endcap].append(np.concatenate([reading.wrench.force_n, reading.wrench.torque_nm]))
 
-    caps = replay_caps(recorded, found, 0, lambda _: stand_in())
-    with Engine(caps, [Sink()]) as engine:
+    endcaps = replay_endcaps(recorded, found, 0, lambda _: stand_in())
+    with Engine(endcaps, [Sink()]) as engine:
         assert engine.wait(30)
-    for cap in CAPS:
-        assert np.array_equal(got[cap], recorded_wrenches(recorded, cap))
+    for endcap in ENDCAPS:
+        assert np.array_equal(got[endcap], recorded_wrenches(recorded, endcap))
 
 
 def test_an_independent_reader_opens_the_recording(recorded):
@@ -110,15 +112,15 @@ def test_an_independent_reader_opens_the_recording(recorded):
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
         topics = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
-        assert topics == {f"/{cap}/{t}": kind for cap in CAPS for t, kind in TOPICS.items()} | {
+        assert topics == {f"/{endcap}/{t}": kind for endcap in ENDCAPS for t, kind in TOPICS.items()} | {
             "/diagnostics": ros.DIAGNOSTICS
         }
         seen = {}
         for _, channel, message, decoded in reader.iter_decoded_messages():
             seen.setdefault(channel.topic, []).append((message, decoded))
-    told = recorded_wrenches(recorded, CAPS[0])
+    reported = recorded_wrenches(recorded, ENDCAPS[0])
     forces = [d.wrench.force.x for _, d in seen["/endcap_0/wrench/wrench_pred"]]
-    assert forces == [w[0] for w in told]
+    assert forces == [w[0] for w in reported]
     message, image = seen["/endcap_0/image/compressed"][0]
     assert image.format == "jpeg" and bytes(image.data[:2]) == b"\xff\xd8"
     stamp_s = image.header.stamp.sec + image.header.stamp.nanosec / 1e9
@@ -126,7 +128,7 @@ def test_an_independent_reader_opens_the_recording(recorded):
     field = seen["/endcap_0/array/shear_vector"][0][1]
     assert [d.size for d in field.layout.dim] == [2, 16, 16] and len(field.data) == 512
     status = seen["/diagnostics"][-1][1].status
-    assert {s.name for s in status} == set(CAPS)
+    assert {s.name for s in status} == set(ENDCAPS)
 
 
 def test_a_recording_never_replaces_a_file(tmp_path, press):
@@ -156,13 +158,13 @@ class FullDisk(io.BytesIO):
 def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
     disk = FullDisk(1_500_000)
     run = a_run(press)
-    recorder = Recorder(tmp_path / "x.mcap", config(), dict.fromkeys(CAPS, 0), lambda _: None, stream=disk)
+    recorder = Recorder(tmp_path / "x.mcap", config(), dict.fromkeys(ENDCAPS, 0), lambda _: None, stream=disk)
     recorder.start()
     run.engine.add_sink(recorder)
     with run.engine:
         wait_for(lambda: recorder.failed)
-        count = run.engine.caps[0].stats.frames
-        wait_for(lambda: run.engine.caps[0].stats.frames > count + 10)
+        count = run.engine.endcaps[0].stats.frames
+        wait_for(lambda: run.engine.endcaps[0].stats.frames > count + 10)
     assert "No space left" in recorder.note and "are kept" in recorder.note
     wait_for(lambda: hasattr(disk, "kept"))
     path = tmp_path / "kept.mcap"
@@ -180,9 +182,9 @@ def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path
 
     run, path = a_run(press), tmp_path / "slow.mcap"
     stream = Slow(path, "wb")
-    pipelines = {cap.name: cap.pipeline for cap in run.engine.caps}
+    pipelines = {endcap.name: endcap.pipeline for endcap in run.engine.endcaps}
     recorder = Recorder(
-        path, config(), dict.fromkeys(CAPS, 0), lambda name: pipelines[name].request_restart(), stream=stream
+        path, config(), dict.fromkeys(ENDCAPS, 0), lambda name: pipelines[name].request_restart(), stream=stream
     )
     recorder._queue = type(recorder._queue)(maxlen=6)
     recorder.start()
@@ -199,13 +201,13 @@ KILLED = """
 import sys
 from live_stand_in import endless, film, pipeline
 from pathlib import Path
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun
-caps = [LiveCap(CameraFeed(endless(film([0, 0.5, 1.0]))), pipeline())]
-run = LiveRun(LiveConfig((CapConfig("endcap_0", "test"),)), caps)
+endcaps = [LiveEndcap(CameraFeed(endless(film([0, 0.5, 1.0]))), pipeline())]
+run = LiveRun(LiveConfig((EndcapConfig("endcap_0", "test"),)), endcaps)
 recording = Recording(run, Path.cwd())
 with run.engine:
     recording.start(Path(sys.argv[1]))
@@ -243,8 +245,8 @@ def test_raw_pictures_are_recorded_without_loss(press, tmp_path):
     given = [
         type(f)(f.time_s, f.sequence, f.source, image=image) for f, image in zip(frames(press[:5]), raw, strict=True)
     ]
-    cap = LiveCap(FileFeed(lambda: given, Pace(0)), pipeline())
-    run = LiveRun(LiveConfig((CapConfig("endcap_0", "test"),)), [cap])
+    endcap = LiveEndcap(FileFeed(lambda: given, Pace(0)), pipeline())
+    run = LiveRun(LiveConfig((EndcapConfig("endcap_0", "test"),)), [endcap])
     recording = Recording(run, tmp_path)
     recording.start(tmp_path / "raw.mcap")
     with run.engine:

@@ -79,11 +79,13 @@ def test_a_second_process_sees_the_topics(monkeypatch):
         time.sleep(0.05)
     topics.close()
     assert topics.failed == ""
-    told = json.loads(other.stdout.read())
-    assert told["force"] == reading.wrench.force_n.tolist() and told["torque"] == reading.wrench.torque_nm.tolist()
-    assert told["norm"] == pytest.approx(np.linalg.norm(reading.wrench.force_n)) and told["contact"] is True
-    assert told["frame"] == "endcap_0" and abs(told["sec"] - time.time()) < 60
-    assert told["cells"] == 512 and told["sizes"] == [2, 16, 16]
+    reported = json.loads(other.stdout.read())
+    assert (
+        reported["force"] == reading.wrench.force_n.tolist() and reported["torque"] == reading.wrench.torque_nm.tolist()
+    )
+    assert reported["norm"] == pytest.approx(np.linalg.norm(reading.wrench.force_n)) and reported["contact"] is True
+    assert reported["frame"] == "endcap_0" and abs(reported["sec"] - time.time()) < 60
+    assert reported["cells"] == 512 and reported["sizes"] == [2, 16, 16]
 
 
 def test_types_and_bytes_are_those_of_ros():
@@ -99,7 +101,7 @@ def test_types_and_bytes_are_those_of_ros():
 
 
 @pytest.mark.parametrize("told", ["233", "-1", "one"])
-def test_a_domain_that_is_none_is_refused(monkeypatch, told):
-    monkeypatch.setenv("ROS_DOMAIN_ID", told)
+def test_a_domain_that_is_none_is_refused(monkeypatch, reported):
+    monkeypatch.setenv("ROS_DOMAIN_ID", reported)
     with pytest.raises(ParameterError, match=r"0\.\.232"):
         RosTopics(("endcap_0",))

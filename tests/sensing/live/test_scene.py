@@ -7,9 +7,9 @@ from live_stand_in import stand_in
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.live.core.config import CapConfig
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel, load_model
-from sensing.live.core.pipeline import CapPipeline
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.robot import robot_state
 from sensing.live.demo import scene
 from sensing.records import Frame
@@ -34,8 +34,8 @@ def film(tmp_path_factory):
         yield made
 
 
-def frame(film, cap: int, tick: int) -> Frame:
-    return Frame(1 + tick / RATE_HZ, tick, f"scene:{cap}", jpeg=film.jpeg(cap, tick), size=scene.SIZE)
+def frame(film, endcap: int, tick: int) -> Frame:
+    return Frame(1 + tick / RATE_HZ, tick, f"scene:{endcap}", jpeg=film.jpeg(endcap, tick), size=scene.SIZE)
 
 
 def hold(film, stand: int) -> int:
@@ -44,12 +44,12 @@ def hold(film, stand: int) -> int:
 
 
 # --- truth -----------------------------------------------------------------------------------------------------
-def test_one_two_and_three_caps_carry_load_and_three_carry_the_weight(film):
+def test_one_two_and_three_endcaps_carry_load_and_three_carry_the_weight(film):
     for stand in range(3):
         tick = hold(film, stand)
         touching = film.touching(tick)
         assert sum(touching) == stand + 1 and not any(touching[1::2])
-        forces = np.array([film.truth(cap, tick)[:3] for cap in range(6)])
+        forces = np.array([film.truth(endcap, tick)[:3] for endcap in range(6)])
         assert [bool(np.linalg.norm(f) > 1) for f in forces] == list(touching)
         rotation = film.scene.R_world_robot[stand] @ film.scene.T_robot_endcap[:, :3, :3]
         world = np.einsum("kij,kj->ki", rotation, forces)
@@ -61,10 +61,10 @@ def test_one_two_and_three_caps_carry_load_and_three_carry_the_weight(film):
 
 
 def test_a_ramp_begins_and_ends_where_it_should(film):
-    stand, cap = 2, 0
-    rest, _ = film.scene.state(stand, cap, 0.0)
-    field, wrench = film.scene.state(stand, cap, 1.0)
-    half, half_wrench = film.scene.state(stand, cap, 0.5)
+    stand, endcap = 2, 0
+    rest, _ = film.scene.state(stand, endcap, 0.0)
+    field, wrench = film.scene.state(stand, endcap, 1.0)
+    half, half_wrench = film.scene.state(stand, endcap, 0.5)
     assert not rest.any() and np.linalg.norm(field, axis=1).max() > 5
     assert np.linalg.norm(half_wrench[:3]) == pytest.approx(0.5 * np.linalg.norm(wrench[:3]), rel=1e-3)
     assert 0.4 < np.abs(half).max() / np.abs(field).max() < 0.8  # a dome is stiffer at first
@@ -80,7 +80,7 @@ def test_the_solved_file_is_one_of_the_simulators_own_states():
         assert shipped.azimuth_deg[place] == pytest.approx(azimuth)
 
 
-def test_a_scene_that_is_missing_or_damaged_is_told(tmp_path):
+def test_a_scene_that_is_missing_or_damaged_is_reported(tmp_path):
     with pytest.raises(FileError, match=r"robot_scene"):
         robot_scene.load_scene(tmp_path / "robot_scene.npz")
     (tmp_path / "x.npz").write_bytes(b"PK\x03\x04 not much")
@@ -102,9 +102,9 @@ def test_pictures_are_kept_and_a_damaged_file_of_them_is_not_believed(film, monk
 
 
 def test_no_two_pictures_that_follow_one_another_are_equal(film):
-    for cap in (0, 3):
-        told = [film.jpeg(cap, tick) for tick in range(film.ticks + 1)]
-        assert all(a != b for a, b in itertools.pairwise(told))
+    for endcap in (0, 3):
+        reported = [film.jpeg(endcap, tick) for tick in range(film.ticks + 1)]
+        assert all(a != b for a, b in itertools.pairwise(reported))
 
 
 def test_a_camera_of_the_scene_keeps_its_rate_and_its_own_phase(film):
@@ -126,15 +126,17 @@ def contact_sets(film, model: LiveModel, ticks: range) -> list[tuple[int, tuple,
     """(tick, true contact set, told contact set, robot state) of the ticks, zeroed on the first ten frames."""
     config = scene.scene_config()
     pipes = [
-        CapPipeline(CapConfig(cap.name, cap.source), model, take_zero([frame(film, k, t) for t in range(10)]), k)
-        for k, cap in enumerate(config.caps)
+        EndcapPipeline(
+            EndcapConfig(endcap.name, endcap.source), model, take_zero([frame(film, k, t) for t in range(10)]), k
+        )
+        for k, endcap in enumerate(config.endcaps)
     ]
     found = []
     for tick in ticks:
-        readings = {pipe.cap.name: pipe.update(frame(film, k, tick)) for k, pipe in enumerate(pipes)}
-        told = tuple(reading.contact.touching for reading in readings.values())
-        state = robot_state(config.caps, readings, film.weight_n, 1 + tick / RATE_HZ)
-        found.append((tick, film.touching(tick), told, state))
+        readings = {pipe.endcap.name: pipe.update(frame(film, k, tick)) for k, pipe in enumerate(pipes)}
+        reported = tuple(reading.contact.touching for reading in readings.values())
+        state = robot_state(config.endcaps, readings, film.weight_n, 1 + tick / RATE_HZ)
+        found.append((tick, film.touching(tick), reported, state))
     return found
 
 
@@ -144,11 +146,11 @@ def clear(film, tick: int) -> bool:
     return moment.stand < 0 or moment.step > 0.2 * robot_frames.RAMP
 
 
-def test_the_contact_set_of_six_caps_follows_the_scene(film):
+def test_the_contact_set_of_six_endcaps_follows_the_scene(film):
     sets = contact_sets(film, stand_in(), range(0, film.ticks, 2))
-    judged = [(truth, told) for tick, truth, told, _ in sets if clear(film, tick)]
+    judged = [(truth, reported) for tick, truth, reported, _ in sets if clear(film, tick)]
     assert {sum(truth) for truth, _ in judged} == {0, 1, 2, 3}
-    assert [truth for truth, _ in judged] == [told for _, told in judged]
+    assert [truth for truth, _ in judged] == [reported for _, reported in judged]
 
 
 def test_the_default_model_tells_contacts_and_weight_of_the_scene(film):
@@ -157,7 +159,7 @@ def test_the_default_model_tells_contacts_and_weight_of_the_scene(film):
     except FileError:
         pytest.skip("no weights ship yet")
     sets = contact_sets(film, model, range(0, film.ticks, 2))
-    assert all(truth == told for tick, truth, told, _ in sets if clear(film, tick))
+    assert all(truth == reported for tick, truth, reported, _ in sets if clear(film, tick))
     standing = [s for tick, _, _, s in sets if film.moments[tick] == robot_frames.Moment(2, robot_frames.RAMP)]
     assert len(standing) > 6 and all(state.consistent for state in standing[3:])
 
@@ -176,7 +178,10 @@ def test_a_calibrated_camera_that_is_turned_tells_the_same_wrench(film, tmp_path
     turned.save(path)
     forces = {}
     for name, camera in (("straight", None), ("turned", path)):
-        pipe, tick = CapPipeline(CapConfig("endcap_0", "scene:0", camera=camera), model, zero_frames=1), hold(film, 2)
+        pipe, tick = (
+            EndcapPipeline(EndcapConfig("endcap_0", "scene:0", camera=camera), model, zero_frames=1),
+            hold(film, 2),
+        )
         for k, at in enumerate((0, tick - 12, tick)):
             image = cv2.imdecode(np.frombuffer(film.jpeg(0, at), np.uint8), cv2.IMREAD_COLOR)
             image = image if camera is None else np.ascontiguousarray(image[::-1, ::-1])

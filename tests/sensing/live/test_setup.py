@@ -6,8 +6,8 @@ from live_stand_in import endless, film, pipeline, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError
 from sensing import setup
-from sensing.live.core.config import CapConfig, LiveConfig, load_config
-from sensing.live.core.engine import LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig, load_config
+from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.demo.scene_server import mjpeg_server
 from sensing.live.endcap import Endcap, open_endcap
@@ -23,10 +23,10 @@ class Hand:
         self.on: int | None = None
         self.count = count
 
-    def caps(self, config, models=None):
+    def endcaps(self, config, models=None):
         return [
-            LiveCap(CameraFeed(self.camera(k)), pipeline(cap.name, k, 10, cap.source))
-            for k, cap in enumerate(config.caps)
+            LiveEndcap(CameraFeed(self.camera(k)), pipeline(endcap.name, k, 10, endcap.source))
+            for k, endcap in enumerate(config.endcaps)
         ]
 
     def camera(self, number: int):
@@ -46,12 +46,12 @@ def quick(monkeypatch):
 
 
 def config(count: int) -> LiveConfig:
-    return LiveConfig(tuple(CapConfig(f"camera_{k}", str(k)) for k in range(count)), weight_n=50.0)
+    return LiveConfig(tuple(EndcapConfig(f"camera_{k}", str(k)) for k in range(count)), weight_n=50.0)
 
 
-def test_caps_are_named_in_the_order_in_which_they_are_touched(tmp_path, monkeypatch, quick):
+def test_endcaps_are_named_in_the_order_in_which_they_are_touched(tmp_path, monkeypatch, quick):
     hand = Hand(2)
-    monkeypatch.setattr(setup, "open_caps", hand.caps)
+    monkeypatch.setattr(setup, "open_endcaps", hand.endcaps)
     touches = iter([None, 1, 0])
 
     def ask(text):
@@ -61,15 +61,17 @@ def test_caps_are_named_in_the_order_in_which_they_are_touched(tmp_path, monkeyp
     said = []
     setup.set_up(config(2), tmp_path / "endcaps.toml", ask, lambda text: said.append(text) or "", lambda _: stand_in())
     found = load_config(tmp_path / "endcaps.toml")
-    assert [(cap.name, cap.source) for cap in found.caps] == [("endcap_0", "1"), ("endcap_1", "0")]
-    assert found.weight_n == 50 and all(load_zero(cap.zero).sensor == cap.name for cap in found.caps)
-    assert all(0.2 <= cap.contact_on_n < 5 and cap.contact_off_n <= cap.contact_on_n for cap in found.caps)
+    assert [(endcap.name, endcap.source) for endcap in found.endcaps] == [("endcap_0", "1"), ("endcap_1", "0")]
+    assert found.weight_n == 50 and all(load_zero(endcap.zero).sensor == endcap.name for endcap in found.endcaps)
+    assert all(
+        0.2 <= endcap.contact_on_n < 5 and endcap.contact_off_n <= endcap.contact_on_n for endcap in found.endcaps
+    )
     assert "written" in said[-1]
 
 
 def test_a_touch_that_nobody_sees_writes_nothing(tmp_path, monkeypatch, quick):
     monkeypatch.setattr(setup, "TOUCH_S", 0.3)
-    monkeypatch.setattr(setup, "open_caps", Hand(2).caps)
+    monkeypatch.setattr(setup, "open_endcaps", Hand(2).endcaps)
     with pytest.raises(ParameterError, match="no camera saw a touch"):
         setup.set_up(config(2), tmp_path / "endcaps.toml", lambda _: "", lambda _: "", lambda _: stand_in())
     assert list(tmp_path.iterdir()) == []
@@ -87,14 +89,14 @@ def test_a_stream_gives_a_wrench_for_every_frame_and_ends_with_the_file():
     from live_stand_in import frames
 
     given = frames(film([0] * 3 + [1.0] * 4 + [0] * 2))
-    with Endcap(LiveCap(FileFeed(lambda: given, Pace(0)), pipeline())) as endcap:
+    with Endcap(LiveEndcap(FileFeed(lambda: given, Pace(0)), pipeline())) as endcap:
         found = list(endcap.stream())
         assert [w.time_s for w in found] == [f.time_s for f in given]
         assert found[5].force_n[0] > 5 and not endcap.touching and endcap.health.frames == len(given)
 
 
 def test_a_stream_of_a_camera_ends_when_it_is_closed():
-    endcap = Endcap(LiveCap(CameraFeed(endless(film([0] * 6))), pipeline()))
+    endcap = Endcap(LiveEndcap(CameraFeed(endless(film([0] * 6))), pipeline()))
     with endcap:
         stream = endcap.stream()
         assert np.isfinite(next(stream).force_n).all()
@@ -115,12 +117,12 @@ def test_two_cameras_over_http_reach_the_pipeline(monkeypatch):
     server = mjpeg_server(0, lambda number: endless(pictures, 30)())
     threading.Thread(target=server.serve_forever, daemon=True).start()
     from sensing.live.core.engine import Engine
-    from sensing.live.open_caps import open_caps
+    from sensing.live.open_endcaps import open_endcaps
 
     base = f"http://127.0.0.1:{server.server_port}"
-    caps = tuple(CapConfig(f"endcap_{k}", f"{base}/{k}") for k in (0, 2))
-    monkeypatch.setattr("sensing.live.open_caps.ZERO_FRAMES", 1)
-    live = open_caps(LiveConfig(caps), models=lambda _: stand_in())
+    endcaps = tuple(EndcapConfig(f"endcap_{k}", f"{base}/{k}") for k in (0, 2))
+    monkeypatch.setattr("sensing.live.open_endcaps.ZERO_FRAMES", 1)
+    live = open_endcaps(LiveConfig(endcaps), models=lambda _: stand_in())
     touched = set()
     with Engine(live) as engine:
         wait_for(

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 from live_stand_in import SHAPE, LinearModel, endless, film, frames, pipeline, stand_in, wait_for
 
-from sensing.live.core.config import CapConfig, LiveConfig
-from sensing.live.core.engine import Engine, LiveCap
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.gate import DISTURBED, UNCONFIRMED
-from sensing.live.core.reading import CapReading, plain
+from sensing.live.core.reading import EndcapReading, plain
 from sensing.live.core.reference import PressedError, ReferenceTaker, misplaced_px
 from sensing.live.core.state import LEVEL, TRANSITIONS, VALID, Event, Machine, State, next_state
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.json_lines import JsonLines
-from sensing.live.outputs.terminal import cap_line
+from sensing.live.outputs.terminal import endcap_line
 from sensing.live.replay import verify
 from sensing.live.run import LiveRun
 from sensing.records import Frame
@@ -127,9 +127,9 @@ def test_the_reason_goes_with_the_state_and_never_outlives_it():
 @pytest.mark.parametrize("method", ["dots", "gelslim"])
 @pytest.mark.parametrize("picture", [black, noise])
 def test_a_blind_camera_gives_no_number_anywhere(press, picture, method):
-    from sensing.live.core.pipeline import CapPipeline
+    from sensing.live.core.pipeline import EndcapPipeline
 
-    pipe = CapPipeline(CapConfig("endcap_0", "test"), stand_in(method), None, 0, 1)
+    pipe = EndcapPipeline(EndcapConfig("endcap_0", "test"), stand_in(method), None, 0, 1)
     given = frames(press[:12] + [picture(k) for k in range(5)] + press[12:16])
     found = [pipe.update(frame) for frame in given]
     for reading in found[12:17]:
@@ -142,34 +142,34 @@ def test_a_blind_camera_gives_no_number_anywhere(press, picture, method):
 
 def test_a_black_camera_is_an_error_for_json_terminal_and_diagnostics(press):
     stream, got = io.StringIO(), []
-    cap = LiveCap(FileFeed(lambda: frames(press[:3] + [black(k) for k in range(4)]), Pace(0)), pipeline())
+    endcap = LiveEndcap(FileFeed(lambda: frames(press[:3] + [black(k) for k in range(4)]), Pace(0)), pipeline())
 
     class Keep:
         def put(self, reading):
-            got.append((reading, cap.machine.condition))
+            got.append((reading, endcap.machine.condition))
 
     lines = JsonLines(stream)
     lines.start()
-    with Engine([cap], [lines, Keep()]) as engine:
+    with Engine([endcap], [lines, Keep()]) as engine:
         assert engine.wait(60)
     lines.close()
     last = json.loads(stream.getvalue().splitlines()[6])
     assert last["force_n"] == [None] * 3 and last["state"] == "blind" and last["valid"] is False
     reading, condition = got[-1]
-    health = cap.stats.health(cap.feed.health, condition, cap.pipeline.faults)
+    health = endcap.stats.health(endcap.feed.health, condition, endcap.pipeline.faults)
     _name, level, message, values = diagnosis(health)
     assert level == 2 and message.startswith("blind: ") and values["valid"] == "false"
-    assert " F    -  blind" in cap_line(health, reading) and "0.0 N" not in cap_line(health, reading)
+    assert " F    -  blind" in endcap_line(health, reading) and "0.0 N" not in endcap_line(health, reading)
 
 
 def test_without_dots_from_the_start_the_reason_is_given_and_stays():
-    cap = LiveCap(CameraFeed(endless([black(k) for k in range(20)])), pipeline(zero_frames=10))
-    with Engine([cap]):
-        wait_for(lambda: cap.health.status == "waiting for a reference")
+    endcap = LiveEndcap(CameraFeed(endless([black(k) for k in range(20)])), pipeline(zero_frames=10))
+    with Engine([endcap]):
+        wait_for(lambda: endcap.health.status == "waiting for a reference")
         until = time.monotonic() + 0.5
         while time.monotonic() < until:
-            health = cap.health
-            assert health.level == 2 and "dots" in health.message and cap.frame is not None
+            health = endcap.health
+            assert health.level == 2 and "dots" in health.message and endcap.frame is not None
 
 
 # --- damaged pictures ------------------------------------------------------------------------------------------
@@ -212,14 +212,14 @@ def test_png_and_cut_pictures_are_named_and_no_camera_hangs(press):
     png = cv2.imencode(".png", np.zeros((480, 640, 3), np.uint8))[1].tobytes()
     for bad, word in ((png, "PNG"), (press[0][:9000], "damaged"), (b"<html>", "no picture")):
         pictures = itertools.chain(frames(press[:2]), (Frame(200 + k / 30, 9 + k, "test", jpeg=bad) for k in range(4)))
-        cap = LiveCap(FileFeed(lambda pictures=pictures: pictures, Pace(0)), pipeline())
+        endcap = LiveEndcap(FileFeed(lambda pictures=pictures: pictures, Pace(0)), pipeline())
         states = []
-        cap.feed.start(lambda: None)
-        while not cap.feed.ended:
-            item = cap.feed.take()
+        endcap.feed.start(lambda: None)
+        while not endcap.feed.ended:
+            item = endcap.feed.take()
             if item is not None:
-                cap.process(item)
-                states.append(cap.machine.condition)
+                endcap.process(item)
+                states.append(endcap.machine.condition)
         assert states[-1].state is State.DAMAGED and word in states[-1].reason and "hangs" not in states[-1].reason
 
 
@@ -246,7 +246,7 @@ def test_another_size_is_a_state_that_ends_with_it(press):
 def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
     from sensing.live.outputs.recorder import Recorder
 
-    config = LiveConfig((CapConfig("endcap_0", "test"),))
+    config = LiveConfig((EndcapConfig("endcap_0", "test"),))
     pipe = pipeline()
     faults = [broken(press[1]), black(1), noise(2), press[0][:9000]]
     jpegs = press[:5] + faults[:2] + press[5:14] + faults[2:] + press[14:20]
@@ -257,7 +257,7 @@ def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
     for frame in frames(jpegs):
         recorder.put(pipe.update(frame))
     recorder.close()
-    checked = verify(tmp_path / "a.mcap", config, models=lambda cap: stand_in())
+    checked = verify(tmp_path / "a.mcap", config, models=lambda endcap: stand_in())
     frames_checked, different = (checked.frames, checked.different) if hasattr(checked, "frames") else checked[:2]
     assert frames_checked == len(jpegs) and different == 0
 
@@ -266,7 +266,7 @@ def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
 def zeroed(press: list[bytes]):
     pipe, clock = pipeline(zero_frames=10), itertools.count()
 
-    def feed(jpeg: bytes, count: int = 1) -> CapReading | None:
+    def feed(jpeg: bytes, count: int = 1) -> EndcapReading | None:
         for _ in range(count):
             number = next(clock)
             picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1)
@@ -279,7 +279,7 @@ def zeroed(press: list[bytes]):
     return pipe, feed
 
 
-def settle(pipe, feed, jpeg: bytes) -> CapReading:
+def settle(pipe, feed, jpeg: bytes) -> EndcapReading:
     """Frames until a reference that was asked for is made or refused."""
     feed(jpeg, 10)
     wait_for(lambda: pipe._taker._made is not None)
@@ -332,7 +332,7 @@ def test_pressed_at_the_very_start_is_seen_against_the_design():
     cache = Path.home() / ".cache" / "endcap-toolkit"
     if not list(cache.glob("robot_scene_*.npz")):
         pytest.skip("the robot's pictures are not rendered on this computer yet")
-    robot, params = load_film(cache), CapConfig("a", "0").params
+    robot, params = load_film(cache), EndcapConfig("a", "0").params
     loads = [np.linalg.norm(robot.truth(0, tick)[:3]) for tick in range(robot.ticks)]
     free, heavy = robot.jpeg(0, int(np.argmin(loads))), robot.jpeg(0, int(np.argmin(np.abs(np.array(loads) - 41))))
     away = [misplaced_px(single_zero(Frame(0.0, 0, "a", jpeg=j, size=SIZE)), params) for j in (free, heavy)]
@@ -353,11 +353,13 @@ def test_pressed_at_the_very_start_is_seen_against_the_design():
 def stand_in_build(zero):
     from sensing.tracking.model_input import model_input
 
-    return model_input(zero.frame(), SHAPE, CapConfig("a", "0").params)
+    return model_input(zero.frame(), SHAPE, EndcapConfig("a", "0").params)
 
 
 def test_the_run_answers_for_each_endcap(press):
-    run = LiveRun(LiveConfig((CapConfig("endcap_0", "test"),)), [LiveCap(CameraFeed(endless(press[:12])), pipeline())])
+    run = LiveRun(
+        LiveConfig((EndcapConfig("endcap_0", "test"),)), [LiveEndcap(CameraFeed(endless(press[:12])), pipeline())]
+    )
     with run.engine:
         wait_for(lambda: run.engine.health()[0].status == "running")
         health = run.engine.health()[0]

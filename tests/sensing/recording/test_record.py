@@ -56,7 +56,7 @@ class Unit(threading.Thread):
             self.heard.append(struct.unpack(">HHI", self.socket.recvfrom(64)[0]))
 
 
-def test_netft_streams_in_its_own_units_and_is_told_to_stop():
+def test_netft_streams_in_its_own_units_and_is_reported_to_stop():
     unit = Unit(count=60)
     unit.start()
     samples = []
@@ -195,7 +195,7 @@ def test_a_recording_without_a_pair_is_no_success(pressed, tmp_path, capsys):
     assert "do frames and forces have the same clock?" in capsys.readouterr().err
 
 
-def test_a_silent_or_absent_unit_is_told_in_one_line():
+def test_a_silent_or_absent_unit_is_reported_in_one_line():
     unit = Unit(silent=True)
     unit.start()
     with NetFt("127.0.0.1", unit.port, timeout_s=0.05) as stream:

@@ -115,8 +115,8 @@ def test_judgement_equals_refitting_without_the_dots_it_drops():
     expected[[10, 40, 41]] = False
     judged = spoiled.copy()
     quality = np.where(live, 1.2, 0.3)
-    told = judge_dots(operator.precision, judged, quality, np.full(len(place), 10.0), (0.7, 0.9), (0.1, 0.4), 5, 12)
-    assert (told == expected).all() and (quality[expected] == 1).all() and not quality[live & ~expected].any()
+    reported = judge_dots(operator.precision, judged, quality, np.full(len(place), 10.0), (0.7, 0.9), (0.1, 0.4), 5, 12)
+    assert (reported == expected).all() and (quality[expected] == 1).all() and not quality[live & ~expected].any()
     assert np.allclose(judged, operator.filled(moved, expected), atol=1e-6)
 
 

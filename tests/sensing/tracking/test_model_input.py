@@ -46,7 +46,7 @@ def test_the_field_is_nearly_that_of_the_nominal_camera_whatever_is_built_in():
     count = len(points)
     tracks = DotTracks(0.0, np.arange(count), TURNED.project(points), TURNED.project(moved), np.ones(count),
                        np.zeros(count, bool), (640, 480))  # fmt: skip
-    told = view(points).field(tracks).channels
+    reported = view(points).field(tracks).channels
     nominal = nominal_mount(PARAMS)
     plain = ModelInput(
         SimpleNamespace(size=(640, 480), reference_px=nominal.project(points)), SHAPE, PARAMS, nominal
@@ -54,7 +54,7 @@ def test_the_field_is_nearly_that_of_the_nominal_camera_whatever_is_built_in():
                       np.zeros(count, bool), (640, 480))).channels  # fmt: skip
     raw = field_operator(tracks.reference_px, (640, 480), SHAPE)
     untold = raw.field(tracks.displacement_px) * np.float32(200 / 480)
-    rms = [np.sqrt(((field - plain)[:, 1:-1, 1:-1] ** 2).mean()) for field in (told, untold)]
+    rms = [np.sqrt(((field - plain)[:, 1:-1, 1:-1] ** 2).mean()) for field in (reported, untold)]
     assert rms[0] < 0.04 * np.sqrt((plain**2).mean()) and rms[0] < 0.4 * rms[1]
 
 

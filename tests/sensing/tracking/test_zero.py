@@ -30,21 +30,21 @@ def still(count: int = 4, gain: float = 1.0, motion: Displacement | None = None,
 
 @pytest.fixture(scope="module")
 def zero():
-    return take_zero(still(), "cap 3")
+    return take_zero(still(), "endcap 3")
 
 
 def test_average_has_less_noise_than_a_frame(zero):
     clean = IMAGE.astype(float)
     one = decode_bgr(still(1)[0])
     assert np.abs(zero.image - clean).mean() < 0.75 * np.abs(one - clean).mean()
-    assert zero.sensor == "cap 3" and zero.frames == 4 and zero.noise_px.max() < 0.3
+    assert zero.sensor == "endcap 3" and zero.frames == 4 and zero.noise_px.max() < 0.3
 
 
 def test_round_trip_through_a_file(zero, tmp_path):
-    save_zero(zero, tmp_path / "cap3.npz")
-    back = load_zero(tmp_path / "cap3.npz")
+    save_zero(zero, tmp_path / "endcap3.npz")
+    back = load_zero(tmp_path / "endcap3.npz")
     assert back.digest == zero.digest and back.date == zero.date and back.brightness == zero.brightness
-    assert [p.name for p in tmp_path.iterdir()] == ["cap3.npz"]
+    assert [p.name for p in tmp_path.iterdir()] == ["endcap3.npz"]
 
 
 def test_damaged_or_foreign_files_are_refused(zero, tmp_path):
@@ -78,7 +78,7 @@ def test_too_few_frames_are_refused():
     ],
     ids=["none", "lamp", "mounting", "mounting+lamp", "contact", "contact+lamp"],
 )
-def test_drift_is_told_apart_from_contact(zero, motion, gain, cause):
+def test_drift_is_reported_apart_from_contact(zero, motion, gain, cause):
     frame = still(1, gain, motion)[0]
     tracks = DotTracker(zero.frame()).update(frame)
     assert measure_drift(zero, frame, tracks).cause == cause
@@ -112,9 +112,9 @@ def folder_of(tmp_path, name: str, frames: list[Frame]) -> str:
 
 def test_take_check_and_take_again(tmp_path, capsys):
     rest, touched = folder_of(tmp_path, "rest", still(4)), folder_of(tmp_path, "touched", still(3, 1.0, TOUCH))
-    file = str(tmp_path / "cap3.npz")
-    assert main(["take", "--source", rest, "--sensor", "cap 3", "--out", file, "--frames", "4"]) == 0
-    assert "cap 3" in capsys.readouterr().out and load_zero(file).sensor == "cap 3"
+    file = str(tmp_path / "endcap3.npz")
+    assert main(["take", "--source", rest, "--sensor", "endcap 3", "--out", file, "--frames", "4"]) == 0
+    assert "endcap 3" in capsys.readouterr().out and load_zero(file).sensor == "endcap 3"
     assert main(["check", "--zero", file, "--source", touched]) == 0
     assert capsys.readouterr().out.startswith("contact: something touches")
     assert main(["check", "--zero", file, "--source", folder_of(tmp_path, "dim", still(3, 0.7))]) == 0
@@ -128,8 +128,8 @@ def test_take_check_and_take_again(tmp_path, capsys):
 
 
 def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):
-    file = str(tmp_path / "cap3.npz")
-    save_zero(take_zero(still(), "cap 3"), file)
+    file = str(tmp_path / "endcap3.npz")
+    save_zero(take_zero(still(), "endcap 3"), file)
     before = load_zero(file).digest
     touched = folder_of(tmp_path, "touched", still(16, 1.0, TOUCH))
     assert main(["watch", "--zero", file, "--source", touched, "--still", "0.2"]) == 0

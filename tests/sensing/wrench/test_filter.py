@@ -43,9 +43,9 @@ def test_filter_is_the_batch_gaussian_posterior():
     prior = q * (low**2 * (np.add.outer(s, s) - low) / 2 - low**3 / 6) + v0 * np.outer(s, s) + 1e5
     gram = prior[:-1, :-1] + r * np.eye(len(times))
     weight = np.linalg.solve(gram, prior[:-1, -1])
-    told = tracker.at(now)
-    assert told.force_n[0] == pytest.approx(weight @ data[:, 0], abs=1e-4)
-    assert told.covariance[0, 0] == pytest.approx(prior[-1, -1] - weight @ prior[:-1, -1], rel=1e-3)
+    reported = tracker.at(now)
+    assert reported.force_n[0] == pytest.approx(weight @ data[:, 0], abs=1e-4)
+    assert reported.covariance[0, 0] == pytest.approx(prior[-1, -1] - weight @ prior[:-1, -1], rel=1e-3)
 
 
 def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
@@ -64,9 +64,9 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
             for axis in range(6):
                 noise = ARM[axis] ** 2 * (motion.acceleration * G + motion.walk * np.diag([dt, 0.0]))
                 x[m, axis], P[m, axis] = F @ x[m, axis], F @ P[m, axis] @ F.T + noise
-        told = (belief * x[:, :, 0]).sum(axis=0)
-        spread = (belief * (P[:, :, 0, 0] + (x[:, :, 0] - told) ** 2)).sum(axis=0)
-        nis = ((measured - told) ** 2 / (spread + SIGMA**2)).sum()
+        reported = (belief * x[:, :, 0]).sum(axis=0)
+        spread = (belief * (P[:, :, 0, 0] + (x[:, :, 0] - reported) ** 2)).sum(axis=0)
+        nis = ((measured - reported) ** 2 / (spread + SIGMA**2)).sum()
         density = stats.norm.pdf(measured, x[:, :, 0], np.sqrt(P[:, :, 0, 0] + SIGMA**2))
         if k < 4:  # of the surprise all densities are 0 in floating point
             belief = belief**0.8 * density
@@ -119,15 +119,15 @@ def test_innovations_are_consistent_when_the_model_holds(rate_hz):
 
 
 @pytest.mark.parametrize("rate_hz", [30, 120])
-def test_a_ramp_is_told_without_lag(rate_hz):
+def test_a_ramp_is_reported_without_lag(rate_hz):
     rng = np.random.default_rng(1)
     slope = np.array([10, -5, 20, 0.3, 0.2, -0.1])
     tracker = WrenchFilter()
     times = capture_times(rate_hz, 3 * rate_hz, rng, dropped=0.2)
     for t in times:
         tracker.update(wrench(slope * t, t))
-    told = tracker.at(times[-1] + 0.08)
-    off = np.concatenate([told.force_n, told.torque_nm]) - slope * (times[-1] + 0.08)
+    reported = tracker.at(times[-1] + 0.08)
+    off = np.concatenate([reported.force_n, reported.torque_nm]) - slope * (times[-1] + 0.08)
     left = np.abs(off / (0.08 * slope))
     assert left[:3].max() < 0.005  # the motions without a rate keep a little belief,
     assert left[3:].max() < 0.02  # and more where a step of the ramp is a tenth of the noise
@@ -142,7 +142,7 @@ def test_prediction_to_now_beats_holding_the_last_estimate(rate_hz, latency_s):
 
 
 @pytest.mark.parametrize(("turns_hz", "rate_hz"), [(6.0, 30), (8.0, 30), (12.0, 60)])
-def test_what_turns_too_fast_to_be_foretold_is_held(turns_hz, rate_hz):
+def test_what_turns_too_fast_to_be_predicted_is_held(turns_hz, rate_hz):
     ratio, covered = against_holding(FilterConfig(), turns_hz, rate_hz, 0.05)
     assert ratio.max() < 1.15 and covered > 0.9
     worse, missed = against_holding(FilterConfig((SINGLE,)), turns_hz, rate_hz, 0.05)
@@ -159,17 +159,17 @@ def against_holding(config, turns_hz, rate_hz, latency_s):
         return swing * np.sin(2 * np.pi * turns_hz * t + np.arange(6))
 
     tracker = WrenchFilter(config)
-    held, told, inside = [], [], []
+    held, reported, inside = [], [], []
     for t in times:
         measured = signal(t) + SIGMA * rng.normal(size=6)
         tracker.update(wrench(measured, t))
         if t > 0.5:
             answer = tracker.at(t + latency_s)
             truth = signal(t + latency_s)
-            told.append(np.concatenate([answer.force_n, answer.torque_nm]) - truth)
+            reported.append(np.concatenate([answer.force_n, answer.torque_nm]) - truth)
             held.append(measured - truth)
-            inside.append(np.abs(told[-1]) < 1.96 * np.sqrt(answer.covariance.diagonal()))
-    ratio = np.sqrt(np.mean(np.square(told), axis=0) / np.mean(np.square(held), axis=0))
+            inside.append(np.abs(reported[-1]) < 1.96 * np.sqrt(answer.covariance.diagonal()))
+    ratio = np.sqrt(np.mean(np.square(reported), axis=0) / np.mean(np.square(held), axis=0))
     return ratio, float(np.mean(inside))
 
 
@@ -220,9 +220,9 @@ def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():
                 value[rng.integers(6)] = rng.choice([np.nan, np.inf])
             tracker.update(wrench(value, t, covariance))
             if not np.isnan(tracker._state).any() and tracker._last is not None:
-                told = tracker.at(t + float(rng.uniform(0, 0.3)))
-                assert np.isfinite(told.force_n).all() and np.isfinite(told.covariance).all()
-                assert (np.linalg.eigvalsh(told.covariance) > 0).all()
+                reported = tracker.at(t + float(rng.uniform(0, 0.3)))
+                assert np.isfinite(reported.force_n).all() and np.isfinite(reported.covariance).all()
+                assert (np.linalg.eigvalsh(reported.covariance) > 0).all()
         value, mixed, rate = tracker._covariance.transpose(1, 0, 2)
         moving = np.array([motion.start_rate > 0 for motion in STANDARD])
         definite = (value > 0).all() and (value * rate > mixed**2)[moving].all() and (rate[~moving] == 0).all()

@@ -88,8 +88,8 @@ def test_mirror_makes_a_torque_a_pseudo_vector():
     for number in range(COUNT):
         M = np.eye(3)
         M[:2, :2] = plane_map(number)
-        told = moved_wrenches(np.concatenate([force, np.cross(place, force)], axis=1), number)
-        assert np.allclose(told[:, 3:], np.cross(place @ M.T, force @ M.T))
+        reported = moved_wrenches(np.concatenate([force, np.cross(place, force)], axis=1), number)
+        assert np.allclose(reported[:, 3:], np.cross(place @ M.T, force @ M.T))
 
 
 def test_ridge_finds_a_linear_law_and_gives_zero_at_zero():
@@ -128,8 +128,12 @@ def test_zero_shear_gives_exactly_zero(model):
     wrench = model.estimate(ShearField(0.0, np.zeros((2, SIDE, SIDE), np.float32)))
     assert not wrench.force_n.any() and not wrench.torque_nm.any() and not wrench.flags
     masked = ShearField(0.0, np.full((2, SIDE, SIDE), 9, np.float32), valid=np.zeros((SIDE, SIDE), bool))
-    told = model.estimate(masked)
-    assert not told.force_n.any() and told.flags == {"dots_lost", "missing"} and np.isnan(told.covariance).all()
+    reported = model.estimate(masked)
+    assert (
+        not reported.force_n.any()
+        and reported.flags == {"dots_lost", "missing"}
+        and np.isnan(reported.covariance).all()
+    )
 
 
 def test_interval_covers_new_paths_of_the_same_kind(model):
@@ -160,8 +164,8 @@ def test_one_field_alone_gives_what_it_gives_among_others(model, data):
         wrench = model.estimate(ShearField(0.0, data.fields[k]))
         assert np.allclose(np.concatenate([wrench.force_n, wrench.torque_nm]), value[k], rtol=1e-9, atol=1e-9)
         assert np.allclose(wrench.covariance, covariance[k], rtol=1e-9)
-        told = answer_one(data.inputs[k].astype(float), *model._packed)
-        assert told[2:] == pytest.approx((distance[k], rest[k]), rel=1e-6)
+        reported = answer_one(data.inputs[k].astype(float), *model._packed)
+        assert reported[2:] == pytest.approx((distance[k], rest[k]), rel=1e-6)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, 1e5, 1.0, -3.0])
@@ -273,11 +277,11 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, mo
     monkeypatch.setattr("sensing.learning.checkpoint.EVERY_S", 0.0)
     small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=6), tmp_path / "kept"
     whole = fit(small, config)
-    told = []
+    reported = []
 
     def stop(part, seconds, error):
-        told.append(part)
-        if told.count(stage) == 2:
+        reported.append(part)
+        if reported.count(stage) == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -285,7 +289,7 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, mo
     assert kept.is_file()
     again = []
     resumed = fit(small, config, progress=lambda part, seconds, error: again.append(part), checkpoint=kept)
-    assert again.count(stage) < told.count(stage) + 4 and again.count("mean") + told.count("mean") == 6
+    assert again.count(stage) < reported.count(stage) + 4 and again.count("mean") + reported.count("mean") == 6
     for name, value in whole.weights.items():
         assert np.array_equal(value, resumed.weights[name]), name
     assert not kept.exists()

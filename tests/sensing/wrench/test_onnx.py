@@ -42,8 +42,8 @@ def answers(model, storage, inputs):
 def test_onnx_gives_the_models_numbers(model, storage, close):
     inputs = np.random.default_rng(1).normal(size=(40, 2 * SIDE**2))
     value, covariance = model.predict(inputs)
-    told, spread = answers(model, storage, inputs)
-    assert np.abs(told - value).max() < close * np.abs(value).max()
+    reported, spread = answers(model, storage, inputs)
+    assert np.abs(reported - value).max() < close * np.abs(value).max()
     assert np.abs(spread - covariance).max() < 3 * close * np.abs(covariance).max()
     sigma = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
     assert (np.linalg.eigvalsh(spread / sigma[:, :, None] / sigma[:, None]) > 0).all()
@@ -65,8 +65,8 @@ def test_torch_onnx_and_numpy_agree(model):
     inputs = np.random.default_rng(2).normal(size=(20, 2 * SIDE**2))
     with torch.inference_mode():
         value, root = as_net(model)(torch.from_numpy(inputs.astype(np.float32)))
-    told, covariance = model.predict(inputs)
-    assert np.abs(value.numpy() - told).max() < 3e-6 * np.abs(told).max()
+    reported, covariance = model.predict(inputs)
+    assert np.abs(value.numpy() - reported).max() < 3e-6 * np.abs(reported).max()
     spread = (root @ root.transpose(1, 2)).numpy()
     assert np.abs(spread - covariance).max() < 1e-5 * np.abs(covariance).max()
 

@@ -29,7 +29,7 @@ function connect() {
 function send(word) {
   if (socket.readyState !== 1) return;
   unanswered += 1;
-  socket.send(JSON.stringify({ do: word, cap: chosen, seen: latest ? latest.seen : 0 }));
+  socket.send(JSON.stringify({ do: word, endcap: chosen, seen: latest ? latest.seen : 0 }));
 }
 
 // Whether what is shown is of now: it is not when the run is stopped, or the server or the connection gone.
@@ -40,8 +40,8 @@ function press(word) {
   watch();
   if (!live()) return;
   close_question();
-  const cap = latest.caps[chosen];
-  if (word === "zero" && cap.contact) question(`${cap.name} is touched (${cap.force_norm_n.toFixed(1)} N): a reference taken now makes every later number wrong by that.`);
+  const endcap = latest.endcaps[chosen];
+  if (word === "zero" && endcap.contact) question(`${endcap.name} is touched (${endcap.force_norm_n.toFixed(1)} N): a reference taken now makes every later number wrong by that.`);
   else send(word);
 }
 
@@ -54,13 +54,13 @@ function watch() {
   document.body.classList.toggle("stale", !good);
   $("lost").textContent = latest === null ? "No connection to sensing.live; trying again." : `No answer from sensing.live for ${age} s: everything below is as old as that.`;
   if (!good) close_question();
-  const cap = good ? latest.caps[chosen] : null;
+  const endcap = good ? latest.endcaps[chosen] : null;
   for (const id of ["zero", "zero_all", "record", "confirm"]) $(id).disabled = !good;
-  $("undo").disabled = !(cap && cap.undoable);
-  if (!good && latest) [...$("caps").children].forEach((card, k) => {
-    const force = latest.caps[k].force_norm_n;
+  $("undo").disabled = !(endcap && endcap.undoable);
+  if (!good && latest) [...$("endcaps").children].forEach((card, k) => {
+    const force = latest.endcaps[k].force_norm_n;
     card.querySelector(".n").textContent = "–";
-    card.querySelector(".h").textContent = (force === null ? latest.caps[k].status : force.toFixed(1) + " N") + `, ${age} s ago`;
+    card.querySelector(".h").textContent = (force === null ? latest.endcaps[k].status : force.toFixed(1) + " N") + `, ${age} s ago`;
   });
 }
 
@@ -68,11 +68,11 @@ function begin(told) {
   Scene.set(told.hello);
   history = told.hello.map(() => []);
   chosen = Math.min(chosen, told.hello.length - 1);
-  $("caps").replaceChildren(...told.hello.map((cap, k) => {
+  $("endcaps").replaceChildren(...told.hello.map((endcap, k) => {
     const card = document.createElement("button");
-    card.className = "cap";
+    card.className = "endcap";
     card.innerHTML = '<div class="top"><span class="lamp"></span><b></b></div><div class="n"></div><div class="h"></div>';
-    card.querySelector("b").textContent = cap.name;
+    card.querySelector("b").textContent = endcap.name;
     card.onclick = () => { chosen = k; bitmap = null; close_question(); };
     return card;
   }));
@@ -80,48 +80,48 @@ function begin(told) {
 }
 
 function remember(told) {
-  told.caps.forEach((cap, k) => {
-    if (!cap.valid) return;
+  told.endcaps.forEach((endcap, k) => {
+    if (!endcap.valid) return;
     const row = history[k], last = row[row.length - 1];
-    if (last && cap.time_s < last.t) row.length = 0;
-    if (!last || cap.time_s > last.t) row.push({ t: cap.time_s, w: cap.force_n.concat(cap.torque_nm), sd: cap.sd });
-    while (row.length && row[0].t < cap.time_s - WINDOW_S) row.shift();
+    if (last && endcap.time_s < last.t) row.length = 0;
+    if (!last || endcap.time_s > last.t) row.push({ t: endcap.time_s, w: endcap.force_n.concat(endcap.torque_nm), sd: endcap.sd });
+    while (row.length && row[0].t < endcap.time_s - WINDOW_S) row.shift();
   });
 }
 
 function draw(told) {
   if (!live()) return;
   if (asked !== null && asked !== chosen) close_question();
-  const refused = told.caps[chosen];
+  const refused = told.endcaps[chosen];
   if (!refused.confirmable) declined.delete(chosen);
   else if (asked === null && !declined.has(chosen)) question(refused.message || `${refused.name} looked pressed when it was zeroed.`);
-  told.caps.forEach((cap, k) => card($("caps").children[k], cap, k));
+  told.endcaps.forEach((endcap, k) => card($("endcaps").children[k], endcap, k));
   const sum = told.touching.length ? `; force sum ${told.force_sum_n} N` : "";
   const judged = told.consistent === null ? "" : told.consistent ? ", carries the weight" : ", does NOT carry the weight";
   $("robot").textContent = "touching: " + (told.touching.join(", ") || "none") + sum + judged;
   $("record").classList.toggle("on", told.recording);
   $("record").textContent = told.recording ? "Stop recording" : "Start recording";
   $("record_note").textContent = told.note;
-  image(told.selected, told.caps[chosen]);
-  Scene.draw($("scene"), told.caps, chosen);
+  image(told.selected, told.endcaps[chosen]);
+  Scene.draw($("scene"), told.endcaps, chosen);
   AXES.forEach((_, k) => plot($("plots").children[k], k));
-  health(told.caps[chosen]);
+  health(told.endcaps[chosen]);
   window.drawn += 1;
 }
 
-function card(element, cap, k) {
+function card(element, endcap, k) {
   element.classList.toggle("chosen", k === chosen);
-  element.querySelector(".lamp").classList.toggle("touch", !!cap.contact);
-  const number = element.querySelector(".n"), line = element.querySelector(".h"), flags = cap.flags.join(", ");
-  number.textContent = cap.valid ? cap.force_norm_n.toFixed(1) + " N" : "–";
-  number.classList.toggle("none", !cap.valid);
-  line.textContent = cap.valid ? cap.message || flags || `${cap.rate_hz} Hz, ${cap.p50_ms} ms` : `${cap.status}: ${cap.message}`;
+  element.querySelector(".lamp").classList.toggle("touch", !!endcap.contact);
+  const number = element.querySelector(".n"), line = element.querySelector(".h"), flags = endcap.flags.join(", ");
+  number.textContent = endcap.valid ? endcap.force_norm_n.toFixed(1) + " N" : "–";
+  number.classList.toggle("none", !endcap.valid);
+  line.textContent = endcap.valid ? endcap.message || flags || `${endcap.rate_hz} Hz, ${endcap.p50_ms} ms` : `${endcap.status}: ${endcap.message}`;
   line.title = line.textContent;
-  line.classList.toggle("bad", cap.level > 1);
-  line.classList.toggle("warn", cap.level === 1);
+  line.classList.toggle("bad", endcap.level > 1);
+  line.classList.toggle("warn", endcap.level === 1);
 }
 
-function image(detail, cap) {
+function image(detail, endcap) {
   const canvas = $("image"), g = canvas.getContext("2d");
   if (!detail || detail.number !== chosen) { g.fillStyle = "#000"; g.fillRect(0, 0, canvas.width, canvas.height); return; }
   const [w, h] = detail.size, s = canvas.width / w;
@@ -135,7 +135,7 @@ function image(detail, cap) {
     g.stroke();
   }
   if (detail.field.length) arrows(g, detail, s);
-  $("image_note").textContent = detail.preview !== undefined ? detail.preview : detail.dots.length ? `${cap.dots} of ${cap.dots_known} dots` : "";
+  $("image_note").textContent = detail.preview !== undefined ? detail.preview : detail.dots.length ? `${endcap.dots} of ${endcap.dots_known} dots` : "";
 }
 
 function arrows(g, detail, s) {
@@ -181,13 +181,13 @@ function plot(canvas, axis) {
   g.fillText("±" + top.toFixed(digits), W - 8, 22);
 }
 
-function health(cap) {
-  const stages = Object.entries(cap.stage_ms).map(([name, ms]) => `${name} ${ms}`).join(", ");
+function health(endcap) {
+  const stages = Object.entries(endcap.stage_ms).map(([name, ms]) => `${name} ${ms}`).join(", ");
   const rows = [
-    ["state", cap.message ? `${cap.status}: ${cap.message}` : cap.status], ["zeroed", zeroed(cap)], ["rate", `${cap.rate_hz} Hz`], ["age of the picture", `${cap.age_ms ?? "–"} ms`],
-    ["image to wrench", `${cap.p50_ms ?? "–"} ms median, ${cap.p99_ms ?? "–"} ms at 99 %`], ["stages, ms", stages],
-    ["dropped, unusable, reopened", `${cap.dropped}, ${cap.faults}, ${cap.reopened}`], ["dots", cap.dots_known ? `${cap.dots} of ${cap.dots_known}` : "not used"],
-    ["drift since zero", cap.drift || "unknown"], ["warnings", (cap.flags || []).join(", ") || "none"],
+    ["state", endcap.message ? `${endcap.status}: ${endcap.message}` : endcap.status], ["zeroed", zeroed(endcap)], ["rate", `${endcap.rate_hz} Hz`], ["age of the picture", `${endcap.age_ms ?? "–"} ms`],
+    ["image to wrench", `${endcap.p50_ms ?? "–"} ms median, ${endcap.p99_ms ?? "–"} ms at 99 %`], ["stages, ms", stages],
+    ["dropped, unusable, reopened", `${endcap.dropped}, ${endcap.faults}, ${endcap.reopened}`], ["dots", endcap.dots_known ? `${endcap.dots} of ${endcap.dots_known}` : "not used"],
+    ["drift since zero", endcap.drift || "unknown"], ["warnings", (endcap.flags || []).join(", ") || "none"],
   ];
   $("health").replaceChildren(...rows.map(([name, value]) => {
     const row = document.createElement("tr");
@@ -196,9 +196,9 @@ function health(cap) {
   }));
 }
 
-function zeroed(cap) {
-  if (!cap.zeroed) return "not yet";
-  const when = new Date(cap.zeroed), minutes = Math.floor((Date.now() - when) / 60000);
+function zeroed(endcap) {
+  if (!endcap.zeroed) return "not yet";
+  const when = new Date(endcap.zeroed), minutes = Math.floor((Date.now() - when) / 60000);
   const ago = minutes < 1 ? "less than a minute" : minutes < 120 ? `${minutes} min` : minutes < 2880 ? `${Math.floor(minutes / 60)} h` : `${Math.floor(minutes / 1440)} days`;
   return `${when.toLocaleString()} (${ago} ago)`;
 }

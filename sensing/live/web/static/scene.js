@@ -1,9 +1,9 @@
 "use strict";
-// Caps of the robot and their forces in perspective on a plain canvas. Robot frame, mm; z up.
+// Endcaps of the robot and their forces in perspective on a plain canvas. Robot frame, mm; z up.
 const Scene = (() => {
   const view = { turn: 0.7, tilt: 0.38, zoom: 1 };
   const MM_PER_N = 5;
-  let caps = [];
+  let endcaps = [];
 
   function place(T, p) {
     return [0, 1, 2].map((i) => T[i][0] * p[0] + T[i][1] * p[1] + T[i][2] * p[2] + T[i][3]);
@@ -14,16 +14,16 @@ const Scene = (() => {
 
   function set(hello) {
     const same = hello.every((c) => JSON.stringify(c.T_robot_endcap) === JSON.stringify(hello[0].T_robot_endcap));
-    caps = hello.map((c, k) => {
+    endcaps = hello.map((c, k) => {
       const T = c.T_robot_endcap.map((row) => row.slice());
       if (same) T[0][3] += (k - (hello.length - 1) / 2) * c.radius_mm * 2.6; // nobody said where they are: in a row
       return { ...c, T };
     });
-    const centres = caps.map((c) => place(c.T, [0, 0, c.centre_mm]));
+    const centres = endcaps.map((c) => place(c.T, [0, 0, c.centre_mm]));
     const mean = [0, 1, 2].map((i) => centres.reduce((s, p) => s + p[i], 0) / centres.length);
     view.mean = mean;
-    view.size = Math.max(150, ...centres.map((p, k) => Math.hypot(p[0] - mean[0], p[1] - mean[1], p[2] - mean[2]) + caps[k].radius_mm * 1.4));
-    view.floor = Math.min(...centres.map((p, k) => p[2] - caps[k].radius_mm));
+    view.size = Math.max(150, ...centres.map((p, k) => Math.hypot(p[0] - mean[0], p[1] - mean[1], p[2] - mean[2]) + endcaps[k].radius_mm * 1.4));
+    view.floor = Math.min(...centres.map((p, k) => p[2] - endcaps[k].radius_mm));
   }
 
   function camera(w, h) {
@@ -49,9 +49,9 @@ const Scene = (() => {
     }
   }
 
-  function dome(g, eye, cap, state, chosen) {
+  function dome(g, eye, endcap, state, chosen) {
     const touching = state && state.contact;
-    const T = cap.T, R = cap.radius_mm, c = cap.centre_mm, rim = -Math.asin(Math.min(1, c / R));
+    const T = endcap.T, R = endcap.radius_mm, c = endcap.centre_mm, rim = -Math.asin(Math.min(1, c / R));
     const at = (lat, lon) => eye(place(T, [R * Math.cos(lat) * Math.cos(lon), R * Math.cos(lat) * Math.sin(lon), c + R * Math.sin(lat)]));
     const middle = eye(place(T, [0, 0, c])), edge = eye(place(T, [0, 0, c + R]));
     const radius = (Math.min(g.canvas.width, g.canvas.height) / 2 / view.size) * 0.82 * view.zoom * R * ((view.size * 4.2) / middle[2]);
@@ -68,18 +68,18 @@ const Scene = (() => {
       g.stroke();
     }
     g.fillStyle = "#e4ebef"; g.font = "22px system-ui,sans-serif"; g.textAlign = "center";
-    g.fillText(cap.name.replace(/^endcap_/, ""), middle[0], middle[1] - radius - 8);
+    g.fillText(endcap.name.replace(/^endcap_/, ""), middle[0], middle[1] - radius - 8);
     return edge;
   }
 
-  function arrow(g, eye, cap, state) {
+  function arrow(g, eye, endcap, state) {
     const f = state.force_n, norm = Math.hypot(...f);
     if (!(norm > 0.3)) return;
-    const centre = state.centre_mm[0] === null ? [0, 0, cap.centre_mm + cap.radius_mm] : state.centre_mm;
-    const tip = place(cap.T, centre), way = turned(cap.T, f);
+    const centre = state.centre_mm[0] === null ? [0, 0, endcap.centre_mm + endcap.radius_mm] : state.centre_mm;
+    const tip = place(endcap.T, centre), way = turned(endcap.T, f);
     const tail = tip.map((x, i) => x - way[i] * MM_PER_N);
     const p = eye(tail), q = eye(tip), turn = Math.atan2(q[1] - p[1], q[0] - p[0]);
-    g.strokeStyle = g.fillStyle = "#ffb02e"; g.lineWidth = 5; g.lineCap = "round";
+    g.strokeStyle = g.fillStyle = "#ffb02e"; g.lineWidth = 5; g.lineEndcap = "round";
     g.beginPath(); g.moveTo(p[0], p[1]); g.lineTo(q[0], q[1]); g.stroke();
     g.beginPath(); g.moveTo(q[0] + 4 * Math.cos(turn), q[1] + 4 * Math.sin(turn));
     for (const s of [-1, 1]) g.lineTo(q[0] - 20 * Math.cos(turn + s * 0.42), q[1] - 20 * Math.sin(turn + s * 0.42));
@@ -89,13 +89,13 @@ const Scene = (() => {
   }
 
   function draw(canvas, states, chosen) {
-    if (!caps.length) return;
+    if (!endcaps.length) return;
     const g = canvas.getContext("2d"), eye = camera(canvas.width, canvas.height);
     g.fillStyle = "#11181d"; g.fillRect(0, 0, canvas.width, canvas.height);
     floor(g, eye);
-    const order = caps.map((c, k) => [eye(place(c.T, [0, 0, c.centre_mm]))[2], k]).sort((a, b) => b[0] - a[0]);
-    for (const [, k] of order) dome(g, eye, caps[k], states[k], k === chosen);
-    for (const [, k] of order) if (states[k] && states[k].valid) arrow(g, eye, caps[k], states[k]);
+    const order = endcaps.map((c, k) => [eye(place(c.T, [0, 0, c.centre_mm]))[2], k]).sort((a, b) => b[0] - a[0]);
+    for (const [, k] of order) dome(g, eye, endcaps[k], states[k], k === chosen);
+    for (const [, k] of order) if (states[k] && states[k].valid) arrow(g, eye, endcaps[k], states[k]);
   }
 
   function drag(canvas) {

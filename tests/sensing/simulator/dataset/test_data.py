@@ -39,9 +39,11 @@ def test_frames_are_their_states_turned_and_seen(small_set: Path) -> None:
     seen = loaded.dots_visible & free.dots_visible
     gap = np.linalg.norm(camera.project(rest) - free.dots_px, axis=1)[seen]
     assert 0.3 < np.sqrt((gap**2).mean()) < 1.5  # the hand that painted scatters by 0.2 mm
-    told = camera.project(rest + loaded.dots_mm) - camera.project(rest)
+    reported = camera.project(rest + loaded.dots_mm) - camera.project(rest)
     drawn = loaded.dots_px - free.dots_px  # the ink rides on the surface: the scatter cancels
-    assert np.linalg.norm(told - drawn, axis=1)[seen].max() < 0.2 < 1.5 < np.linalg.norm(told, axis=1)[seen].max()
+    assert (
+        np.linalg.norm(reported - drawn, axis=1)[seen].max() < 0.2 < 1.5 < np.linalg.norm(reported, axis=1)[seen].max()
+    )
     picture = cv2.imdecode(np.frombuffer(loaded.frame.jpeg or b"", np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape == (480, 640, 3)
     ink = np.array([picture[round(y), round(x)].mean() for x, y in loaded.dots_px[seen][:30]])

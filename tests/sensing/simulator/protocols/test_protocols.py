@@ -80,15 +80,17 @@ def test_a_planted_slip_of_the_statics_is_seen(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_prism_keeps_its_bars() -> None:
-    caps = prism_mm()
-    assert np.allclose(np.linalg.norm(caps[1::2] - caps[0::2], axis=1), robot.BAR_MM)
-    assert np.allclose(np.linalg.norm(caps[[0, 2, 4]] - caps[[2, 4, 0]], axis=1), np.sqrt(3) * robot.RING_RADIUS_MM)
+    endcaps = prism_mm()
+    assert np.allclose(np.linalg.norm(endcaps[1::2] - endcaps[0::2], axis=1), robot.BAR_MM)
+    assert np.allclose(
+        np.linalg.norm(endcaps[[0, 2, 4]] - endcaps[[2, 4, 0]], axis=1), np.sqrt(3) * robot.RING_RADIUS_MM
+    )
 
 
-def test_solved_caps_carry_the_robots_weight() -> None:
+def test_solved_endcaps_carry_the_robots_weight() -> None:
     """The labels of a whole scene, in the world: normal forces within a fifth of level 2's tolerance (0.012 % seen)."""
     request = DataRequest(frames=1, density="draft", protocol="robot", render="off")
-    paths = [load_path("robot", 4, 3 * 6 + cap, 1) for cap in range(6)]
+    paths = [load_path("robot", 4, 3 * 6 + endcap, 1) for endcap in range(6)]
     paths = [replace(p, waypoints=(p.waypoints[0], *p.waypoints[-2:-1])) for p in paths]  # in the air, and standing
     arrays = shard_arrays(request, paths)
     assert not len(arrays["refusals"]) and len(arrays["path"]) == 12

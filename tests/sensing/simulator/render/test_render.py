@@ -193,7 +193,7 @@ def test_exposure_brightens_and_motion_smears(renderer: DomeRenderer) -> None:
     assert np.allclose(frame.dots_px, renderer.render().dots_px, equal_nan=True, atol=1e-9)
 
 
-def test_paint_options_show_and_are_told() -> None:
+def test_paint_options_show_and_are_reported() -> None:
     def ink(paint: Paint) -> tuple[float, int]:
         made = DomeRenderer(PARAMS, nominal_mount(PARAMS), replace(PLAIN, paint=paint))
         return float(made._skin.texture[..., 3].mean()), int(made.render().dots_visible.sum())

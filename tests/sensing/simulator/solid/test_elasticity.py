@@ -94,11 +94,11 @@ def test_shell_volume_is_the_closed_form() -> None:
     whole = elastic.element_data(shell_mesh(geometry, DENSITIES["data"])).weight.sum()
     half = elastic.element_data(shell_mesh(geometry, DENSITIES["data"], half=True)).weight.sum()
 
-    def cap(radius: float) -> float:  # of the ball above the clamp plane
+    def endcap(radius: float) -> float:  # of the ball above the clamp plane
         height = geometry.centre_height_mm - geometry.clamp_height_mm + radius
         return math.pi * height**2 * (3 * radius - height) / 3
 
-    assert whole == pytest.approx(cap(65) - cap(57), rel=1e-4)
+    assert whole == pytest.approx(endcap(65) - endcap(57), rel=1e-4)
     assert half == pytest.approx(whole / 2, rel=1e-12)
 
 

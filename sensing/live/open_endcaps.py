@@ -1,0 +1,77 @@
+"""A configuration to endcaps that are ready to run: sources chosen, references read, models loaded once a design."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from cad.errors import ParameterError
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.engine import LiveEndcap
+from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
+from sensing.live.core.model import LiveModel, load_model
+from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
+from sensing.live.demo.scene import SceneSource, scene_number
+from sensing.sources.camera import CameraConfig
+from sensing.sources.choose import source_opener
+from sensing.sources.files import FolderSource
+from sensing.tracking.zero import load_zero
+
+CAMERA_HZ, PHOTOS_HZ = 30.0, 1.0
+Models = Callable[[EndcapConfig], LiveModel]
+
+
+def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None = None) -> list[LiveEndcap]:
+    """Endcaps of a configuration, not yet started.
+
+    Args:
+        config: what to run. speed: of files. models: model of an endcap; None for that of the configuration.
+
+    Raises:
+        EndcapError: a source, reference, model or file that cannot be used.
+    """
+    models = models or configured_models(config)
+    endcaps = []
+    for number, endcap in enumerate(config.endcaps):
+        feed, live = open_feed(endcap, speed)
+        zero = None if endcap.zero is None else load_zero(endcap.zero)
+        pipeline = EndcapPipeline(endcap, models(endcap), zero, number, ZERO_FRAMES if live else 1)
+        endcaps.append(LiveEndcap(feed, pipeline))
+    return endcaps
+
+
+def configured_models(config: LiveConfig) -> Models:
+    """Loads the configuration's model once for each design."""
+    loaded: dict[str, LiveModel] = {}
+
+    def of(endcap: EndcapConfig) -> LiveModel:
+        if endcap.params.digest not in loaded:
+            loaded[endcap.params.digest] = load_model(config.model, endcap.params, config.weights, config.method)
+        return loaded[endcap.params.digest]
+
+    return of
+
+
+def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
+    """(feed of an endcap, whether it is live).
+
+    Raises:
+        EndcapError: no such source.
+    """
+    number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
+    if number is not None:
+        SceneSource(number, rate_hz)  # a wrong number or a missing scene is told at once
+        return CameraFeed(lambda: SceneSource(number, rate_hz)), True
+    if os.path.isdir(endcap.source):
+        folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ)
+        return FileFeed(lambda: folder, Pace(speed)), False
+    camera = CameraConfig(rate_hz=rate_hz, exposure=endcap.exposure or None)
+    opener, live = source_opener(endcap.source, camera)
+    if not live and (endcap.rate_hz or endcap.exposure):
+        raise ParameterError(
+            f"rate_hz and exposure of {endcap.name} have no effect on {endcap.source}: leave them out", name="rate_hz"
+        )
+    opener()  # a camera that is not there, a bad address or a file that cannot be read is told at once
+    if live:
+        return CameraFeed(opener), True
+    return FileFeed(opener, Pace(speed)), False

@@ -7,7 +7,7 @@ OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
 FAB := molds molds-help slice sheet ring coupons
-GOALS := help setup $(FAB) data train evaluate live test check bench clean clean-all
+GOALS := help setup $(FAB) data train evaluate live test quick check docs bench clean clean-all
 .PHONY: $(GOALS)
 
 # Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
@@ -76,16 +76,27 @@ test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
+# Quick: what needs neither CAD solids nor the compiled simulator; each file of it takes seconds.
+QUICK := $(addprefix tests/,test_architecture.py)
+quick: $(VENV)/all.stamp ## lint, architecture and the quick tests, in about a minute
+	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts
+	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
+	@$(BIN)/python -m pytest -n 2 --dist loadfile $(QUICK)
+
 check: $(VENV)/all.stamp ## lint and types
 	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts
 	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
 	@$(BIN)/mypy
 
+docs: $(VENV)/docs.stamp ## documentation site in build/site, strictly: broken links stop it
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo build/site/index.html
+
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/
 	@for script in bench/bench_*.py; do echo $$script; $(BIN)/python $$script || exit 1; done
 
 define REMOVE_BUILT
-@test ! -e $(VENV)/fab.stamp || rm -rf $(VENV)
+@test ! -e $(VENV)/fab.stamp -a ! -e $(VENV)/docs.stamp || rm -rf $(VENV)
 @rm -rf build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 @find . -name __pycache__ -type d -prune -exec rm -rf {} +
 endef
@@ -115,4 +126,8 @@ $(VENV)/all.stamp: $(VENV)/fab.stamp
 	@$(PIP) install -c lock.txt -e '.[dev]'
 	@$(PIP) install --force-reinstall --no-deps $(OCP)
 	@$(BIN)/python scripts/prove_kernel.py
+	@touch $@
+
+$(VENV)/docs.stamp: pyproject.toml lock.txt | $(VENV)/bin/python
+	@$(PIP) install -c lock.txt -e '.[docs]'
 	@touch $@

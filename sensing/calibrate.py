@@ -1,10 +1,13 @@
 """Camera calibration: from one photo of the sensor's own dots, or from views of a board.
 
     python -m sensing.calibrate --photo a.jpg --diameter 130 --wall 8 --out camera.json --picture fit.png
+    python -m sensing.calibrate --zero endcap_0.npz --out endcap_0.json
     python -m sensing.calibrate --board board*.jpg --corners 9x6 --square 10 --out lens.json
     python -m sensing.calibrate --photo a.jpg --lens lens.json --diameter 130 --wall 8 --out camera.json
 
-Lengths in mm, pixels in px. What the dots can tell and what they cannot: :mod:`sensing.calibration.from_dots`.
+Lengths in mm, pixels in px. What the dots determine and what they do not: :mod:`sensing.calibration.from_dots`. A
+photo that another diameter fits clearly better is refused (``--trust-design`` overrules); where it fits alike, a
+warning says so.
 """
 
 from __future__ import annotations
@@ -15,18 +18,21 @@ import sys
 from cad.errors import EndcapError
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
-from sensing.calibration.dots import CalibrationError, find_dots, read_dots
+from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
-from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.calibration.other_design import BEYOND, design_fit, matched_pixels, rivals
 from sensing.calibration.picture import draw_fit, read_image, write_image
+from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera, mount
+from sensing.tracking.zero import load_zero
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        return _from_board(options) if options.board else _from_photo(options)
+        return _from_board(options) if options.board else _from_dots(options)
     except EndcapError as error:
         print(f"sensing.calibrate: {error}", file=sys.stderr)
         return 2
@@ -39,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--photo", help="one photo of the undeformed sensor")
+    source.add_argument("--zero", metavar="FILE.npz", help="the same from a reference of sensing.zero or sensing.setup")
     source.add_argument(
         "--board", nargs="+", metavar="FILE", help="chessboard photos, or one CSV view,x_mm,y_mm,u_px,v_px"
     )
@@ -47,6 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--wall", type=plain_number, default=8.0, metavar="T", help="wall in mm (8)")
     parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
     parser.add_argument("--azimuth-hint", type=float, default=0.0, metavar="DEG", help="turn of the image, +-90 (0)")
+    parser.add_argument(
+        "--trust-design", action="store_true", help="calibrate even where another diameter fits the photo better"
+    )
     parser.add_argument("--corners", default="9x6", help="inner corners of the chessboard (9x6)")
     parser.add_argument("--square", type=float, default=10.0, metavar="MM", help="side of its squares (10)")
     parser.add_argument("--size", default="640x480", help="image size when board views come as CSV (640x480)")
@@ -55,10 +65,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _from_photo(options: argparse.Namespace) -> int:
+def _from_dots(options: argparse.Namespace) -> int:
     params = EndcapParams(options.diameter, options.wall)
-    image = read_image(options.photo)
-    found = read_dots(options.dots) if options.dots else find_dots(image)
+    image = load_zero(options.zero).image if options.zero else read_image(options.photo)
+    centres, radii = find_blobs(image)
+    found = read_dots(options.dots) if options.dots else centres
     lens = MountedCamera.load(options.lens).camera if options.lens else None
     size = (image.shape[1], image.shape[0])
     if lens is not None and (lens.width_px, lens.height_px) != size:
@@ -66,11 +77,31 @@ def _from_photo(options: argparse.Namespace) -> int:
             f"{options.lens}: lens of {lens.width_px}x{lens.height_px}, photo of {size[0]}x{size[1]}"
         )
     result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
+    if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
+        _check_design(result, params, radii, size, options)
     result.mounted.save(options.out)
     if options.picture:
         write_image(options.picture, draw_fit(image, result, params))
     print(result.report())
     return 0
+
+
+def _check_design(
+    result: Calibration, params: EndcapParams, radii: Array, size: tuple[int, int], options: argparse.Namespace
+) -> None:
+    """Warns where another diameter fits alike.
+
+    Raises:
+        CalibrationError: another one fits clearly better, and the design given is not to be trusted.
+    """
+    given = design_fit(result, radii, params, matched_pixels(result, params))
+    for other in rivals(given, radii, size, options.azimuth_hint)[:1]:
+        if other.log_evidence > given.log_evidence + BEYOND and not options.trust_design:
+            raise CalibrationError(
+                f"another design fits this photo better: {other.line()}; against {given.line()}: give its --diameter, "
+                "or --trust-design if the one given is right"
+            )
+        print(f"sensing.calibrate: another design fits alike: {other.line()}; kept {given.line()}", file=sys.stderr)
 
 
 def _from_board(options: argparse.Namespace) -> int:

@@ -4,8 +4,9 @@
     python -m sensing.evaluate exports/test --weights weights.safetensors --train exports/data --csv table.csv
     python -m sensing.evaluate --train exports/data --holdout pose friction path random
 
-Our answers are those of :class:`sensing.live.core.pipeline.EndcapPipeline`, frame by frame, as a user runs it: once with
-the ``camera.json`` that lies beside the frames (where one does), once without; each with tables by tilt and load.
+Our answers are those of :class:`sensing.live.core.pipeline.EndcapPipeline`, frame by frame, as a user runs it: once
+with the camera that ``sensing.calibrate`` finds from the first untouched picture, once without a calibration; each with
+tables by tilt and load. The true camera that lies beside simulated frames is used with ``--true-camera`` only.
 
 With ``--train`` the comparisons are fitted to the same loading paths: ridge, physics inverse, and the paper's model on
 its own field with its own recipe. With ``--holdout`` all models are fitted anew to a part of the training data and
@@ -19,6 +20,7 @@ import argparse
 import csv
 import io
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,6 +31,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
+from sensing.learning.found_camera import camera_of_set
 from sensing.learning.samples import Samples, shared_between
 from sensing.learning.scores import Score, score, table
 from sensing.learning.timeliness import LATENCY_S, filtered_score
@@ -55,7 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scores: dict[str, Score] = {}
         by_cell: dict[str, list[Cell]] = {}
         if options.test:
-            scores, by_cell = evaluate(options.test, options.weights, options.train, options.paper_epochs)
+            scores, by_cell = evaluate(
+                options.test, options.weights, options.train, options.paper_epochs, options.true_camera
+            )
         scores |= cross_validate(options.train, options.holdout, options.paper_epochs, options.seed)
         print(table(scores))
         for name, found in by_cell.items():
@@ -74,12 +79,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def evaluate(
-    tests: Sequence[Path], weights: Path | None, train: Sequence[Path] = (), paper_epochs: int = 100
+    tests: Sequence[Path],
+    weights: Path | None,
+    train: Sequence[Path] = (),
+    paper_epochs: int = 100,
+    true_camera: bool = False,
 ) -> tuple[dict[str, Score], dict[str, list[Cell]]]:
     """(scores by "model, what" on test folders, ours also by tilt and load); comparisons only with training data.
 
     Args:
         tests: folders. weights: file, or None for those that ship. train: folders the comparisons are fitted to.
+        paper_epochs: of the paper's recipe. true_camera: also with the camera that lies beside simulated frames.
 
     Raises:
         ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
@@ -94,7 +104,7 @@ def evaluate(
     for folder in tests:
         test = read_views([folder], released, markers=False, shape=model.shape)
         _refuse_leaks(model, None if training is None else training.dots, test.dots)
-        ours = _through_live(LabelledSet(folder), live)
+        ours = _through_live(LabelledSet(folder), live, true_camera)
         tables |= {f"{name}, {Path(folder).name}": cells(given) for name, given in ours.items()}
         answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
         answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
@@ -125,12 +135,18 @@ def cross_validate(
     return found
 
 
-def _through_live(data: LabelledSet, model: LiveModel) -> dict[str, LiveAnswers]:
-    """Answers of the live pipeline, with the camera that lies beside the frames and as a user without one runs it."""
-    camera = data.folder / "camera.json"
-    found = {"ours": live_answers(data, model, camera)} if camera.exists() else {}
-    name = "ours, no camera.json" if found else "ours"
-    return found | {name: live_answers(data, model, None)}
+def _through_live(data: LabelledSet, model: LiveModel, true_camera: bool = False) -> dict[str, LiveAnswers]:
+    """Answers of the live pipeline with the camera found from the rest picture, and as a user without one runs it."""
+    camera, plain = camera_of_set(data), live_answers(data, model, None)
+    if camera is None:
+        return {"ours": plain}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "camera.json"
+        camera.save(path)
+        found = {"ours": live_answers(data, model, path), "ours, not calibrated": plain}
+    if true_camera and (data.folder / "camera.json").exists():
+        found["ours, true camera"] = live_answers(data, model, data.folder / "camera.json")
+    return found
 
 
 def _answer(given: LiveAnswers) -> Answer:
@@ -198,6 +214,9 @@ def _parser() -> argparse.ArgumentParser:
         "--paper-epochs", type=int, default=100, metavar="N", help="of the paper's recipe (100); 0 leaves it out"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is held out (0)")
+    parser.add_argument(
+        "--true-camera", action="store_true", help="also with the true camera that lies beside simulated frames"
+    )
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write all numbers")
     parser.add_argument("--cells-csv", type=Path, metavar="FILE", help="write ours by tilt and load")
     return parser

@@ -164,8 +164,8 @@ def _require_release(endcaps: Sequence[LiveEndcap], watch: Watch, rest: dict[str
         left_n = float(np.median([np.linalg.norm(force) for force in forces]))
         if left_n > max(LEAST_TOUCH_N, TOUCH_SHARE * usual_n):
             raise ParameterError(
-                f"{endcap.pipeline.endcap.source}: {left_n:.1f} N are left when it is untouched: it was pressed while it was "
-                "zeroed, or is pressed now; start again with all endcaps free",
+                f"{endcap.pipeline.endcap.source}: {left_n:.1f} N are left when it is untouched: it was pressed while "
+                "it was zeroed, or is pressed now; start again with all endcaps free",
                 name="rest",
             )
 

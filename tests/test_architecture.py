@@ -31,13 +31,20 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "tracking": {"camera"},
     "wrench": {"camera", "tracking"},
     "recording": {"tracking"},
-    "learning": {"camera", "tracking", "wrench"},
+    "learning": {"calibration", "camera", "tracking", "wrench"},
     "live.core": {"calibration", "camera", "sources", "tracking", "wrench"},
     "live.outputs": {"live.core"},
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
-    "evaluation": {"camera", "learning", "live.core", "tracking", "wrench"},  # models through the live pipeline
+    "evaluation": {
+        "calibration",
+        "camera",
+        "learning",
+        "live.core",
+        "tracking",
+        "wrench",
+    },  # models through the live pipeline
     "": {
         "calibration",
         "camera",

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from cad.errors import FileError
 from sensing.camera.model import Array, FisheyeCamera, points_array, require
 
-FILE_FORMAT = "endcap-camera-1"
+FILE_FORMAT, OLD_FORMAT = "endcap-camera-2", "endcap-camera-1"  # the old one knows no covariance
+PARAMETERS = 11  # numbers of sensing.camera.parameters
 
 
 @dataclass(frozen=True)
@@ -25,13 +26,17 @@ class MountedCamera:
     Attributes:
         camera: intrinsics.
         T_camera_endcap: 4x4 rigid transform that takes endcap coordinates (mm) to camera coordinates (mm).
+        covariance: (11, 11) of the numbers of :mod:`sensing.camera.parameters`, as calibration found it; None where
+            the camera is exact (a design, a simulation) or its uncertainty unknown (an old file).
 
     Raises:
-        ParameterError: a matrix that is not a rigid transform (rotation orthonormal to 1e-6, determinant +1).
+        ParameterError: a matrix that is not a rigid transform (rotation orthonormal to 1e-6, determinant +1), or a
+            covariance that is none (another shape, not symmetric, a negative variance).
     """
 
     camera: FisheyeCamera
     T_camera_endcap: Array
+    covariance: Array | None = None
 
     def __post_init__(self) -> None:
         matrix = np.array(self.T_camera_endcap, dtype=float)
@@ -41,6 +46,8 @@ class MountedCamera:
         require(bool(good), "T_camera_endcap", "matrix", "a 4x4 rigid transform (rotation and translation)")
         matrix.setflags(write=False)
         object.__setattr__(self, "T_camera_endcap", matrix)
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", _checked_covariance(self.covariance))
 
     def to_camera(self, points_endcap_mm: ArrayLike) -> Array:
         """Points (..., 3) from the endcap frame to the camera frame."""
@@ -67,6 +74,7 @@ class MountedCamera:
         """
         record: dict[str, Any] = {"format": FILE_FORMAT, "camera": asdict(self.camera)}
         record["T_camera_endcap"] = self.T_camera_endcap.tolist()
+        record["covariance"] = None if self.covariance is None else self.covariance.tolist()
         path = Path(path)
         temporary = path.with_name(path.name + ".part")
         try:
@@ -87,9 +95,14 @@ class MountedCamera:
             if Path(path).exists() and not Path(path).is_file():
                 raise ValueError("no regular file")
             record = json.loads(Path(path).read_text(encoding="utf-8"))
-            if record["format"] != FILE_FORMAT:
+            if record["format"] not in (FILE_FORMAT, OLD_FORMAT):
                 raise ValueError(f"format={record['format']!r}")
-            return cls(FisheyeCamera(**record["camera"]), np.array(record["T_camera_endcap"], dtype=float))
+            covariance = record.get("covariance")
+            return cls(
+                FisheyeCamera(**record["camera"]),
+                np.array(record["T_camera_endcap"], dtype=float),
+                None if covariance is None else np.array(covariance, dtype=float),
+            )
         except OSError as error:
             raise FileError(f"{path}: cannot read ({error.strerror}); make one with sensing.calibrate") from error
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
@@ -97,6 +110,19 @@ class MountedCamera:
             raise FileError(
                 f"{path}: not a camera file of format {FILE_FORMAT} ({said}); make one with sensing.calibrate"
             ) from error
+
+
+def _checked_covariance(covariance: Array) -> Array:
+    matrix = np.array(covariance, dtype=float)
+    good = matrix.shape == (PARAMETERS, PARAMETERS) and bool(np.isfinite(matrix).all())
+    if good:
+        size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        relative = matrix / size / size[:, None]
+        good = bool((np.diag(matrix) >= 0).all() and np.allclose(relative, relative.T, atol=1e-6))
+        good = good and float(np.linalg.eigvalsh((relative + relative.T) / 2)[0]) > -1e-6
+    require(good, "covariance", "matrix", f"a {PARAMETERS}x{PARAMETERS} covariance (symmetric, no negative variance)")
+    matrix.setflags(write=False)
+    return matrix
 
 
 def rotation_matrix(rotation_vector: ArrayLike) -> Array:

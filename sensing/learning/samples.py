@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.camera.mount import MountedCamera
 from sensing.frames import T_sphere_endcap, wrench_adjoint
+from sensing.learning.found_camera import camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
 from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
@@ -152,7 +152,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     design = data.params
     if not data.shards:
         raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
-    stamp = f"6 {method} {shape} " + " ".join(
+    stamp = f"7 {method} {shape} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
@@ -175,7 +175,7 @@ def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[
     """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     worker: FieldMethod | None = None
-    now, camera = None, _camera(data.folder)
+    now, camera = None, camera_of_set(data) if method == "dots" else None
     for item in data.frames():
         run = (item.path, str(item.labels["azimuth_deg"]))
         if worker is None or run != now:  # a new run: another reference, or the contact jumps
@@ -187,11 +187,6 @@ def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[
         field = worker.update(item.frame)
         fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
         yield fields, field.valid, *_label_row(data, item.labels, to_sphere)
-
-
-def _camera(folder: Path) -> MountedCamera | None:
-    """The calibrated camera that lies beside the frames, if one does."""
-    return MountedCamera.load(folder / "camera.json") if (folder / "camera.json").exists() else None
 
 
 def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:

@@ -140,6 +140,26 @@ def field_operator(
     )
 
 
+def displacement_to_cells(
+    reference_px: NDArray[np.float64],
+    size: tuple[int, int],
+    shape: tuple[int, int] = (30, 30),
+    length_px: float = LENGTH_PX,
+    noise: float = NOISE,
+) -> NDArray[np.float64]:
+    """(N, H * W) as :attr:`FieldOperator.to_cells`, without the rest of the operator; arguments as there.
+
+    Raises:
+        ParameterError: no dots, positions that are not finite, or a length or noise that is not positive.
+    """
+    reference_px = _checked(reference_px, length_px, noise)
+    scale, origin = length_px * min(size) / 480.0, reference_px.mean(axis=0)
+    dots = (reference_px - origin) / scale
+    points = (_cell_points(size, shape)[1] - origin) / scale
+    mean_kernel = _kernel(points, dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
+    return np.linalg.solve(_kernel(dots, dots) + noise * np.eye(len(dots)), mean_kernel.T)
+
+
 def _checked(reference_px: NDArray[np.float64], length_px: float, noise: float) -> NDArray[np.float64]:
     reference_px = np.asarray(reference_px, float).reshape(-1, 2)
     if len(reference_px) == 0 or not np.isfinite(reference_px).all():

@@ -23,7 +23,7 @@ from cad.params import EndcapParams
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.records import DotTracks, Frame, Image, ShearField
-from sensing.tracking.field_operator import field_operator
+from sensing.tracking.field_operator import displacement_to_cells, field_operator
 from sensing.tracking.gelslim import CROP_PX
 from sensing.tracking.tracker import DotTracker, TrackerConfig
 
@@ -82,6 +82,29 @@ class ModelInput:
     def restart(self) -> None:
         """Forget the frames before: the next answers are those of a new object, to the bit."""
         self.tracker.restart()
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(N,) dots of the tracker that enter the field."""
+        return np.asarray(self._known)
+
+    def linear(self, camera: MountedCamera | None) -> Array:
+        """(2 H W, 2 n) small displacements of the :attr:`known` dots to the field, were this the camera built in.
+
+        Displacements and field: all x, then all y. What changes with the camera is where the dots sit in the nominal
+        view and how a pixel there is stretched; the tracker and its dots stay. All NaN where a dot leaves the view.
+        """
+        assumed, self._camera = self._camera, camera
+        try:
+            pixels = self.tracker.reference_px[self._known]
+            place, step = self.seen(pixels), 0.5
+            slopes = [(self.seen(pixels + e) - self.seen(pixels - e)) / (2 * step) for e in step * np.eye(2)]
+        finally:
+            self._camera = assumed
+        if not (np.isfinite(place).all() and np.isfinite(slopes).all()):
+            return np.full((2 * self._operator.reached.size, 2 * len(place)), np.nan)
+        to_cells = displacement_to_cells(place, self._size, self._operator.shape).T * (CROP_PX / min(self._size))
+        return np.block([[to_cells * slope[:, axis] for slope in slopes] for axis in (0, 1)])
 
     def seen(self, pixels: Array) -> Array:
         """(N, 2) where the nominal camera sees what the real one sees at (N, 2); NaN beyond the view."""

@@ -31,6 +31,7 @@ FORMAT = "endcap-wrench-2"
 SHIPPED = Path(__file__).parents[1] / "weights"
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
 LARGEST_PX = 1e6  # a field beyond it is no measurement
+SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD, MAX_MIX = 0.02, 100.0, 3.0  # as in sensing.learning.net
 _ROWS, _COLUMNS = np.tril_indices(6)
 _STEPS, _DIAGONAL = np.arange(6), np.flatnonzero(_ROWS == _COLUMNS)
@@ -140,6 +141,18 @@ class WrenchModel:
         distance, rest = range_measures(self._doubles["principal"], self._back, seen)
         return (distance > self.range.distance) | (rest > self.range.rest_px)
 
+    @cached_property
+    def slope(self) -> Array:
+        """(6, 2 H W) derivative of the wrench by the field, averaged over fields like those of training."""
+        w, rng = self._doubles, np.random.default_rng(0)
+        first, second = w["mean.first.weight"], w["mean.second.weight"]
+        total = np.zeros((6, first.shape[1]))
+        for z in rng.standard_normal((SLOPE_SAMPLES, first.shape[1])):
+            a = first @ z + w["mean.first.bias"]
+            b = second @ (_silu(a) - _silu(w["mean.first.bias"])) + w["mean.second.bias"]
+            total += w["mean.last.weight"] @ (_silu_slope(b)[:, None] * second @ (_silu_slope(a)[:, None] * first))
+        return w["linear"] + w["units"][:, None] * (total / SLOPE_SAMPLES) @ w["principal"]
+
     def save(self, path: str | Path) -> None:
         """Write under a temporary name, then rename.
 
@@ -242,6 +255,11 @@ def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise FileError(f"{path}: cannot read the weights ({error}): check the path") from error
     except (SafetensorError, ValueError, KeyError) as error:
         raise FileError(f"{path}: damaged weights ({error}): train again") from error
+
+
+def _silu_slope(a: Array) -> Array:
+    gate = 1.0 / (1.0 + np.exp(-np.clip(a, -700.0, None)))
+    return gate * (1.0 + a * (1.0 - gate))
 
 
 def _silu(a: Array) -> Array:

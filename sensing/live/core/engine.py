@@ -1,7 +1,7 @@
 """The loop: takes the newest frame of every endcap, works on it and hands the reading to all outputs.
 
-One thread works on all endcaps (``workers`` shares them out); sources and outputs have threads of their own. An endcap that
-fails says so and goes on with its next frame; it never stops the others.
+One thread works on all endcaps (``workers`` shares them out); sources and outputs have threads of their own. An endcap
+that fails says so and goes on with its next frame; it never stops the others.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where an endcap's frames come from while it runs: a camera whose newest frame wins, or a file of which none is missed.
+"""Where an endcap's frames come from while it runs: a camera whose newest frame wins, or a file that loses none.
 
 ``take`` never waits. A frame comes with its capture time on this run's clock (``time.monotonic``): a camera's own, or,
 for a file, the moment at which it is due when played at its own pace.

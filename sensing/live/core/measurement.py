@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
+from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
@@ -40,14 +41,24 @@ class Measurement:
 
     Args:
         endcap: its name, design and contact threshold. model: estimates the wrench. reference: picture and method.
+        check: of the camera against that picture; None for methods without dots.
         number, epoch: see :class:`sensing.live.core.reading.EndcapReading`.
 
     Attributes:
         contact: as of the last frame; None before the first.
     """
 
-    def __init__(self, endcap: EndcapConfig, model: LiveModel, reference: Reference, number: int, epoch: int) -> None:
+    def __init__(
+        self,
+        endcap: EndcapConfig,
+        model: LiveModel,
+        reference: Reference,
+        check: CameraCheck | None,
+        number: int,
+        epoch: int,
+    ) -> None:
         self._endcap, self._model, self._used, self._number, self._epoch = endcap, model, reference, number, epoch
+        self._check = check
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
@@ -81,7 +92,9 @@ class Measurement:
         self, blank: EndcapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
     ) -> EndcapReading:
         """The reading of a picture that was decoded."""
-        estimate = self._model.estimator.estimate(field)
+        estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
+        if self._check is not None and tracks is not None:
+            estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
         watch.lap("wrench")
         alike = likeness(small_picture(gray), self._alike_to)
         verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
@@ -99,10 +112,11 @@ class Measurement:
             self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)
             watch.lap("drift")
         self._count += 1
-        flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
+        flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return replace(
             blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
-            estimate=self._at_origin(estimate, verdict.flags, seen), wrench=self._at_origin(smooth, flags, seen),
+            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            wrench=self._at_origin(smooth, flags, seen),
             reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
         )  # fmt: skip
 

@@ -11,9 +11,11 @@ Times in s of the frames' own clock, stages in ms.
 from __future__ import annotations
 
 import time
+from weakref import WeakKeyDictionary
 
 from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
+from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
@@ -58,6 +60,8 @@ class EndcapPipeline:
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera)
         most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n).on_n
         self._taker = ReferenceTaker(endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n)
+        self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
+        self._check: CameraCheck | None = None
         self._used: Reference | None = None
         self._measurement: Measurement | None = None
         self._before: Reference | None = None
@@ -77,10 +81,11 @@ class EndcapPipeline:
 
     @property
     def note(self) -> str:
-        """Answer to the last request, or what was unusual lately; empty after some seconds."""
+        """Answer to the last request, or what was unusual lately; after some seconds what is wrong with the camera."""
         if self._used is not None and self._taker.collecting:
             return self._taker.reason
-        return self._note if time.monotonic() < self._note_until_s else ""
+        lasting = "" if self._check is None else self._check.message
+        return self._note if time.monotonic() < self._note_until_s and self._note else lasting
 
     @property
     def confirmable(self) -> bool:
@@ -173,18 +178,19 @@ class EndcapPipeline:
         self._restart_wanted = False
         self.epoch += 1
         if self._used is not None:
-            self._measurement = Measurement(self.endcap, self.model, self._used, self.number, self.epoch)
+            self._measurement = Measurement(self.endcap, self.model, self._used, self._check, self.number, self.epoch)
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
             method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
+            self._checks[method] = CameraCheck(self.endcap, method, self.model.estimator, self._camera)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
     def _use(self, reference: Reference) -> None:
-        self._used = reference
+        self._used, self._check = reference, self._checks.get(reference.method)
         self._begin()
 
     def _take_over(self) -> str:

@@ -25,8 +25,8 @@ class EndcapHealth:
     """State of one endcap at one moment.
 
     Attributes:
-        endcap: name. status: word of the state. valid: whether its numbers count now. level: 0 good, 1 to be looked at, 2
-            bad. message: what is wrong; empty when nothing is.
+        endcap: name. status: word of the state. valid: whether its numbers count now. level: 0 good, 1 look at it,
+            2 bad. message: what is wrong; empty when nothing is.
         frames: readings so far. dropped: frames nobody took in time. faults: frames that could not be used.
         rate_hz: readings a second. age_s: since the capture of the last one.
         p50_ms, p99_ms: from capture to wrench. work_ms: median time spent on a frame. stage_ms: median of each stage.

@@ -53,8 +53,8 @@ class SceneSource:
     """One camera of the scene, for ever.
 
     Args:
-        number: of the endcap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame it
-            is late; None for a sixth later than the camera before.
+        number: of the endcap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame
+            it is late; None for a sixth later than the camera before.
 
     Raises:
         ParameterError: no such endcap, or a rate that is not 1..240.

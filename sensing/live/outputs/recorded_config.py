@@ -62,7 +62,8 @@ def about(config: LiveConfig, files: Iterable[CarriedFile]) -> dict[str, str]:
         }
         endcaps.append(reported | {"camera": None, "T_robot_endcap": endcap.T_robot_endcap.tolist()})
     record = {
-        "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method, "weight_n": config.weight_n,
+        "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method,
+        "weight_n": config.weight_n,
         "files": {file.name: file.digest for file in files},
     }  # fmt: skip
     text = json.dumps(record)

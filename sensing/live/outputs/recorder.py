@@ -1,8 +1,8 @@
 """Records a run as MCAP with ROS 2 schemas: pictures, references, fields, wrenches, contact, diagnostics.
 
 Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` gives the same bits again. For that the
-recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever a frame had
-to be left out (a slow disk). Every chunk is flushed: a killed run leaves a file that is readable up to there. Stamps
+recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever a
+frame had to be left out (a slow disk). Every chunk is flushed: a killed run leaves a file readable up to there. Stamps
 are wall time; the exact capture time on the frames' own clock lies beside every picture.
 """
 

@@ -1,4 +1,4 @@
-"""Numbers in the terminal: one quiet line an endcap, rewritten in place; nothing but changes where it is no terminal."""
+"""Numbers in the terminal: one quiet line an endcap, rewritten in place; only changes where it is no terminal."""
 
 from __future__ import annotations
 

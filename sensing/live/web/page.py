@@ -2,8 +2,8 @@
 
 The page's process (:mod:`sensing.live.web.process`) asks for the newest state while somebody looks, one thread here
 answers; nothing is made for nobody, and however many look, it is made once. What comes back from there is one of four
-words and the number of an endcap: no word of the network reaches a file name. On another address than loopback a token is
-needed. Everything the page needs is served from there: it works without any other network.
+words and the number of an endcap: no word of the network reaches a file name. On another address than loopback a token
+is needed. Everything the page needs is served from there: it works without any other network.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def _endcap(health: EndcapHealth, reading: EndcapReading | None) -> dict[str, An
 
 
 def detail(reading: EndcapReading, number: int) -> dict[str, Any]:
-    """Of one endcap: dots as [x, y, quality] (quality -1: lost), and rows of [u, v] on a coarse grid (null: invalid)."""
+    """Of one endcap: dots as [x, y, quality] (quality -1: lost), rows of [u, v] on a coarse grid (null: invalid)."""
     assert reading.frame.size is not None
     dots: list[list[float]] = []
     if reading.tracks is not None:

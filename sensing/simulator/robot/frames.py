@@ -76,7 +76,7 @@ class Film:
         return WEIGHT_N
 
     def jpeg(self, endcap: int, tick: int) -> bytes:
-        """What a endcap's camera sees."""
+        """What an endcap's camera sees."""
         moment = self.moments[tick % self.ticks]
         return self.pictures[_key(self.scene, endcap, moment, tick)]
 
@@ -86,7 +86,7 @@ class Film:
         return tuple(moment.stand >= 0 and bool(self.scene.touching[moment.stand, endcap]) for endcap in range(ENDCAPS))
 
     def truth(self, endcap: int, tick: int) -> NDArray[np.float64]:
-        """(6,) wrench on a endcap."""
+        """(6,) wrench on an endcap."""
         moment = self.moments[tick % self.ticks]
         if moment.stand < 0 or not self.scene.touching[moment.stand, endcap]:
             return np.zeros(6)

@@ -70,7 +70,7 @@ class RobotScene:
     modes: NDArray[np.float16]
 
     def state(self, stand: int, endcap: int, share: float) -> tuple[Array, Array]:
-        """((n, 3) displacement at azimuth 0, (6,) wrench) of a endcap under a share 0..1 of its load."""
+        """((n, 3) displacement at azimuth 0, (6,) wrench) of an endcap under a share 0..1 of its load."""
         shares = (0.0, *SHARES)
         zero = np.zeros(1)
         coefficients = np.array(
@@ -120,7 +120,7 @@ class ScenePlan:
         return [(s, int(endcap)) for s, stand in enumerate(self.stands) for endcap in np.flatnonzero(stand.touching)]
 
     def path(self, stand: int, endcap: int) -> tuple[LoadPath, float]:
-        """Loading of a endcap and the azimuth of its contact."""
+        """Loading of an endcap and the azimuth of its contact."""
         return _path(self.stands[stand], endcap, self.R_world_robot[stand] @ self.T_robot_endcap[endcap, :3, :3])
 
 

@@ -97,7 +97,7 @@ def _cables(
             i, j = standing[first], standing[second]
             line = endcaps[j] - endcaps[i]
             line[2] = 0.0
-            most = PULL_SHARE * friction * min(normal_n[i], normal_n[j]) / 2  # a endcap has two such neighbours
+            most = PULL_SHARE * friction * min(normal_n[i], normal_n[j]) / 2  # an endcap has two such neighbours
             pull = float(rng.uniform(-most, most)) * line / np.linalg.norm(line)
             force[i] += pull
             force[j] -= pull

@@ -13,7 +13,7 @@ from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
-from sensing.camera.nominal import nominal_lens, nominal_mount
+from sensing.camera.nominal import nominal_lens
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import COLUMNS, LabelledSet
@@ -27,6 +27,7 @@ pytest.importorskip("safetensors")
 from sensing import evaluate, train
 from sensing.learning.compliance import contact_axes, fit_compliance, turned_field
 from sensing.learning.contenders import Views, frame_keys, held_out
+from sensing.learning.found_camera import found_camera
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.samples import VIEWS, read_samples, shared_between
 from sensing.learning.scores import score, table
@@ -98,25 +99,31 @@ def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
     assert len(read_samples(folder)) == 4
 
 
-@pytest.mark.parametrize("mounted", ["camera.json", "the nominal camera's file", "no file"])
+@pytest.mark.parametrize("mounted", ["the found camera", "a recording's camera.json", "no file"])
 def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
-    """To the bit with the same camera; to 1e-6 px where one of them reads the nominal camera from a file."""
+    """To the bit: simulated frames with the camera a user finds, recordings with theirs, or without one."""
     folder = write_set(tmp_path / "set", 2, 3)
     design, camera = EndcapParams(130, 8), None
-    if mounted != "no file":
+    if mounted == "the found camera":
+        camera = tmp_path / "found.json"
+        found_camera(LabelledSet(folder)).save(camera)
+    else:
+        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest["request"]["protocol"] = "recorded"
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+    if mounted == "a recording's camera.json":
         camera = folder / "camera.json"
         turned = rotation_matrix([0.02, -0.01, 0.03])
-        turned_in = mount(nominal_lens(), (0.4, -0.3, design.camera_height_mm + 0.3), turned)
-        (turned_in if mounted == "camera.json" else nominal_mount(design)).save(camera)
+        mount(nominal_lens(), (0.4, -0.3, design.camera_height_mm + 0.3), turned).save(camera)
     trained = read_samples(folder)
-    endcap = EndcapConfig("endcap_0", "test", camera=camera if mounted == "camera.json" else None)
+    endcap = EndcapConfig("endcap_0", "test", camera=camera)
     pipe, live = None, []
     for item in LabelledSet(folder).frames():
         if item.frame.sequence == 0:
             pipe = EndcapPipeline(endcap, stand_in(), single_zero(item.reference))
         live.append(pipe.update(item.frame).field.channels)
     off = np.abs(np.array(live) - trained.fields).max()
-    assert off == 0 if mounted != "the nominal camera's file" else off < 1e-6
+    assert off == 0
     assert np.abs(trained.fields).max() > 1.0
 
 
@@ -137,7 +144,8 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
         assert name in said
     assert "RMSE of fz N, tilt" in said and "15 to 25 deg" in said
     found = list(csv.DictReader(by_cell.open()))
-    assert sum(int(row["frames"]) for row in found) == 9 and {row["name"] for row in found} == {"ours, test"}
+    assert sum(int(row["frames"]) for row in found) == 18
+    assert {row["name"] for row in found} == {"ours, test", "ours, not calibrated, test"}
     rows = {row["name"]: row for row in csv.DictReader(out.open())}
     assert float(rows["ours, test"]["rmse_fx_n"]) < 1.0 < float(rows["paper, test"]["rmse_fx_n"])
     assert float(rows["ours, test"]["rest_n"]) < 0.3

@@ -64,11 +64,11 @@ function watch() {
   });
 }
 
-function begin(told) {
-  Scene.set(told.hello);
-  history = told.hello.map(() => []);
-  chosen = Math.min(chosen, told.hello.length - 1);
-  $("endcaps").replaceChildren(...told.hello.map((endcap, k) => {
+function begin(shown) {
+  Scene.set(shown.hello);
+  history = shown.hello.map(() => []);
+  chosen = Math.min(chosen, shown.hello.length - 1);
+  $("endcaps").replaceChildren(...shown.hello.map((endcap, k) => {
     const card = document.createElement("button");
     card.className = "endcap";
     card.innerHTML = '<div class="top"><span class="lamp"></span><b></b></div><div class="n"></div><div class="h"></div>';
@@ -79,8 +79,8 @@ function begin(told) {
   $("plots").replaceChildren(...AXES.map(() => Object.assign(document.createElement("canvas"), { width: 420, height: 190 })));
 }
 
-function remember(told) {
-  told.endcaps.forEach((endcap, k) => {
+function remember(shown) {
+  shown.endcaps.forEach((endcap, k) => {
     if (!endcap.valid) return;
     const row = history[k], last = row[row.length - 1];
     if (last && endcap.time_s < last.t) row.length = 0;
@@ -89,23 +89,23 @@ function remember(told) {
   });
 }
 
-function draw(told) {
+function draw(shown) {
   if (!live()) return;
   if (asked !== null && asked !== chosen) close_question();
-  const refused = told.endcaps[chosen];
+  const refused = shown.endcaps[chosen];
   if (!refused.confirmable) declined.delete(chosen);
   else if (asked === null && !declined.has(chosen)) question(refused.message || `${refused.name} looked pressed when it was zeroed.`);
-  told.endcaps.forEach((endcap, k) => card($("endcaps").children[k], endcap, k));
-  const sum = told.touching.length ? `; force sum ${told.force_sum_n} N` : "";
-  const judged = told.consistent === null ? "" : told.consistent ? ", carries the weight" : ", does NOT carry the weight";
-  $("robot").textContent = "touching: " + (told.touching.join(", ") || "none") + sum + judged;
-  $("record").classList.toggle("on", told.recording);
-  $("record").textContent = told.recording ? "Stop recording" : "Start recording";
-  $("record_note").textContent = told.note;
-  image(told.selected, told.endcaps[chosen]);
-  Scene.draw($("scene"), told.endcaps, chosen);
+  shown.endcaps.forEach((endcap, k) => card($("endcaps").children[k], endcap, k));
+  const sum = shown.touching.length ? `; force sum ${shown.force_sum_n} N` : "";
+  const judged = shown.consistent === null ? "" : shown.consistent ? ", carries the weight" : ", does NOT carry the weight";
+  $("robot").textContent = "touching: " + (shown.touching.join(", ") || "none") + sum + judged;
+  $("record").classList.toggle("on", shown.recording);
+  $("record").textContent = shown.recording ? "Stop recording" : "Start recording";
+  $("record_note").textContent = shown.note;
+  image(shown.selected, shown.endcaps[chosen]);
+  Scene.draw($("scene"), shown.endcaps, chosen);
   AXES.forEach((_, k) => plot($("plots").children[k], k));
-  health(told.endcaps[chosen]);
+  health(shown.endcaps[chosen]);
   window.drawn += 1;
 }
 

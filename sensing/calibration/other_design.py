@@ -1,0 +1,121 @@
+"""Would another diameter fit the photo as well? The pattern of dots is the same for all, so the photo must say.
+
+Angles alone hardly tell a dome of 150 mm from one of 130 with a longer lens. What does: the released lens fits one of
+them better, the dots of 4 mm look smaller on a larger dome, and another number of rings is in view. Each counts by its
+own probability. The wall changes the inner radius by a few percent, which no photo determines: it is not looked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cad.dots import DOT_RADIUS_MM
+from cad.errors import ParameterError
+from cad.params import EndcapParams
+from sensing.calibration.dots import CalibrationError, pattern_points
+from sensing.calibration.fit import Problem
+from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.calibration.prior import OTHER_LENS
+from sensing.camera.model import Array
+
+STEP_MM, SPAN = 10.0, 1.3  # other diameters are looked at in such steps, up to this factor smaller and larger
+INK_SCALE, INK_SIGMA = 1.12, 0.08  # ink radius over dent radius: M on the photos; E from painter to painter
+STRAY_LOG, UNSEEN_LOG = -4.0, -0.5  # E: log odds of a found dot that is not of the pattern, and of a dot not found
+INSIDE_PX = 14.0  # a dot this far from the frame's edge, at 480 rows, is seen whole
+MARGIN = 2.0  # log odds under which two designs fit alike
+BEYOND = 5.0  # and over which the other one is taken for the right one
+
+
+@dataclass(frozen=True)
+class DesignFit:
+    """How well a photo fits a design.
+
+    Attributes:
+        params: the design. calibration: the camera under it.
+        ink_scale: dots' radius over the dents', 1.12 on the released photos.
+        log_evidence: log probability of dots, their number and size, up to a constant of the photo.
+    """
+
+    params: EndcapParams
+    calibration: Calibration
+    ink_scale: float
+    log_evidence: float
+
+    def line(self) -> str:
+        """Its numbers in one line."""
+        c = self.calibration
+        return (
+            f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g}: {len(c.residual_px)} of {len(c.found_px)} dots, "
+            f"residual {c.rms_px:.2f} px rms, focal length {c.values['f_px'][0]:.1f} px, "
+            f"dots {2 * DOT_RADIUS_MM * self.ink_scale:.1f} mm wide"
+        )
+
+
+def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams, matched_px: Array) -> DesignFit:
+    """Score of a calibration under its design.
+
+    Args:
+        calibration: of the photo. radius_px: (m,) of all found dots. params: the design. matched_px: (n, 2) of the
+            found dots that were matched.
+    """
+    found = calibration.found_px
+    distance = np.linalg.norm(found[:, None] - matched_px[None], axis=-1)
+    radius = radius_px[distance.argmin(axis=0)]
+    points = pattern_points(params)[0][calibration.pattern_index]
+    scale = float(np.median(radius / _dent_radius_px(calibration, params, points)))
+    strays = len(found) - len(matched_px)
+    size = -0.5 * ((scale - INK_SCALE) / INK_SIGMA) ** 2
+    whiten = Problem.of(calibration.mounted, OTHER_LENS).whitening(calibration.mounted, points) / calibration.scatter
+    scatter = float(np.log(np.linalg.det(whiten)).sum())  # a millimetre of paint is fewer pixels on a larger dome
+    odds = STRAY_LOG * strays + UNSEEN_LOG * _unseen(calibration, params)
+    return DesignFit(params, calibration, scale, float(calibration.log_evidence + scatter + size + odds))
+
+
+def rivals(
+    given: DesignFit, radius_px: Array, size_px: tuple[int, int], azimuth_hint_deg: float = 0.0
+) -> list[DesignFit]:
+    """Other diameters that fit as well or better than the given design, best first."""
+    found = []
+    for diameter in _diameters(given.params.diameter_mm):
+        try:
+            params = EndcapParams(diameter, given.params.wall_mm)
+            other = calibrate_from_dots(given.calibration.found_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg)
+        except (ParameterError, CalibrationError):
+            continue
+        found.append(design_fit(other, radius_px, params, matched_pixels(other, params)))
+    close = [fit for fit in found if fit.log_evidence > given.log_evidence - MARGIN]
+    return sorted(close, key=lambda fit: -fit.log_evidence)
+
+
+def matched_pixels(calibration: Calibration, params: EndcapParams) -> Array:
+    """(n, 2) the found dots that a calibration matched, in the order of its residuals."""
+    points = pattern_points(params)[0][calibration.pattern_index]
+    return calibration.mounted.project(points) - calibration.residual_px
+
+
+def _diameters(given_mm: float) -> Array:
+    grid = np.arange(np.ceil(given_mm / SPAN / STEP_MM), np.floor(given_mm * SPAN / STEP_MM) + 1) * STEP_MM
+    return grid[np.abs(grid - given_mm) > STEP_MM / 2]
+
+
+def _dent_radius_px(calibration: Calibration, params: EndcapParams, points: Array) -> Array:
+    """(n,) radius of the circle with the area that the dents' discs cover in the picture."""
+    mounted = calibration.mounted
+    slope = mounted.camera.jacobians(mounted.to_camera(points))[0] @ mounted.T_camera_endcap[:3, :3]  # (n, 2, 3)
+    outward = points - [0, 0, params.centre_height_mm]
+    outward = outward / np.linalg.norm(outward, axis=1)[:, None]
+    areas = np.abs(np.einsum("na,na->n", np.cross(slope[:, 0], slope[:, 1]), outward))  # px^2 a mm^2 of the dome
+    return np.asarray(DOT_RADIUS_MM * np.sqrt(areas))
+
+
+def _unseen(calibration: Calibration, params: EndcapParams) -> int:
+    """Dots of the pattern that should be seen whole and were not found."""
+    camera = calibration.mounted.camera
+    pixels = calibration.mounted.project(pattern_points(params)[0])
+    margin = INSIDE_PX * camera.height_px / 480
+    size = np.array([camera.width_px, camera.height_px])
+    whole = np.asarray(((pixels > margin) & (pixels < size - 1 - margin)).all(axis=1))
+    whole[calibration.pattern_index] = False
+    return int(whole.sum())

@@ -1,0 +1,63 @@
+"""A mounted camera as eleven numbers, and back: what calibration estimates and in which its covariance is given.
+
+Pixels of the frame, radians, mm. The rotation from endcap to camera axes is Rodrigues([tilt_x, tilt_y, 0]) Rz(azimuth).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sensing.camera.model import Array, monotonic_half_angle_deg
+from sensing.camera.mount import MountedCamera, mount, rotation_matrix
+
+NAMES = (
+    "f_px",
+    "cx_px",
+    "cy_px",
+    "k1",
+    "k2",
+    "tilt_x_rad",
+    "tilt_y_rad",
+    "azimuth_rad",
+    "pupil_x_mm",
+    "pupil_y_mm",
+    "pupil_z_mm",
+)
+LENS, POSE = slice(0, 5), slice(5, 11)
+VIEW_HALF_ANGLE_DEG = 95.0
+
+
+def camera_vector(mounted: MountedCamera) -> Array:
+    """The numbers (11,) of :data:`NAMES`."""
+    camera, R = mounted.camera, mounted.T_camera_endcap[:3, :3]
+    axis = R[:, 2]  # Rz leaves z, so the tilt is what brings z here
+    tilt = np.cross([0, 0, 1.0], axis)
+    length = np.linalg.norm(tilt)
+    tilt = tilt / length * np.arctan2(length, axis[2]) if length > 0 else tilt
+    turn = rotation_matrix([tilt[0], tilt[1], 0]).T @ R
+    azimuth = np.arctan2(turn[1, 0], turn[0, 0])
+    lens = [camera.fx_px, camera.cx_px, camera.cy_px, camera.k[0], camera.k[1]]
+    return np.array([*lens, tilt[0], tilt[1], azimuth, *mounted.pupil_endcap_mm])
+
+
+def camera_at(vector: Array, like: MountedCamera) -> MountedCamera:
+    """Camera of the numbers (11,); picture size, aspect and higher distortion as of another one.
+
+    The view is cut where the lens would fold.
+    """
+    camera = like.camera
+    k = (float(vector[3]), float(vector[4]), *camera.k[2:])
+    view = min(VIEW_HALF_ANGLE_DEG, 0.99 * monotonic_half_angle_deg(k))
+    focal = float(vector[0])
+    lens = replace(
+        camera, fx_px=focal, fy_px=focal * camera.fy_px / camera.fx_px, cx_px=float(vector[1]), cy_px=float(vector[2]),
+        k=k, max_half_angle_deg=view,
+    )  # fmt: skip
+    return mount(lens, vector[8:11], rotation_of(vector))
+
+
+def rotation_of(vector: Array) -> Array:
+    """Rotation (3, 3) from endcap to camera axes."""
+    return rotation_matrix([vector[5], vector[6], 0]) @ rotation_matrix([0, 0, vector[7]])

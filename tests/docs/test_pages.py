@@ -1,0 +1,89 @@
+"""Documents against the code: the map of CONTRIBUTING, and every command that a code block names."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from test_architecture import ARROWS, ROOT
+
+from endcap.command import SUBCOMMANDS
+
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+BLOCK = re.compile(r"^(`{3,})[ \t]*(\w*)[ \t]*\n(.*?)^\1[ \t]*$", re.M | re.S)
+SHELLS = {"", "sh", "bash", "console"}
+GOALS = {
+    word
+    for line in (ROOT / "Makefile").read_text(encoding="utf-8").splitlines()
+    if re.match(r"[a-z-]+:( |$)", line)
+    for word in [line.split(":")[0]]
+}
+
+
+def shell_lines(text: str) -> list[str]:
+    """Commands of all shell blocks, one for each part of a pipe or a list."""
+    lines = [line for _, kind, body in BLOCK.findall(text) if kind in SHELLS for line in body.splitlines()]
+    return [part.strip() for line in lines for part in re.split(r"&&|\||;", line.split(" #")[0]) if part.strip()]
+
+
+def missing(command: str) -> str:
+    """What a command names that does not exist; empty for a good one, or one of somebody else's program."""
+    try:
+        words = [word for word in shlex.split(command) if not re.fullmatch(r"[A-Z_]+=.*", word)]
+    except ValueError:
+        return ""  # a drawing, or prose
+    if not words:
+        return ""
+    program, rest = Path(words[0]).name, words[1:]
+    if program == "make":
+        return " ".join(word for word in rest if re.fullmatch(r"[a-z-]+", word) and word not in GOALS)
+    if program == "endcap" and words[0] in ("endcap", ".venv/bin/endcap"):
+        return "" if rest and (rest[0] in SUBCOMMANDS or rest[0].startswith("-")) else " ".join(rest[:1])
+    if program == "python" and rest[:1] == ["-m"]:
+        return "" if find_spec(rest[1]) else rest[1]
+    if program in ("python", "sh") and rest and rest[0].endswith((".py", ".sh")):
+        return "" if (ROOT / rest[0]).exists() else rest[0]
+    return ""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_command_of_a_page_exists(page):
+    text = page.read_text(encoding="utf-8")
+    assert {command: missing(command) for command in shell_lines(text) if missing(command)} == {}
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["make mold D=130", "endcap mold 130 8", "python -m sensing.lives", "A=1 python bench/bench_nothing.py"],
+)
+def test_a_command_that_does_not_exist_is_seen(command):
+    text = f"text\n```sh\ncd x && {command}  # comment\n```\n"
+    assert any(missing(part) for part in shell_lines(text))
+
+
+def test_the_readme_has_commands():
+    assert len(shell_lines((ROOT / "README.md").read_text(encoding="utf-8"))) > 10
+
+
+def test_every_page_of_the_four_users_and_the_tutorials_is_linked():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    assert re.findall(r"\(users/(\w+)\.md\)", index) == ["technician", "roboticist", "researcher", "maintainer"]
+    tutorials = (ROOT / "docs" / "tutorials" / "index.md").read_text(encoding="utf-8")
+    notebooks = {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.ipynb")}
+    assert set(re.findall(r"\((\w+)\.md\)", tutorials)) == notebooks
+
+
+def test_the_map_says_what_the_architecture_test_holds():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("| package of `sensing` |")[1]
+    rows = re.findall(r"^\| `([\w.]+)` \| [^|]+ \| ([^|]+) \|$", text.split("\n\n")[0], re.M)
+    written = {name: set(re.findall(r"`([\w.]+)`", imports)) for name, imports in rows}
+    assert written == {name: imports for name, imports in ARROWS.items() if name}
+
+
+def test_every_place_of_the_map_exists():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    paths = set(re.findall(r"`((?:cad|fab|sensing|docs|bench|tests)/[\w./]*)`", text))
+    assert len(paths) > 10 and {path for path in paths if not (ROOT / path).exists()} == set()

@@ -23,6 +23,7 @@ FREE = RUNNING + " && latest.endcaps[0].force_norm_n < 0.5 && !latest.endcaps[0]
 TOUCHED = RUNNING + " && latest.endcaps[0].contact"
 CARD = "document.querySelector('.endcap .{}').textContent"
 BUTTONS_OFF = "['zero','undo','zero_all','record'].every((id) => $(id).disabled)"
+PLOTS = "[...$('plots').children].map((c) => c.getAttribute('aria-label'))"
 STALE = "document.body.classList.contains('stale')"
 COLOURS = """(() => { const c = $("image"), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data,
   s = new Set(); for (let k = 0; k < d.length; k += 388) s.add(d[k] << 16 | d[k + 1] << 8 | d[k + 2]);
@@ -131,8 +132,10 @@ def test_a_black_picture_shows_a_dash_and_the_reason(stage):
     assert re.search(r"blind: \d+ of \d+ dots are seen", stage.tab.value(CARD.format("h")))
     assert stage.tab.value("document.querySelectorAll('.lamp.touch').length") == 0
     assert "blind" in stage.tab.value("$('health').rows[0].innerText")
+    assert stage.tab.value(PLOTS) == ["Fx – N", "Fy – N", "Fz – N", "Tx – N m", "Ty – N m", "Tz – N m"]
     stage.free()
     assert re.fullmatch(r"0\.\d N", stage.tab.value(CARD.format("n")))
+    assert re.fullmatch(r"Fx -?0\.\d N", stage.tab.value(PLOTS)[0])
 
 
 def test_a_run_that_stops_is_grey_with_its_age_and_its_buttons_do_nothing_then_or_later(stage):
@@ -146,6 +149,7 @@ def test_a_run_that_stops_is_grey_with_its_age_and_its_buttons_do_nothing_then_o
         r"0\.\d N, \d s ago", stage.tab.value(CARD.format("h"))
     )
     assert stage.tab.value(BUTTONS_OFF)
+    assert re.search(r"unknown; running \d s ago", stage.tab.value("$('health').rows[0].innerText"))
     assert "grayscale" in stage.tab.value("getComputedStyle(document.querySelector('main')).filter")
     stage.click("record")
     stage.tab.value("press('record_start')")

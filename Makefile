@@ -76,8 +76,13 @@ test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# Quick: what needs neither CAD solids nor the compiled simulator; each file of it takes seconds.
-QUICK := $(addprefix tests/,test_architecture.py)
+# Quick: what makes no CAD solids, renders nothing and presses nothing. 80 s of processor time with warm caches.
+QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.py test_extras.py test_makefile.py \
+  test_endcap_command.py docs/test_pages.py $(addprefix cad/,test_params.py test_dots.py test_materials.py \
+  test_mold_layout.py test_plain_numbers.py) $(addprefix fab/,test_whole_folder.py test_clean.py test_bond_tests.py \
+  test_cache.py led_ring/test_driver.py) $(addprefix sensing/,test_frames.py test_records.py test_records_labelled.py \
+  camera sources wrench/test_contact.py wrench/test_filter.py wrench/test_quantiles.py wrench/test_model.py \
+  tracking/test_nearest.py tracking/test_dots.py tracking/test_zero.py))
 quick: $(VENV)/all.stamp ## lint, architecture and the quick tests, in about a minute
 	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts
 	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
@@ -88,8 +93,9 @@ check: $(VENV)/all.stamp ## lint and types
 	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
 	@$(BIN)/mypy
 
+# Without --quiet: it would hide the warnings that --strict counts.
 docs: $(VENV)/docs.stamp ## documentation site in build/site, strictly: broken links stop it
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo build/site/index.html
 
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/

@@ -25,11 +25,13 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from datetime import date
+from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.sizes import Made, Size, code_digest, make, random_sizes, survey
+from cad.errors import EndcapError
 from cad.feasible import diameter_range_mm, wall_range_mm
 
 HERE = Path(__file__).parent
@@ -45,7 +47,7 @@ def main() -> int:
         return _today(options.today, options.date, options.workers)
     code = code_digest()
     if not options.plot:
-        sizes = [_named(text) for text in options.size] or _open_sizes(code, options.only)
+        sizes = options.size or _open_sizes(code, options.only)
         for done in _made(sizes, options.workers, options.seconds):
             _append(done, code)
     rows = _newest()
@@ -63,7 +65,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=600.0, help="start no size after so long (default: 600)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--only", choices=sorted(set(KINDS) - {"named"}), help="one kind of sizes")
-    parser.add_argument("--size", action="append", default=[], metavar="D/T[/CLEARANCE]", help="a size of your own")
+    parser.add_argument(
+        "--size", action="append", type=_named, default=[], metavar="D/T[/CLEARANCE]", help="a size of your own"
+    )
     parser.add_argument("--today", type=int, default=0, metavar="N", help="N sizes of the day's seed")
     parser.add_argument("--date", type=date.fromisoformat, default=date.today(), help="the day, YYYY-MM-DD")
     parser.add_argument("--plot", action="store_true", help="draw only")
@@ -82,8 +86,20 @@ def _today(count: int, day: date, workers: int) -> int:
 
 
 def _named(text: str) -> Size:
-    numbers = [float(word) for word in text.split("/")]
-    return Size("named", *numbers)
+    """A size of the command line.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none, or lies outside the valid region.
+    """
+    try:
+        diameter, wall, *clearance = map(float, text.split("/"))
+        size = Size("named", diameter, wall, *clearance)
+        size.layout  # noqa: B018 - refuses what cannot be made
+    except EndcapError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    except (TypeError, ValueError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form D/T or D/T/CLEARANCE, in mm") from error
+    return size
 
 
 def _open_sizes(code: str, only: str | None) -> list[Size]:
@@ -96,7 +112,8 @@ def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
     end = time.monotonic() + seconds
     context = multiprocessing.get_context("spawn")
     queue, running = iter(sizes), set[Future[Made]]()
-    with ProcessPoolExecutor(workers, context, initializer=_one_core, max_tasks_per_child=25) as pool:
+    pinning = (_one_core, (context.Value("i", 0),))
+    with ProcessPoolExecutor(workers, context, *pinning, max_tasks_per_child=25) as pool:
         while True:
             while len(running) < workers and time.monotonic() < end and (size := next(queue, None)) is not None:
                 running.add(pool.submit(make, size))
@@ -106,11 +123,13 @@ def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
             yield from (future.result() for future in ended)
 
 
-def _one_core() -> None:
-    """Keep a worker on one core: the mesh kernel's threads would wait for each other, and burn time doing so."""
+def _one_core(started: Synchronized[int]) -> None:
+    """Keep a worker on a core of its own: the mesh kernel's threads would wait for each other, burning time."""
+    with started.get_lock():
+        number, started.value = started.value, started.value + 1
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})
+        os.sched_setaffinity(0, {cores[number % len(cores)]})
 
 
 def _append(made: Made, code: str) -> None:
@@ -149,14 +168,15 @@ def _draw_map(rows: list[dict[str, str]]) -> None:
     limits[~np.isfinite(limits)] = np.nan
     figure, axes = plt.subplots(figsize=(8, 5), dpi=120)
     axes.fill_between(diameters, limits[:, 0], limits[:, 1], color="0.92", label="valid region")
+    small = 40 if len(rows) < 100 else 14
     for kind, marker in KINDS.items():
         for passed, color in ((True, "tab:green"), (False, "tab:red")):
             chosen = [row for row in rows if row["kind"] == kind and (not row["failed"]) == passed]
             if chosen:
                 places = np.array([(float(row["D_mm"]), float(row["T_mm"])) for row in chosen])
                 label = f"{kind}: {len(chosen)} {'passed' if passed else 'failed'}"
-                axes.scatter(*places.T, s=14 if passed else 60, marker=marker, color=color, label=label, lw=0)
-    axes.set(xlabel="D, mm", ylabel="T, mm", title=f"{len(rows)} sizes, every gate of the export")
+                axes.scatter(*places.T, s=small if passed else 60, marker=marker, color=color, label=label, lw=0)
+    axes.set(xlabel="D, mm", ylabel="T, mm", title=f"{len(rows)} sizes made, through every gate of the export")
     axes.legend(loc="upper left", fontsize=8)
     figure.tight_layout()
     figure.savefig(HERE / "sizes.png")

@@ -19,7 +19,11 @@ from cad.params import EndcapParams
 ROOT = Path(__file__).resolve().parent.parent
 SEED = 12
 RANDOM_SIZES = 1000
-CODE = ("cad/*.py", "cad/*.csv", "fab/*.py", "fab/meshing/*.py", "fab/checks/*.py")
+# What decides whether a size comes out: solids, meshes, gates and the sweeps of the steps.
+CODE = (
+    *("cad/*.py", "cad/*.csv", "fab/design.py", "fab/meshing/*.py", "fab/checks/*.py", "fab/steps/*.py"),
+    "fab/exports/writer.py",
+)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,10 @@ SLIT_RAYS = 2  # rays of a bundle that lie before the one that measures
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 FACING = 0.95  # cosine of a facet's normal to the radius
-TRAP_MM = 0.05  # E: a quarter of a printed layer of the TPU, whose own steps hold more air
+# E: air of a hollow that is no trap, a bubble 0.58 mm across: the 0.2 mm steps of the printed gyroid, which the smooth
+# mesh does not have, hold as much along 5 mm of one layer (0.2 x 0.2 / 2 mm2 across, where the roof slopes by 45 deg).
+TRAP_MM3 = 0.1
+HOLLOWS_MM3 = 1.0  # E: all such hollows together; as much as one void of the gyroid may hold
 LEVEL_MM = 1e-3  # vertices this near in height are on one level: facets of a flat roof or a ring
 
 
@@ -107,13 +110,29 @@ def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
     return Check("cavity.leak_ratio", ratio, high=LEAK_RATIO)
 
 
-def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
-    """Places of the cast, vents left out, where a bubble that rises along the surface would stay.
+def trapped_air_checks(layout: MoldLayout, shell: trimesh.Trimesh) -> list[Check]:
+    """Hollows of the cast's roofs, vents left out, where a bubble that rises along the surface would stay.
 
     Poured with +z down, air moves to lower z. A vertex of the cast, or a patch of vertices on one level (a flat roof, a
     ring), whose neighbours all lie deeper, and above which (outside the cast) is mold, holds air, unless it is on the
-    flange's level, where the vents are. A hollow that spills within :data:`TRAP_MM` is none: facets of a saddle make
-    such ones (the gyroid is all saddles), and the layers of the printed TPU deeper ones.
+    flange's level, where the vents are. The air is what the hollow holds up to where it spills. Facets of a saddle make
+    hollows of some thousandths of a cubic millimetre (the gyroid is all saddles), so a hollow counts as a trap from
+    :data:`TRAP_MM3` on, and the air of those that do not count is bounded by itself.
+    """
+    volumes = hollows_mm3(shell, layout.params.flange_thickness_mm + 0.01)
+    small = volumes <= TRAP_MM3
+    return [
+        Check("cavity.air_traps", float((~small).sum()), high=0),
+        Check("cavity.hollow_air_mm3", float(volumes[small].sum()), high=HOLLOWS_MM3),
+    ]
+
+
+def hollows_mm3(shell: trimesh.Trimesh, above_mm: float) -> np.ndarray:
+    """Air (n,) that each hollow above a height holds; infinite where it has no way to rise past.
+
+    Args:
+        shell: the cast; poured with +z down.
+        above_mm: hollows at lower z are left out: there the vents are.
     """
     z = np.asarray(shell.vertices[:, 2])
     first, second = np.asarray(shell.edges_unique).T
@@ -126,31 +145,47 @@ def trapped_air_check(layout: MoldLayout, shell: trimesh.Trimesh) -> Check:
         np.minimum.at(around, patch[inside], z[outside])
     # the mold lies on the upper side, as the machine is poured
     roofed = np.bincount(patch, weights=shell.vertex_normals[:, 2] < 0, minlength=number) > 0
-    summit = roofed & (around > top) & (top > layout.params.flange_thickness_mm + 0.01)
-    if not summit.any():
-        return Check("cavity.air_traps", 0.0, high=0)
+    summits = np.flatnonzero(roofed & (around > top) & (top > above_mm))
+    if len(summits) == 0:
+        return np.empty(0)
     edges = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(z), len(z)))
     links = (edges + edges.T).tocsr()
-    depths = [_spill_depth_mm(links, z, np.flatnonzero(patch == place)) for place in np.flatnonzero(summit)]
-    return Check("cavity.air_traps", float(sum(depth > TRAP_MM for depth in depths)), high=0)
+    faces = np.asarray(shell.faces)
+    rows = np.repeat(np.arange(len(faces)), 3)
+    at = coo_matrix((np.ones(faces.size), (faces.ravel(), rows)), shape=(len(z), len(faces))).tocsr()
+    flat = np.abs(shell.face_normals[:, 2]) * shell.area_faces
+    order = np.argsort(patch, kind="stable")
+    members = np.split(order, np.searchsorted(patch[order], np.arange(1, number)))
+    volumes = []
+    for summit in summits:
+        basin, spill = _basin(links, z, members[summit])
+        near = np.unique(at[basin].indices)
+        # a plane's mean of positive heads is no more than that of its corners': never too little air
+        heads = np.maximum(spill - z[faces[near]], 0.0).mean(axis=1)
+        volumes.append(float((flat[near] * heads).sum()) if math.isfinite(spill) else math.inf)
+    return np.array(volumes)
 
 
-def _spill_depth_mm(links: csr_matrix, z: np.ndarray, summit: np.ndarray) -> float:
-    """How deep the air under a summit stands before it finds a way up past it; infinite where there is none."""
-    top = float(z[summit].min())
-    spill, seen = top, set(summit.tolist())
+def _basin(links: csr_matrix, z: np.ndarray, summit: np.ndarray) -> tuple[list[int], float]:
+    """Vertices of the hollow round a summit, and the height at which its air spills; infinite where it cannot."""
+    top = spill = float(z[summit].min())
+    seen = set(summit.tolist())
     heap = [(float(z[vertex]), vertex) for vertex in seen]
     heapify(heap)
+    passed: list[int] = []
+    filled = 0  # of those passed, how many lie in the hollow: the rest are on the way up beyond its spill
     while heap:
         height, vertex = heappop(heap)
         if height < top:
-            return spill - top
-        spill = max(spill, height)
+            return passed[: max(filled, 1)], spill
+        passed.append(vertex)
+        if height > spill:
+            spill, filled = height, len(passed)
         for other in links.indices[links.indptr[vertex] : links.indptr[vertex + 1]].tolist():
             if other not in seen:
                 seen.add(other)
                 heappush(heap, (float(z[other]), other))
-    return math.inf
+    return passed, math.inf
 
 
 def flange_air_check(layout: MoldLayout) -> Check:

@@ -17,7 +17,7 @@ from cad.params import EndcapParams
 from cad.part import Part
 from fab.cache import Cache
 from fab.checks.bumps import bump_checks
-from fab.checks.cavity import balance_check, flange_air_check, leak_check, trapped_air_check, wall_check
+from fab.checks.cavity import balance_check, flange_air_check, leak_check, trapped_air_checks, wall_check
 from fab.checks.check import Check
 from fab.checks.extraction import Extraction, extract_core, extract_cup
 from fab.checks.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
@@ -85,7 +85,7 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
         wall_check(layout, pieces),
         *bump_checks(layout, [mesh for name, mesh in pieces.items() if name.startswith("core_")]),
         leak_check(layout, cast_mm3),
-        trapped_air_check(layout, meshes[SHELL]),
+        *trapped_air_checks(layout, meshes[SHELL]),
         flange_air_check(layout),
     ]
 

@@ -73,8 +73,9 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
             pipeline, run, last_s = _pipeline(design, model, item, camera), now, float("-inf")
         last_s = max(item.frame.time_s, last_s + SHORTEST_S)
         reading = pipeline.update(replace(item.frame, time_s=last_s))
-        if reading is None:
-            raise FileError(f"{item.frame.source}: no answer on frame {item.frame.sequence}: {pipeline.message}")
+        if reading is None or not reading.valid:
+            reason = reading.reason if reading is not None else pipeline.outcome[1] if pipeline.outcome else "late"
+            raise FileError(f"{item.frame.source}: no answer on frame {item.frame.sequence}: {reason}")
         estimate = reading.estimate
         rows.append((
             to_sphere @ np.concatenate([estimate.force_n, estimate.torque_nm]),

@@ -44,7 +44,7 @@ def flange_mm3(params: EndcapParams) -> float:
     rib = params.screw_circle_radius_mm - 2.75 - 0.15
     mouth = quad(lambda y: rib - math.sqrt(bore**2 - y**2), -2.825, 2.825)[0] * (2.0 - 0.4)
     seat = (2.75 + 0.15 + 2.75 + 0.1) * 5.65 * 2.0
-    hole = math.pi * 1.7**2 * (5.2 - 2.0)
+    hole = math.pi * 1.7**2 * (5.35 - 2.0)
     return ring - 10 * (mouth + seat + hole + vent_mm3(params))
 
 

@@ -87,3 +87,9 @@ def test_every_place_of_the_map_exists():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     paths = set(re.findall(r"`((?:cad|fab|sensing|docs|bench|tests)/[\w./]*)`", text))
     assert len(paths) > 10 and {path for path in paths if not (ROOT / path).exists()} == set()
+
+
+def test_every_file_of_make_quick_exists():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
+    names = re.findall(r"[\w/]+\.py", re.search(r"^QUICK := (.*)$", makefile, re.M)[1])
+    assert len(names) > 10 and [name for name in names if not list((ROOT / "tests").rglob(Path(name).name))] == []

@@ -118,7 +118,7 @@ class RosTopics(QueuedSink):
             dds.DiagnosticStatus(level, name, message, name, [dds.KeyValue(k, v) for k, v in values.items()])  # type: ignore[arg-type]
             for name, level, message, values in map(diagnosis, self._health())
         ]
-        header = dds.Header(dds.Time(stamp // 10**9, stamp % 10**9), "")  # type: ignore[arg-type]
+        header = dds.Header(dds.Time(stamp // 10**9, stamp % 10**9), "")
         writer.write(dds.DiagnosticArray(header, status))
 
 

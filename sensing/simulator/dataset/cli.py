@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
@@ -29,7 +30,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the command, one for each field of the request, and where and how to run."""
     plain = {field.name: field.default for field in fields(DataRequest)}
 
-    def option(name: str, kind: type, text: str, flag: str = "", choices: tuple[object, ...] = ()) -> None:
+    def option(
+        name: str, kind: Callable[[str], object], text: str, flag: str = "", choices: tuple[object, ...] = ()
+    ) -> None:
         said = f"{text}; one of {', '.join(map(str, choices))}" if choices else text
         parser.add_argument(
             flag or f"--{name.replace('_', '-')}", dest=name, type=kind, default=plain[name], metavar="V",

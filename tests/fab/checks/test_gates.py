@@ -17,10 +17,10 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from cad.solids import cut_holes, drill, one_solid
-from fab.checks.cavity import balance_check, cavity_body, leak_check, trapped_air_check, wall_check
+from fab.checks.cavity import balance_check, cavity_body, hollows_mm3, leak_check, trapped_air_checks, wall_check
 from fab.checks.check import Check
 from fab.checks.fit import bed_check, min_wall_check, overhang_check, screw_axis_checks
-from fab.checks.meshes import mesh_checks, overlap_check, step_check
+from fab.checks.meshes import mesh_checks, overlap_check, shared_mm3, step_check, twins
 from fab.meshing.mesh import tessellate, to_manifold
 
 
@@ -109,6 +109,20 @@ def test_touching_parts_pass_and_overlapping_parts_fail_by_their_common_volume()
     bodies[1] = bodies[1].translate([-0.1, 0, 0])
     check = overlap_check("pair", bodies)
     assert not check.ok and check.value == pytest.approx(10.0, rel=1e-4)
+
+
+def test_bodies_that_fit_face_to_face_are_compared_where_their_faces_differ():
+    ball, block = trimesh.creation.icosphere(subdivisions=3, radius=4.0), box(20, 20, 10, at=(0, 0, 4))
+    body = to_manifold(ball)
+    around = to_manifold(block) - body
+    assert 0.3 < twins(around, body).mean() < 0.7  # below the block, the ball has no twin
+    assert shared_mm3(around, body) == pytest.approx(0.0, abs=1e-4)
+    whole = to_manifold(block)
+    assert shared_mm3(whole, body) == pytest.approx((whole ^ body).volume(), rel=1e-5)  # no twin at all
+    rod = to_manifold(box(1, 1, 9, at=(0, 0, -2)))  # from below, up into the part of the ball where faces are twins
+    assert shared_mm3(around + rod, body) == pytest.approx((rod ^ body).volume(), rel=1e-3)
+    moved = around.translate([0.05, 0, 0])
+    assert shared_mm3(moved, body) == pytest.approx((moved ^ body).volume(), rel=1e-3)
 
 
 def test_a_shifted_or_missing_screw_hole_fails(released_mold):
@@ -243,26 +257,44 @@ def cast_block(*tools: Solid) -> trimesh.Trimesh:
     return tessellate(one_solid(block.fuse(*tools) if tools else block, "block"), 0.05)
 
 
+def traps(layout: MoldLayout, cast: trimesh.Trimesh) -> float:
+    return next(check.value for check in trapped_air_checks(layout, cast) if check.name == "cavity.air_traps")
+
+
 def test_air_is_trapped_where_the_cast_rises_into_a_pocket_of_the_mold(released_mold):
     """The mold is poured with +z down: a pocket reaches toward lower z above the level of the vents."""
     layout = released_mold[0]
-    assert trapped_air_check(layout, cast_block()).value == 0  # all its summits are at the vents
+    assert traps(layout, cast_block()) == 0  # all its summits are at the vents
     pockets = [Solid.make_sphere(6.0).translate((32 * math.cos(a), 32 * math.sin(a), 30.0)) for a in (0.3, 1.7, 4.0)]
     for count in (1, 2, 3):
-        assert trapped_air_check(layout, cast_block(*pockets[:count])).value == count
+        assert traps(layout, cast_block(*pockets[:count])) == count
 
 
 def test_air_is_trapped_under_a_flat_roof_and_in_a_ring(released_mold):
     layout = released_mold[0]
     brim = drill((0.0, 0.0), 36.0, 30.0, 40.0)  # its roof leads to the block, so it holds no air itself
-    assert trapped_air_check(layout, cast_block(brim)).value == 0
+    assert traps(layout, cast_block(brim)) == 0
     chimney = drill((33.0, 0.0), 1.5, 25.0, 31.0)
-    assert trapped_air_check(layout, cast_block(brim, chimney)).value == 1
+    assert traps(layout, cast_block(brim, chimney)) == 1
     ring = one_solid(drill((0.0, 0.0), 34.0, 25.0, 31.0).cut(drill((0.0, 0.0), 32.0, 24.0, 32.0)), "ring")
-    assert trapped_air_check(layout, cast_block(brim, ring)).value == 1
+    assert traps(layout, cast_block(brim, ring)) == 1
 
 
 def test_air_climbs_along_a_sloping_roof(released_mold):
     layout = released_mold[0]
     cone = Solid.make_cone(30.0, 40.0, 10.0).translate((0, 0, 20.0))  # its upper side (lower z) leads to the block
-    assert trapped_air_check(layout, cast_block(cone)).value == 0
+    assert traps(layout, cast_block(cone)) == 0
+
+
+def test_the_air_of_a_hollow_is_what_it_holds_up_to_its_spill(released_mold):
+    """A bowl in the roof of a brim, which leads up to the block: the air is that of a spherical segment."""
+    radius, depth = 3.0, 0.5
+    brim = drill((0.0, 0.0), 36.0, 30.0, 40.0)
+    bowl = Solid.make_sphere(radius).translate((33.0, 0.0, 30.0 + radius - depth))  # reaches over the roof, to lower z
+    volumes = hollows_mm3(cast_block(brim, bowl), 6.01)
+    assert len(volumes) == 1
+    assert volumes[0] == pytest.approx(math.pi * depth**2 * (3 * radius - depth) / 3, rel=0.06)  # chords of 0.05 mm
+    small = Solid.make_sphere(radius).translate((33.0, 0.0, 30.0 + radius - 0.1))  # 0.093 mm3
+    checks = {check.name: check for check in trapped_air_checks(released_mold[0], cast_block(brim, small))}
+    assert checks["cavity.air_traps"].value == 0
+    assert checks["cavity.hollow_air_mm3"].value == pytest.approx(0.093, rel=0.3)

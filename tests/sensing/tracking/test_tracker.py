@@ -148,7 +148,7 @@ def test_frame_of_another_size_is_refused():
 
 
 def test_corrupt_jpeg_is_refused():
-    with pytest.raises(FrameError, match="no readable picture"):
+    with pytest.raises(FrameError, match="frame 3 is damaged"):
         DotTracker(REST).update(Frame(0, 3, "cable", jpeg=b"\xff\xd8 nothing"))
 
 

@@ -1,0 +1,96 @@
+"""The survey of sizes: what its list holds, and that a run goes on where the last one ended."""
+
+from __future__ import annotations
+
+import csv
+from concurrent.futures import Future
+from datetime import date
+
+import pytest
+
+from bench import bench_sizes, sizes
+from cad.feasible import diameter_range_mm, wall_range_mm
+
+
+def test_the_list_lies_in_the_valid_region_and_covers_it():
+    listed = sizes.survey()
+    low, high = diameter_range_mm()
+    assert all(low <= size.diameter_mm <= high for size in listed)
+    for size in listed:
+        thin, thick = wall_range_mm(size.diameter_mm)
+        assert thin <= size.wall_mm <= thick
+    randoms = [size for size in listed if size.kind == "random"]
+    assert len(randoms) == len(set(randoms)) == sizes.RANDOM_SIZES
+    assert min(size.diameter_mm for size in randoms) < low + 2 and max(size.diameter_mm for size in randoms) > high - 2
+    assert {(200.0, 10.0), (250.0, 12.0), (190.0, 10.0)} <= {(s.diameter_mm, s.wall_mm) for s in listed}
+
+
+def test_sizes_of_a_day_repeat_and_those_of_another_day_differ():
+    first, again = (sizes.random_sizes(date(2026, 11, 22).toordinal(), 3) for _ in range(2))
+    assert first == again
+    assert first != sizes.random_sizes(date(2026, 11, 23).toordinal(), 3)
+
+
+def test_the_digest_covers_what_is_made_and_checked():
+    paths = {path.relative_to(sizes.ROOT).as_posix() for pattern in sizes.CODE for path in sizes.ROOT.glob(pattern)}
+    assert {
+        "cad/materials.csv",
+        "cad/mold_core.py",
+        "fab/design.py",
+        "fab/checks/gates.py",
+        "fab/steps/mold.py",
+    } <= paths
+    assert all(any(sizes.ROOT.glob(pattern)) for pattern in sizes.CODE)  # no pattern is left over from a move
+
+
+def test_a_run_goes_on_where_the_last_one_ended(tmp_path, monkeypatch):
+    monkeypatch.setattr(bench_sizes, "TABLE", tmp_path / "sizes.csv")
+    some = [
+        sizes.Size("round", 130.0, 8.0),
+        sizes.Size("round", 200.0, 10.0),
+        sizes.Size("clearance", 130.0, 8.0, 0.05),
+    ]
+    monkeypatch.setattr(bench_sizes, "survey", lambda: some)
+    assert bench_sizes._open_sizes("code", None) == some
+    bench_sizes._append(sizes.Made(some[0], (), 236, 80.0), "code")
+    bench_sizes._append(sizes.Made(some[1], ("cavity.wall_error_mm = 0.067, wanted <= 0.02",), 236, 80.0), "older")
+    assert bench_sizes._open_sizes("code", None) == some[1:]  # what other code made is made again
+    assert bench_sizes._open_sizes("code", "clearance") == some[2:]
+    bench_sizes._append(sizes.Made(some[1], (), 236, 80.0), "code")
+    newest = bench_sizes._newest()
+    assert [(row["D_mm"], row["failed"]) for row in newest] == [("130", ""), ("200", "")]
+    with (tmp_path / "sizes.csv").open(newline="") as stream:
+        assert len(list(csv.reader(stream))) == 4
+
+
+def test_a_size_that_cannot_be_made_is_a_failure_with_its_reason_and_not_the_end(monkeypatch):
+    made = sizes.make(sizes.Size("named", 300.0, 10.0))
+    assert made.checks == 0 and "outside" in made.failed[0]
+
+
+@pytest.mark.parametrize("text", ["130", "130/x", "1/2/3/4", "300/10", "130/8/0.5"])
+def test_a_size_of_your_own_is_refused_in_one_line(text, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["bench_sizes.py", "--size", text])
+    with pytest.raises(SystemExit) as ended:
+        bench_sizes.main()
+    assert ended.value.code == 2 and "error: argument --size" in capsys.readouterr().err
+
+
+def test_work_done_in_this_process_keeps_its_result_or_its_error():
+    done: Future[float] = sizes.Inline().submit(max, 1.0, 2.0)
+    assert done.result() == 2.0
+    with pytest.raises(ZeroDivisionError):
+        sizes.Inline().submit(lambda: 1 / 0).result()
+
+
+def test_a_failure_of_the_day_names_the_command_that_makes_it_again(capsys, monkeypatch):
+    def fail_the_second(listed, workers, seconds):
+        for number, size in enumerate(listed):
+            yield sizes.Made(size, ("cavity.wall_error_mm = 0.067, wanted <= 0.02",) * (number == 1), 236, 80.0)
+
+    monkeypatch.setattr(bench_sizes, "_made", fail_the_second)
+    assert bench_sizes._today(3, date(2026, 11, 22), 2) == 1
+    heard = capsys.readouterr()
+    assert heard.out.count("passed") == 2 and "wall_error" in heard.out
+    assert "--today 3 --date 2026-11-22" in heard.err
+    assert bench_sizes._today(1, date(2026, 11, 22), 2) == 0

@@ -59,7 +59,7 @@ def test_a_configuration_survives_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("endcaps = 3", "unknown key endcaps"),
         ("[[endcap]]\nname = 'a'", "without name or source"),

@@ -6,8 +6,8 @@ python scripts/live_picture.py [--out docs/live.png] [-- options of sensing.live
 from __future__ import annotations
 
 import argparse
-import asyncio
 import base64
+import contextlib
 import io
 import itertools
 import json
@@ -20,10 +20,12 @@ import tempfile
 import threading
 import time
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
-from websockets.asyncio.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SIZE = (1400, 1080)
@@ -34,8 +36,45 @@ STANDING = (
 COLOURS = 256  # of the picture's palette: half the size
 
 
+class Tab:
+    """The page of a browser, over its debugging protocol."""
+
+    def __init__(self, connection: ClientConnection, size: tuple[int, int]) -> None:
+        self._connection, self._numbers = connection, itertools.count(1)
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **metrics)
+
+    def call(self, method: str, **options: object) -> dict[str, Any]:
+        """The browser's answer to one method."""
+        number = next(self._numbers)
+        self._connection.send(json.dumps({"id": number, "method": method, "params": options}))
+        while True:
+            answer = json.loads(self._connection.recv(30))
+            if answer.get("id") == number:
+                return answer["result"]
+
+    def open(self, url: str) -> None:
+        """Go to an address."""
+        self.call("Page.navigate", url=url)
+
+    def value(self, script: str) -> Any:
+        """What a script gives."""
+        return self.call("Runtime.evaluate", expression=script, returnByValue=True)["result"].get("value")
+
+    def until(self, script: str, patience_s: float = 60) -> None:
+        """Wait until a script gives a true value."""
+        end = time.monotonic() + patience_s
+        while not self.value(script):
+            assert time.monotonic() < end, f"the page never came to: {script}"
+            time.sleep(0.05)
+
+    def picture(self) -> bytes:
+        """PNG of what is seen."""
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+
+
 class Browser:
-    """Headless Chromium over its debugging protocol."""
+    """Headless Chromium."""
 
     def __init__(self, folder: Path, size: tuple[int, int]) -> None:
         self.process = subprocess.Popen(
@@ -53,43 +92,26 @@ class Browser:
                 break
         threading.Thread(target=self.process.stderr.read, daemon=True).start()
 
-    async def look(
-        self, url: str, until: str, script: str, patience_s: float = 40, settle_s: float = 0.0
-    ) -> tuple[object, bytes]:
-        """(value of a script, PNG) of a page, ``settle_s`` after ``until`` is true."""
+    @contextlib.contextmanager
+    def tab(self) -> Iterator[Tab]:
+        """Its page."""
         pages = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{self.port}/json").read())
         page = next(p for p in pages if p["type"] == "page")
-        async with connect(page["webSocketDebuggerUrl"], max_size=None) as websocket:
-            numbers = itertools.count(1)
+        with connect(page["webSocketDebuggerUrl"], max_size=None) as connection:
+            yield Tab(connection, self.size)
 
-            async def call(method: str, **options):
-                number = next(numbers)
-                await websocket.send(json.dumps({"id": number, "method": method, "params": options}))
-                while True:
-                    answer = json.loads(await asyncio.wait_for(websocket.recv(), 30))
-                    if answer.get("id") == number:
-                        return answer["result"]
-
-            async def value(expression: str):
-                found = await call("Runtime.evaluate", expression=expression, returnByValue=True)
-                return found["result"].get("value")
-
-            metrics = {"width": self.size[0], "height": self.size[1], "deviceScaleFactor": 1, "mobile": False}
-            await call("Emulation.setDeviceMetricsOverride", **metrics)
-            await call("Page.navigate", url=url)
-            end = time.monotonic() + patience_s
-            while not await value(until):
-                assert time.monotonic() < end, "the page shows nothing"
-                await asyncio.sleep(0.1)
-            await asyncio.sleep(settle_s)
-            answer = await value(script)
-            shot = await call("Page.captureScreenshot", format="png")
-        return answer, base64.b64decode(shot["data"])
+    def look(self, url: str, until: str, script: str, patience_s: float = 60, settle_s: float = 0) -> tuple[Any, bytes]:
+        """(value of a script, PNG) of a page, ``settle_s`` after ``until`` is true."""
+        with self.tab() as tab:
+            tab.open(url)
+            tab.until(until, patience_s)
+            time.sleep(settle_s)
+            return tab.value(script), tab.picture()
 
     def close(self) -> None:
         """End the browser."""
         self.process.terminate()
-        self.process.wait(10)
+        self.process.wait(30)
 
 
 def main() -> int:
@@ -113,7 +135,7 @@ def main() -> int:
         browser = Browser(Path(folder), SIZE)
         try:
             time.sleep(4)
-            _, png = asyncio.run(browser.look(url, STANDING, "0", 90, settle_s=1.5))
+            _, png = browser.look(url, STANDING, "0", 90, settle_s=1.5)
         finally:
             browser.close()
             live.send_signal(signal.SIGINT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 
@@ -71,11 +72,42 @@ def endless(jpegs: list[bytes], rate_hz: float = 60.0) -> Callable[[], FrameSour
     return source
 
 
+class Shown:
+    """Cameras whose picture is chosen while they run.
+
+    Attributes:
+        now: ``free``, ``pressed``, ``black``, ``broken`` (a cut JPEG), or ``shaken`` (it moves all the time).
+    """
+
+    def __init__(self, now: str = "free") -> None:
+        self.now = now
+        pictures = film([0] * 12 + [1.0] * 12)
+        dark = np.random.default_rng(0).integers(0, 4, (12, 480, 640, 3), np.uint8)
+        self._films = {
+            "free": pictures[:12],
+            "pressed": pictures[12:],
+            "black": [cv2.imencode(".jpg", picture)[1].tobytes() for picture in dark],
+            "broken": [jpeg[: len(jpeg) // 2] + b"\xff\xd9" for jpeg in pictures[:12]],
+            "shaken": [jpeg for pair in zip(pictures[:12], pictures[12:], strict=True) for jpeg in pair],
+        }
+
+    def camera(self, rate_hz: float = 30.0) -> Callable[[], FrameSource]:
+        """Opens one."""
+
+        def source() -> Iterator[Frame]:
+            for count in itertools.count():
+                time.sleep(1 / rate_hz)
+                pictures = self._films[self.now]
+                yield Frame(time.monotonic(), count, "test", jpeg=pictures[count % len(pictures)], size=(640, 480))
+
+        return source
+
+
 def pipeline(name: str = "endcap_0", number: int = 0, zero_frames: int = 1, source: str = "test") -> EndcapPipeline:
     return EndcapPipeline(EndcapConfig(name, source), stand_in(), None, number, zero_frames)
 
 
-def wait_for(condition: Callable[[], object], seconds: float = 60.0) -> None:
+def wait_for(condition: Callable[[], object], seconds: float = 180.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited too long"

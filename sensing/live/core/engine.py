@@ -41,6 +41,7 @@ class LiveEndcap:
     stats: EndcapStats = field(init=False)
     machine: Machine = field(default_factory=Machine, init=False)
     frame: Frame | None = field(default=None, init=False)
+    _busy: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         self.stats = EndcapStats(self.name)
@@ -59,6 +60,8 @@ class LiveEndcap:
         """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
         source = self.feed.health
         event = _SOURCE_EVENTS.get(source.status)
+        if event is Event.ENDED and (self._busy or not self.feed.ended):
+            event = None  # the file has been read, but not all of its frames have been worked on
         if event is not None:
             self.machine.happened(event, source.message, time.monotonic())
         condition = replace(self.machine.condition, note=self.pipeline.note)
@@ -70,24 +73,29 @@ class LiveEndcap:
 
     def take(self) -> Captured | None:
         """The next frame; a source that fails changes the state."""
+        self._busy = True
+        item = None
         try:
-            return self.feed.take()
+            item = self.feed.take()
         except Exception as error:  # such as a reference of a recording that cannot be used
             self._failed(error)
-            return None
+        self._busy = item is not None
+        return item
 
     def process(self, item: Captured) -> EndcapReading | None:
         """Work on one frame; what goes wrong changes the state."""
         self.frame = item[0]
+        reading = None
         try:
             reading = self.pipeline.update(*item)
         except Exception as error:  # a bug in one endcap must not stop the robot's other five
             self._failed(error)
-            return None
-        if self.pipeline.outcome is not None:
-            self.machine.happened(*self.pipeline.outcome, time.monotonic())
-        if reading is not None:
-            self.stats.add(reading)
+        else:
+            if self.pipeline.outcome is not None:
+                self.machine.happened(*self.pipeline.outcome, time.monotonic())
+            if reading is not None:
+                self.stats.add(reading)
+        self._busy = False
         return reading
 
     def _failed(self, error: Exception) -> None:

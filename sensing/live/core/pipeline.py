@@ -11,36 +11,25 @@ Times in s of the frames' own clock, stages in ms.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from weakref import WeakKeyDictionary
-
-import numpy as np
-from numpy.typing import NDArray
 
 from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
-from sensing.decode import FrameError, decode_gray
-from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import EndcapConfig
-from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
+from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import EndcapReading, without_numbers
+from sensing.live.core.reading import EndcapReading
 from sensing.live.core.reference import Reference, ReferenceTaker
 from sensing.live.core.state import NOTE_S, Event
-from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
+from sensing.records import Frame
 from sensing.tracking.methods import FieldMethod, field_method
 from sensing.tracking.model_input import ModelInput, model_input
-from sensing.tracking.zero import Drift, Zero, measure_drift
-from sensing.wrench.contact import ContactDetector, ContactState
-from sensing.wrench.contact_place import line_of_action
-from sensing.wrench.filter import WrenchFilter
+from sensing.tracking.zero import Zero
 
 ZERO_FRAMES = 10  # averaged for a reference
-DRIFT_EVERY = 30  # frames between looks at lamp and mounting
 JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, are a clock that was set
 FORWARD_S = 60.0
-COARSE = 8  # reduction at which methods without dots compare whole pictures
 
 
 class EndcapPipeline:
@@ -68,16 +57,13 @@ class EndcapPipeline:
         self.endcap, self.model, self.number, self.zero_frames = endcap, model, number, zero_frames
         self.faults, self.epoch = 0, 0
         self.outcome: tuple[Event, str] | None = None
-        self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
-        self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera)
-        self._threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n)
-        self._taker = ReferenceTaker(
-            endcap.name, endcap.params, zero_frames, self._build, model.estimator, self._threshold.on_n
-        )
+        most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n).on_n
+        self._taker = ReferenceTaker(endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n)
         self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
         self._check: CameraCheck | None = None
         self._used: Reference | None = None
+        self._measurement: Measurement | None = None
         self._before: Reference | None = None
         self._restart_wanted, self._undo_wanted = False, False
         self._note, self._note_until_s = "", 0.0
@@ -120,10 +106,10 @@ class EndcapPipeline:
         Returns:
             Why not; empty if it will be tried.
         """
-        contact = self._contact
+        contact = None if self._measurement is None else self._measurement.contact
         if self.zero_frames == 0:
             return self._say("not zeroed: a replay keeps the references of its recording")
-        if not confirmed and self._used is not None and contact is not None and contact.known and contact.touching:
+        if not confirmed and contact is not None and contact.known and contact.touching:
             self._taker.pressed = True
             return self._say(f"not zeroed: touched with {contact.force_n:.1f} N; let it go and zero again, or confirm")
         self._taker.ask(confirmed)
@@ -159,13 +145,13 @@ class EndcapPipeline:
         self._taker.offer(frame, self.zero)
         if self.zero_frames == 1:
             refused = self._take_over() or refused
-        if self._used is None:
+        if self._measurement is None:
             self.outcome = (Event.REFUSED, refused) if refused else (Event.COLLECTED, "leave it untouched")
             return None
         self.outcome = None
         if not self._in_order(frame.time_s):
             return None
-        reading = self._read(self._used, frame, frame.time_s if captured_s is None else captured_s)
+        reading = self._measurement.read(frame, frame.time_s if captured_s is None else captured_s)
         self.outcome = reading.event, reading.reason
         self.faults += not reading.valid
         return reading
@@ -188,12 +174,11 @@ class EndcapPipeline:
         self._begin()
 
     def _begin(self) -> None:
-        self._filter, self._detector, self._gate = WrenchFilter(), ContactDetector(self._threshold), Gate()
-        self._contact: ContactState | None = None
-        self._drift: Drift | None = None
-        self._last_s, self._count = float("-inf"), 0
+        self._last_s = float("-inf")
         self._restart_wanted = False
         self.epoch += 1
+        if self._used is not None:
+            self._measurement = Measurement(self.endcap, self.model, self._used, self._check, self.number, self.epoch)
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
@@ -206,7 +191,6 @@ class EndcapPipeline:
 
     def _use(self, reference: Reference) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)
-        self._alike_to = small_picture(decode_gray(reference.zero.frame()))
         self._begin()
 
     def _take_over(self) -> str:
@@ -250,112 +234,3 @@ class EndcapPipeline:
             self._say(f"the clock of the frames jumped by {step:+.1f} s: started anew")
         self._last_s = time_s
         return True
-
-    def _read(self, used: Reference, frame: Frame, captured_s: float) -> EndcapReading:
-        """The reading of one frame, with or without numbers."""
-        watch = _Watch()
-        blank = without_numbers(
-            self.endcap.name, self.number, frame, self.model.shape, used.zero, self.epoch, captured_s, self._drift
-        )
-        verdict = self._unusable(used.zero, frame)
-        if verdict is None:
-            try:
-                tracks, field, gray = self._field(used.method, frame, watch)
-            except FrameError as error:
-                verdict = Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
-        if verdict is not None:
-            return replace(
-                blank, event=verdict.event, reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
-                wrench=replace(blank.wrench, flags=verdict.flags),
-                estimate=replace(blank.estimate, flags=verdict.flags),
-            )  # fmt: skip
-        return self._measured(blank, tracks, field, gray, watch)
-
-    def _measured(
-        self, blank: EndcapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
-    ) -> EndcapReading:
-        """The reading of a picture that was decoded."""
-        estimate, misfit = self.model.estimator.estimate(field), frozenset[str]()
-        if self._check is not None and tracks is not None:
-            estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
-        watch.lap("wrench")
-        alike = likeness(small_picture(gray), self._alike_to)
-        verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
-        watch.lap("gate")
-        seen = verdict.event is not Event.UNSEEN
-        used = seen and not verdict.held
-        smooth = self._filter.update(estimate if used else replace(estimate, flags=estimate.flags | {"missing"}))
-        watch.lap("filter")
-        nothing = np.full(3, np.nan)
-        contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
-        self._contact = contact
-        centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
-        watch.lap("contact")
-        if self._count % DRIFT_EVERY == 0 and tracks is not None:
-            self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)  # type: ignore[union-attr]
-            watch.lap("drift")
-        self._count += 1
-        flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
-        return replace(
-            blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
-            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
-            wrench=self._at_origin(smooth, flags, seen),
-            reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
-        )  # fmt: skip
-
-    def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
-        """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""
-        last_s = self._filter.last_s
-        if last_s is None or time_s - last_s > self._filter.config.gap_s:
-            return None
-        return self._filter.at(time_s).force_n
-
-    def _at_origin(self, wrench: Wrench, flags: frozenset[str], known: bool) -> Wrench:
-        """From the sphere's centre to the endcap's origin; NaN where it is not known."""
-        moved = self._to_endcap @ np.concatenate([wrench.force_n, wrench.torque_nm])
-        covariance = self._to_endcap @ wrench.covariance @ self._to_endcap.T
-        if not known:
-            moved, covariance = np.full(6, np.nan), np.full((6, 6), np.nan)
-        return Wrench(wrench.time_s, moved[:3], moved[3:], "endcap", covariance, flags)
-
-    def _unusable(self, zero: Zero, frame: Frame) -> Verdict | None:
-        """Why a frame is not even decoded; some methods would answer for any size."""
-        same_s = self._gate.frozen(frame)
-        if same_s:
-            reason = f"same picture for {same_s:.1f} s: the camera hangs, plug it in again"
-            return Verdict(Event.REPEATED, reason, frozenset({"frozen"}))
-        height, width = zero.image.shape[:2]
-        if frame.size is None or frame.size == (width, height):
-            return None
-        reason = (
-            f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px, zeroed at {width}x{height}: set the "
-            "camera's mode back, or zero again"
-        )
-        return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
-
-    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image]:
-        if not isinstance(method, ModelInput):
-            gray = decode_gray(frame, COARSE)
-            field = method.update(frame)
-            watch.lap("field")
-            return None, field, gray
-        gray = method.decode(frame)
-        watch.lap("decode")
-        tracks = method.track(gray, frame.time_s)
-        watch.lap("track")
-        field = method.field(tracks)
-        watch.lap("field")
-        return tracks, field, gray
-
-
-class _Watch:
-    """Laps in ms."""
-
-    def __init__(self) -> None:
-        self.stages: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.stages[name] = 1e3 * (now - self._last)
-        self._last = now

@@ -17,7 +17,7 @@ from sensing.live.outputs.beat import Beat
 
 ROOM = 1024  # readings that a slow reader may be behind
 BEAT_S = 0.2
-NO_FRAMES = {State.WAITING, State.SILENT, State.UNPLUGGED, State.FAILED, State.ENDED}
+NO_FRAMES = {State.WAITING, State.SILENT, State.UNPLUGGED, State.FAILED}
 
 
 class JsonLines(QueuedSink):
@@ -58,7 +58,9 @@ class JsonLines(QueuedSink):
         self._beat.stop()
 
     def _look(self) -> None:
-        """A line for an endcap that has stopped to give frames: null instead of silence."""
+        """A line for an endcap that has stopped to give numbers: null instead of silence."""
+        if self._queue:
+            return  # readings from before come first
         for health in self._health():
             changed, self._states[health.endcap] = self._states.get(health.endcap) != health.status, health.status
             if changed and health.status in NO_FRAMES and not self.failed:

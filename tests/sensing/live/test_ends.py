@@ -19,7 +19,7 @@ from mcap.records import ChunkIndex
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
-from sensing.live.core.feed import CameraFeed
+from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
@@ -45,12 +45,25 @@ def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
         ended.append(len(collected))
         raise ZeroError("moved")
 
-    monkeypatch.setattr("sensing.live.core.pipeline.take_zero", slow)
+    monkeypatch.setattr("sensing.live.core.reference.take_zero", slow)
     endcaps = [LiveEndcap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
     with Engine(endcaps):
         assert began.wait(30)
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
-    assert not any(endcap.pipeline._preparing and endcap.pipeline._preparing.is_alive() for endcap in endcaps)
+    makers = [endcap.pipeline._taker._thread for endcap in endcaps]
+    assert not any(maker is not None and maker.is_alive() for maker in makers)
+
+
+def test_a_file_has_ended_when_its_last_frame_is_worked_on_and_not_when_it_is_read():
+    endcap = LiveEndcap(FileFeed(lambda: frames(film([0, 0, 0])), Pace(0)), pipeline())
+    endcap.feed.start(lambda: None)
+    wait_for(lambda: endcap.feed.health.status == "ended")
+    for done in range(3):
+        assert endcap.health.status != "ended", done
+        item = endcap.take()
+        assert endcap.health.status != "ended", done
+        assert endcap.process(item) is not None
+    assert endcap.take() is None and endcap.health.status == "ended"
 
 
 def test_an_end_while_zeroing_is_clean(address):

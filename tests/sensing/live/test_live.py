@@ -43,8 +43,10 @@ def test_a_configuration_survives_the_file(tmp_path):
     pose = np.eye(4)
     pose[:3, 3] = 1.5, -2.0, 300.25
     endcaps = (
-        EndcapConfig("left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, T_robot_endcap=pose),
-        EndcapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0, exposure=120.0),
+        EndcapConfig(
+            "left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, exposure=120.0, T_robot_endcap=pose
+        ),
+        EndcapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0),
     )
     config = LiveConfig(endcaps, "paper", tmp_path / "w.pth", "dis", 117.7)
     save_config(config, tmp_path / "endcaps.toml")
@@ -57,7 +59,7 @@ def test_a_configuration_survives_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("endcaps = 3", "unknown key endcaps"),
         ("[[endcap]]\nname = 'a'", "without name or source"),

@@ -8,7 +8,6 @@ import re
 import signal
 import socket
 import sys
-import threading
 import time
 import urllib.error
 import urllib.parse
@@ -260,7 +259,7 @@ def test_the_pages_process_ends_when_the_run_is_no_more(tmp_path):
     with Site(tmp_path) as orphan:
         talk(orphan)
         orphan.server._link.shutdown(socket.SHUT_RDWR)  # as the kernel does for a killed run
-        assert orphan.server._process.wait(10) == 0
+        assert orphan.server._process.wait(60) == 0
 
 
 def test_malformed_requests_and_messages_leave_the_page_and_the_loop_running(site):
@@ -292,15 +291,11 @@ def test_a_viewer_that_stalls_or_vanishes_costs_nothing(site):
         websocket = await connect(site.url.replace("http", "ws", 1) + "ws", max_queue=1)
         for _ in range(5):
             await websocket.send('{"do":"show","endcap":0}')  # asks and never reads
-        await asyncio.sleep(1.0)
+        count = site.run.engine.endcaps[0].stats.frames
+        await asyncio.to_thread(wait_for, lambda: site.run.engine.endcaps[0].stats.frames > count + 20)
         websocket.transport.abort()  # no goodbye
 
-    count, begin = site.run.engine.endcaps[0].stats.frames, time.monotonic()
-    thread = threading.Thread(target=lambda: asyncio.run(stall()))
-    thread.start()
-    thread.join()
-    rate = (site.run.engine.endcaps[0].stats.frames - count) / (time.monotonic() - begin)
-    assert rate > 3  # of 20: other work shares this computer
+    asyncio.run(stall())
     talk(site, '{"do":"show","endcap":0}')
 
 
@@ -375,7 +370,7 @@ def test_the_page_draws_everything_in_a_browser(site, tmp_path, size):
     browser = Browser(tmp_path, size)
     try:
         touching = "window.drawn > 5 && document.querySelectorAll('.lamp.touch').length > 0"
-        reported, png = asyncio.run(browser.look(site.url, touching, LOOK))
+        reported, png = browser.look(site.url, touching, LOOK)
     finally:
         browser.close()
     reported = json.loads(reported)

@@ -100,7 +100,7 @@ def test_types_and_bytes_are_those_of_ros():
     assert names["array/shear_vector"] == "std_msgs::msg::dds_::Float32MultiArray_"
 
 
-@pytest.mark.parametrize("told", ["233", "-1", "one"])
+@pytest.mark.parametrize("reported", ["233", "-1", "one"])
 def test_a_domain_that_is_none_is_refused(monkeypatch, reported):
     monkeypatch.setenv("ROS_DOMAIN_ID", reported)
     with pytest.raises(ParameterError, match=r"0\.\.232"):

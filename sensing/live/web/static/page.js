@@ -57,16 +57,20 @@ function watch() {
   const endcap = good ? latest.endcaps[chosen] : null;
   for (const id of ["zero", "zero_all", "record", "confirm"]) $(id).disabled = !good;
   $("undo").disabled = !(endcap && endcap.undoable);
-  if (!good && latest) [...$("endcaps").children].forEach((card, k) => {
-    const force = latest.endcaps[k].force_norm_n;
-    card.querySelector(".n").textContent = "–";
-    card.querySelector(".h").textContent = (force === null ? latest.endcaps[k].status : force.toFixed(1) + " N") + `, ${age} s ago`;
-  });
+  if (!good && latest) {
+    $("robot").textContent = `unknown; touching ${age} s ago: ${latest.touching.join(", ") || "none"}`;
+    if ($("health").rows.length) $("health").rows[0].cells[1].textContent = `unknown; ${latest.endcaps[chosen].status} ${age} s ago`;
+    [...$("endcaps").children].forEach((card, k) => {
+      const force = latest.endcaps[k].force_norm_n;
+      card.querySelector(".n").textContent = "–";
+      card.querySelector(".h").textContent = (force === null ? latest.endcaps[k].status : force.toFixed(1) + " N") + `, ${age} s ago`;
+    });
+  }
 }
 
 function begin(shown) {
   Scene.set(shown.hello);
-  history = shown.hello.map(() => []);
+  history = shown.hello.map(() => ({ rows: [], gap: false, behind: 0 }));
   chosen = Math.min(chosen, shown.hello.length - 1);
   $("endcaps").replaceChildren(...shown.hello.map((endcap, k) => {
     const card = document.createElement("button");
@@ -76,16 +80,23 @@ function begin(shown) {
     card.onclick = () => { chosen = k; bitmap = null; close_question(); };
     return card;
   }));
-  $("plots").replaceChildren(...AXES.map(() => Object.assign(document.createElement("canvas"), { width: 420, height: 190 })));
+  $("plots").replaceChildren(...AXES.map(() => Object.assign(document.createElement("canvas"), { width: 420, height: 190, role: "img" })));
 }
 
+// Rows of the plots; behind: from the frames' clock to the run's, so that plots move on while no number comes.
 function remember(shown) {
   shown.endcaps.forEach((endcap, k) => {
-    if (!endcap.valid) return;
-    const row = history[k], last = row[row.length - 1];
-    if (last && endcap.time_s < last.t) row.length = 0;
-    if (!last || endcap.time_s > last.t) row.push({ t: endcap.time_s, w: endcap.force_n.concat(endcap.torque_nm), sd: endcap.sd });
-    while (row.length && row[0].t < endcap.time_s - WINDOW_S) row.shift();
+    const kept = history[k], rows = kept.rows, last = rows[rows.length - 1];
+    if (!endcap.valid) kept.gap = true;
+    else {
+      if (last && endcap.time_s < last.t) rows.length = 0;
+      if (!last || endcap.time_s > last.t) {
+        rows.push({ t: endcap.time_s, w: endcap.force_n.concat(endcap.torque_nm), sd: endcap.sd, first: kept.gap || !last });
+        kept.gap = false;
+      }
+      kept.behind = shown.time_s - endcap.time_s;
+    }
+    while (rows.length && rows[0].t < shown.time_s - kept.behind - WINDOW_S) rows.shift();
   });
 }
 
@@ -104,7 +115,7 @@ function draw(shown) {
   $("record_note").textContent = shown.note;
   image(shown.selected, shown.endcaps[chosen]);
   Scene.draw($("scene"), shown.endcaps, chosen);
-  AXES.forEach((_, k) => plot($("plots").children[k], k));
+  AXES.forEach((_, k) => plot($("plots").children[k], k, shown.time_s, shown.endcaps[chosen]));
   health(shown.endcaps[chosen]);
   window.drawn += 1;
 }
@@ -157,26 +168,30 @@ function arrows(g, detail, s) {
   }));
 }
 
-function plot(canvas, axis) {
-  const g = canvas.getContext("2d"), W = canvas.width, H = canvas.height, rows = history[chosen];
+function plot(canvas, axis, now_s, endcap) {
+  const g = canvas.getContext("2d"), W = canvas.width, H = canvas.height, { rows, behind } = history[chosen];
   g.fillStyle = "#11181d"; g.fillRect(0, 0, W, H);
-  if (!rows || !rows.length) return;
-  const end = rows[rows.length - 1].t;
   let top = LEAST[axis];
   rows.forEach((r) => (top = Math.max(top, Math.abs(r.w[axis]) * 1.15)));
-  const X = (t) => W * (1 - (end - t) / WINDOW_S), Y = (v) => H / 2 - (v / top) * (H / 2 - 8);
+  const X = (t) => W * (1 - (now_s - behind - t) / WINDOW_S), Y = (v) => H / 2 - (v / top) * (H / 2 - 8);
   g.strokeStyle = "#34424c"; g.beginPath(); g.moveTo(0, H / 2); g.lineTo(W, H / 2); g.stroke();
-  const known = rows.filter((r) => r.sd[axis] !== null);
-  g.fillStyle = "rgba(87,182,255,.28)"; g.beginPath();
-  known.forEach((r, k) => g[k ? "lineTo" : "moveTo"](X(r.t), Y(r.w[axis] + 2 * r.sd[axis])));
-  known.slice().reverse().forEach((r) => g.lineTo(X(r.t), Y(r.w[axis] - 2 * r.sd[axis])));
-  g.closePath(); g.fill();
-  g.strokeStyle = "#57b6ff"; g.lineWidth = 2; g.beginPath();
-  rows.forEach((r, k) => g[k ? "lineTo" : "moveTo"](X(r.t), Y(r.w[axis])));
-  g.stroke();
-  const digits = axis < 3 ? 1 : 2;
+  const pieces = [];
+  rows.forEach((r) => { if (r.first || !pieces.length) pieces.push([]); pieces[pieces.length - 1].push(r); });
+  for (const piece of pieces) { // nothing is drawn where there was no number
+    const known = piece.filter((r) => r.sd[axis] !== null);
+    g.fillStyle = "rgba(87,182,255,.28)"; g.beginPath();
+    known.forEach((r, k) => g[k ? "lineTo" : "moveTo"](X(r.t), Y(r.w[axis] + 2 * r.sd[axis])));
+    known.slice().reverse().forEach((r) => g.lineTo(X(r.t), Y(r.w[axis] - 2 * r.sd[axis])));
+    g.closePath(); g.fill();
+    g.strokeStyle = "#57b6ff"; g.lineWidth = 2; g.beginPath();
+    piece.forEach((r, k) => g[k ? "lineTo" : "moveTo"](X(r.t), Y(r.w[axis])));
+    g.stroke();
+  }
+  const digits = axis < 3 ? 1 : 2, value = endcap.valid ? endcap.force_n.concat(endcap.torque_nm)[axis] : null;
+  const text = `${AXES[axis]} ${value === null ? "–" : value.toFixed(digits)} ${UNITS[axis]}`;
+  canvas.setAttribute("aria-label", text);
   g.fillStyle = "#e4ebef"; g.font = "22px system-ui,sans-serif"; g.textAlign = "left";
-  g.fillText(`${AXES[axis]} ${rows[rows.length - 1].w[axis].toFixed(digits)} ${UNITS[axis]}`, 8, 24);
+  g.fillText(text, 8, 24);
   g.fillStyle = "#8fa1ad"; g.font = "17px system-ui,sans-serif"; g.textAlign = "right";
   g.fillText("±" + top.toFixed(digits), W - 8, 22);
 }

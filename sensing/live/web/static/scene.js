@@ -50,14 +50,14 @@ const Scene = (() => {
   }
 
   function dome(g, eye, endcap, state, chosen) {
-    const touching = state && state.contact;
+    const known = state && state.valid, touching = known && state.contact; // gray: no number
     const T = endcap.T, R = endcap.radius_mm, c = endcap.centre_mm, rim = -Math.asin(Math.min(1, c / R));
     const at = (lat, lon) => eye(place(T, [R * Math.cos(lat) * Math.cos(lon), R * Math.cos(lat) * Math.sin(lon), c + R * Math.sin(lat)]));
     const middle = eye(place(T, [0, 0, c])), edge = eye(place(T, [0, 0, c + R]));
     const radius = (Math.min(g.canvas.width, g.canvas.height) / 2 / view.size) * 0.82 * view.zoom * R * ((view.size * 4.2) / middle[2]);
     const glow = g.createRadialGradient(middle[0] - radius / 3, middle[1] - radius / 3, radius / 8, middle[0], middle[1], radius);
-    glow.addColorStop(0, touching ? "rgba(255,196,92,.95)" : "rgba(125,190,180,.85)");
-    glow.addColorStop(1, touching ? "rgba(140,84,10,.9)" : "rgba(30,72,76,.85)");
+    glow.addColorStop(0, !known ? "rgba(120,130,136,.6)" : touching ? "rgba(255,196,92,.95)" : "rgba(125,190,180,.85)");
+    glow.addColorStop(1, !known ? "rgba(48,54,58,.6)" : touching ? "rgba(140,84,10,.9)" : "rgba(30,72,76,.85)");
     g.fillStyle = glow;
     g.beginPath(); g.arc(middle[0], middle[1], radius, 0, 7); g.fill();
     g.strokeStyle = chosen ? "#57b6ff" : "rgba(220,240,240,.30)";

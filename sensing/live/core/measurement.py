@@ -1,0 +1,178 @@
+"""One frame of an endcap to its reading: decode -> track -> field -> wrench -> gate -> filter -> contact.
+
+    measurement = Measurement(config, model, reference, number, epoch)
+    reading = measurement.read(frame, frame.time_s)
+
+One object lives from one restart to the next: all that a reading takes from the frames before it is in here, so that
+the same frames after a restart give the same bits. Times in s of the frames' own clock, stages in ms.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.decode import FrameError, decode_gray
+from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
+from sensing.live.core.camera_check import CameraCheck
+from sensing.live.core.config import EndcapConfig
+from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
+from sensing.live.core.model import LiveModel
+from sensing.live.core.reading import EndcapReading, without_numbers
+from sensing.live.core.reference import Reference
+from sensing.live.core.state import Event
+from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
+from sensing.tracking.methods import FieldMethod
+from sensing.tracking.model_input import ModelInput
+from sensing.tracking.zero import Drift, Zero, measure_drift
+from sensing.wrench.contact import ContactDetector, ContactState
+from sensing.wrench.contact_place import line_of_action
+from sensing.wrench.filter import WrenchFilter
+
+DRIFT_EVERY = 30  # frames between looks at lamp and mounting
+COARSE = 8  # reduction at which methods without dots compare whole pictures
+
+
+class Measurement:
+    """Readings of one endcap against one reference, frames in order.
+
+    Args:
+        endcap: its name, design and contact threshold. model: estimates the wrench. reference: picture and method.
+        check: of the camera against that picture; None for methods without dots.
+        number, epoch: see :class:`sensing.live.core.reading.EndcapReading`.
+
+    Attributes:
+        contact: as of the last frame; None before the first.
+    """
+
+    def __init__(
+        self,
+        endcap: EndcapConfig,
+        model: LiveModel,
+        reference: Reference,
+        check: CameraCheck | None,
+        number: int,
+        epoch: int,
+    ) -> None:
+        self._endcap, self._model, self._used, self._number, self._epoch = endcap, model, reference, number, epoch
+        self._check = check
+        self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
+        self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
+        self._alike_to = small_picture(decode_gray(reference.zero.frame()))
+        self._gate, self._filter = Gate(), WrenchFilter()
+        self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
+        self._drift: Drift | None = None
+        self._count = 0
+        self.contact: ContactState | None = None
+
+    def read(self, frame: Frame, captured_s: float) -> EndcapReading:
+        """The reading of one frame, with or without numbers."""
+        watch, used = _Watch(), self._used
+        blank = without_numbers(
+            self._endcap.name, self._number, frame, self._model.shape, used.zero, self._epoch, captured_s, self._drift
+        )
+        verdict = self._unusable(used.zero, frame)
+        if verdict is None:
+            try:
+                tracks, field, gray = self._field(used.method, frame, watch)
+            except FrameError as error:
+                verdict = Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
+        if verdict is not None:
+            return replace(
+                blank, event=verdict.event, reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+                wrench=replace(blank.wrench, flags=verdict.flags),
+                estimate=replace(blank.estimate, flags=verdict.flags),
+            )  # fmt: skip
+        return self._measured(blank, tracks, field, gray, watch)
+
+    def _measured(
+        self, blank: EndcapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
+    ) -> EndcapReading:
+        """The reading of a picture that was decoded."""
+        estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
+        if self._check is not None and tracks is not None:
+            estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
+        watch.lap("wrench")
+        alike = likeness(small_picture(gray), self._alike_to)
+        verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
+        watch.lap("gate")
+        seen = verdict.event is not Event.UNSEEN
+        used = seen and not verdict.held
+        smooth = self._filter.update(estimate if used else replace(estimate, flags=estimate.flags | {"missing"}))
+        watch.lap("filter")
+        nothing = np.full(3, np.nan)
+        contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
+        self.contact = contact
+        centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
+        watch.lap("contact")
+        if self._count % DRIFT_EVERY == 0 and tracks is not None:
+            self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)
+            watch.lap("drift")
+        self._count += 1
+        flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
+        return replace(
+            blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
+            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            wrench=self._at_origin(smooth, flags, seen),
+            reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+        )  # fmt: skip
+
+    def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
+        """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""
+        last_s = self._filter.last_s
+        if last_s is None or time_s - last_s > self._filter.config.gap_s:
+            return None
+        return self._filter.at(time_s).force_n
+
+    def _at_origin(self, wrench: Wrench, flags: frozenset[str], known: bool) -> Wrench:
+        """From the sphere's centre to the endcap's origin; NaN where it is not known."""
+        moved = self._to_endcap @ np.concatenate([wrench.force_n, wrench.torque_nm])
+        covariance = self._to_endcap @ wrench.covariance @ self._to_endcap.T
+        if not known:
+            moved, covariance = np.full(6, np.nan), np.full((6, 6), np.nan)
+        return Wrench(wrench.time_s, moved[:3], moved[3:], "endcap", covariance, flags)
+
+    def _unusable(self, zero: Zero, frame: Frame) -> Verdict | None:
+        """Why a frame is not even decoded; some methods would answer for any size."""
+        same_s = self._gate.frozen(frame)
+        if same_s:
+            reason = f"same picture for {same_s:.1f} s: the camera hangs, plug it in again"
+            return Verdict(Event.REPEATED, reason, frozenset({"frozen"}))
+        height, width = zero.image.shape[:2]
+        if frame.size is None or frame.size == (width, height):
+            return None
+        reason = (
+            f"{frame.source}: frame of {frame.size[0]}x{frame.size[1]} px, zeroed at {width}x{height}: set the "
+            "camera's mode back, or zero again"
+        )
+        return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
+
+    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image]:
+        if not isinstance(method, ModelInput):
+            gray = decode_gray(frame, COARSE)
+            field = method.update(frame)
+            watch.lap("field")
+            return None, field, gray
+        gray = method.decode(frame)
+        watch.lap("decode")
+        tracks = method.track(gray, frame.time_s)
+        watch.lap("track")
+        field = method.field(tracks)
+        watch.lap("field")
+        return tracks, field, gray
+
+
+class _Watch:
+    """Laps in ms."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.stages[name] = 1e3 * (now - self._last)
+        self._last = now

@@ -6,7 +6,7 @@ Writes bench/live.csv and bench/live.png. Frames are those of the robot scene, i
 one process (but for the row of six processes). Time on a frame (mean and 99 %) is CPU time of the process, which other
 work on the machine changes little; from it follow the rows "computed", the delays of a loop that has a core to itself.
 The other delays are wall time from capture to wrench in the real loop, cameras out of step as
-free-running ones are; they mean something only on a machine with nothing else to do: ``idle_share`` tells how often a
+free-running ones are; they mean something only on a machine with nothing else to do: ``idle_share`` is how often a
 thread that sleeps for 5 ms was woken within 1 ms of its time. ``core_share`` is of the run's process with its simulated
 cameras and that probe, ``loop_share`` of the threads that work on frames, ``page_share`` of the page's process.
 """
@@ -41,7 +41,7 @@ from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
 from sensing.live.demo.scene import SIZE, SceneSource, scene_film
 from sensing.live.outputs.recording import Recording
-from sensing.live.run import LiveRun, favour_the_loop
+from sensing.live.run import LiveRun, reduce_pauses
 from sensing.live.web.page import PageServer
 from sensing.records import Frame
 from sensing.tracking.zero import take_zero
@@ -179,7 +179,7 @@ def _measured(run: LiveRun, latency: list[float], seconds: float, pid: int | Non
 
     run.engine.add_sink(Sink())
     with run.engine:
-        favour_the_loop()
+        reduce_pauses()
         time.sleep(2.0)
         latency.clear()
         before = [endcap.health.dropped for endcap in made]

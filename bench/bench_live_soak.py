@@ -21,7 +21,7 @@ from live_probes import Viewer
 from sensing.live.demo.scene import scene_config
 from sensing.live.open_endcaps import open_endcaps
 from sensing.live.outputs.recording import Recording
-from sensing.live.run import LiveRun, favour_the_loop
+from sensing.live.run import LiveRun, reduce_pauses
 from sensing.live.web.page import PageServer
 
 HERE = Path(__file__).resolve().parent
@@ -49,7 +49,7 @@ def main() -> int:
         page = PageServer(run, recording, "127.0.0.1", 0)
         with run.engine:
             page.start()
-            favour_the_loop()
+            reduce_pauses()
             viewer = Viewer(page.url)
             time.sleep(5.0)
             begin, step = time.monotonic(), options.seconds / PARTS

@@ -1,4 +1,4 @@
-"""An untouched endcap under a changing lamp: what the model tells, and how often contact is claimed.
+"""An untouched endcap under a changing lamp: what the model reports, and how often contact is claimed.
 
     python bench/bench_wrench_rest.py               # bench/wrench_rest.csv, bench/wrench_rest.png
 
@@ -106,7 +106,7 @@ def plot(norms: dict[str, NDArray[np.float64]], threshold_n: float) -> None:
         axis.step(np.sort(norm), 1 - np.arange(len(norm)) / len(norm), label=name, where="post")
     axis.axvline(threshold_n, color="k", ls=":", label=f"contact from {threshold_n:.3f} N")
     axis.set(
-        xlabel="force told of an untouched endcap, N", ylabel="share of frames above", yscale="log", xlim=(0, None)
+        xlabel="force reported of an untouched endcap, N", ylabel="share of frames above", yscale="log", xlim=(0, None)
     )
     axis.grid(alpha=0.3)
     axis.legend(fontsize=7)

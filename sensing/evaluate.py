@@ -10,7 +10,7 @@ tables by tilt and load. The true camera that lies beside simulated frames is us
 
 With ``--train`` the comparisons are fitted to the same loading paths: ridge, physics inverse, and the paper's model on
 its own field with its own recipe. With ``--holdout`` all models are fitted anew to a part of the training data and
-tested on the rest. Answers are told from pictures through the real tracker. A test that shares a path, a pose or a
+tested on the rest. Answers are computed from pictures through the real tracker. A test that shares a path, a pose or a
 picture with the training is refused.
 """
 

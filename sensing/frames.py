@@ -70,7 +70,7 @@ def twist_adjoint(T_target_source: Array) -> Array:
 
 
 def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
-    """The same wrench told in another frame; its covariance goes along.
+    """The same wrench expressed in another frame; its covariance goes along.
 
     Args:
         wrench: in the source frame. T_target_source: (4, 4), mm. frame: name of the target frame.

@@ -26,7 +26,7 @@ class Frame:
     """One picture, either decoded or still as JPEG bytes (then whoever needs it decodes once, at the size needed).
 
     Attributes:
-        time_s: capture time on the monotonic clock (from the driver where it tells, else the arrival).
+        time_s: capture time on the monotonic clock (from the driver where it gives one, else the arrival).
         sequence: counts up by one for every frame the source captured; a gap means dropped frames.
         source: the device, file or simulator that the frame came from.
         image: uint8, (H, W) gray or (H, W, 3) BGR; None while only ``jpeg`` is there.
@@ -148,11 +148,11 @@ class Wrench:
     """Force and torque on the endcap.
 
     Attributes:
-        time_s: capture time of the frame it was told from.
+        time_s: capture time of the frame it was computed from.
         force_n: (3,) N.
         torque_nm: (3,) N m, about the origin of ``frame``.
         frame: coordinate frame of both, for example "endcap".
-        covariance: (6, 6) of (force, torque); NaN where the model does not tell.
+        covariance: (6, 6) of (force, torque); NaN where the model gives none.
         flags: warnings such as "out_of_range", "dots_lost", "lamp_drift"; empty when all is well.
     """
 

@@ -232,7 +232,7 @@ def _say(text: str) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m sensing.setup",
-        description="Guided first run: zero the endcaps, tell which is which by touching them, write endcaps.toml.",
+        description="Guided first run: zero the endcaps, find which is which by touching them, write endcaps.toml.",
         epilog="exit status: 0 written, 2 bad input or a camera that does not answer, 130 stopped",
     )
     where = parser.add_mutually_exclusive_group()

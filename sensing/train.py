@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are told before
+    from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are refused before
     from sensing.wrench.model import load_wrench_model
 
     config = FitConfig(
@@ -87,8 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--method", default=MARKERS,
-        help=f"{MARKERS}: labels of simulated frames as made-up sensors would see them (default); dots: the pictures, "
-        "through the tracker (own recordings)",
+        help=f"{MARKERS}: labels of simulated frames as domain-randomised sensors would see them (default); dots: "
+        "the pictures, through the tracker (own recordings)",
     )  # fmt: skip
     parser.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
     parser.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")

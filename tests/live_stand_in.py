@@ -76,7 +76,7 @@ class Shown:
     """Cameras whose picture is chosen while they run.
 
     Attributes:
-        now: ``free``, ``pressed``, ``black``, ``broken`` (a cut JPEG), or ``shaken`` (it moves all the time).
+        now: ``free``, ``pressed``, ``black``, ``broken`` (a cut JPEG), or ``disturbed`` (it moves all the time).
     """
 
     def __init__(self, now: str = "free") -> None:
@@ -88,7 +88,7 @@ class Shown:
             "pressed": pictures[12:],
             "black": [cv2.imencode(".jpg", picture)[1].tobytes() for picture in dark],
             "broken": [jpeg[: len(jpeg) // 2] + b"\xff\xd9" for jpeg in pictures[:12]],
-            "shaken": [jpeg for pair in zip(pictures[:12], pictures[12:], strict=True) for jpeg in pair],
+            "disturbed": [jpeg for pair in zip(pictures[:12], pictures[12:], strict=True) for jpeg in pair],
         }
 
     def camera(self, rate_hz: float = 30.0) -> Callable[[], FrameSource]:

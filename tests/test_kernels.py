@@ -22,7 +22,7 @@ import hashlib
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-def tell(values):
+def show(values):
     print(hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest())
 {code}
 for name, module in list(sys.modules.items()):
@@ -42,7 +42,7 @@ for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
     for kind in ("plane", "sphere"):
         scene = Scene(Indenter(tilt_deg=20, kind=kind), friction=0.5)
         for state in simulator.follow(scene, [Target(normal_n=3), Target(normal_n=4, shift_mm=(0.2, 0.1))]):
-            tell(simulator.markers(state, azimuth_deg=45))
+            show(simulator.markers(state, azimuth_deg=45))
 """
 PICTURES = """
 from cad.params import EndcapParams
@@ -56,7 +56,7 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
         method = field_method(name, Frame(0.0, 0, "test", image=image))
         for number in (1, 2):
             frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
-            tell(method.update(frame).channels)
+            show(method.update(frame).channels)
 from sensing.tracking.model_input import model_input
 from sensing.wrench.filter import WrenchFilter
 from sensing.wrench.model import load_wrench_model
@@ -65,8 +65,8 @@ seen = model_input(Frame(0.0, 0, "test", image=first.image_bgr), model.shape, mo
 for number in (1, 2, 3):
     frame = Frame(number / 30, number, "test", image=np.roll(first.image_bgr, number, axis=1))
     estimate = model.estimate(seen.update(frame))
-    for told in (estimate, smooth.update(estimate), smooth.at(number / 30 + 0.01)):
-        tell(np.concatenate([told.force_n, told.torque_nm, told.covariance.ravel()]))
+    for answer in (estimate, smooth.update(estimate), smooth.at(number / 30 + 0.01)):
+        show(np.concatenate([answer.force_n, answer.torque_nm, answer.covariance.ravel()]))
 """
 
 

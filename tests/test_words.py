@@ -41,7 +41,7 @@ OLD: dict[str, str] = {  # pattern -> what to write instead
     r"[Mm]end(?:s|ed|ing)?": "fix; say how",
 }
 PATTERNS = {re.compile(f"{START}(?:{pattern}){END}"): instead for pattern, instead in OLD.items()}
-LEGITIMATE = re.compile(r"[Ss]pherical cap|cap angle|cap\.(?:read|set|get|release|isOpened)\(")
+LEGITIMATE = re.compile(r"[Ss]pherical cap|cap angle|cap\.(?:read|set|get|release|isOpened)\(|(?:stream|self)\.tell\(")
 
 
 def old_words(text: str) -> list[tuple[int, str, str]]:

@@ -1,6 +1,6 @@
 """Camera calibration from one photo of the sensor's own dots: the lens, and where the camera sits.
 
-The dots alone cannot tell the camera's height from its lens: on the axis of a sphere any height fits with some
+The dots alone cannot separate the camera's height from its lens: on the axis of a sphere any height fits with some
 radial function r(theta) (moving the pupil 35 mm changes the residual of the released photos by 2 %). So calibration
 from dots is a maximum-posterior fit with stated priors (:mod:`sensing.calibration.prior`), every number is reported
 with its posterior deviation beside its prior's, and the covariance of all goes with the camera. Nothing is changed that

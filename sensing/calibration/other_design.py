@@ -1,8 +1,9 @@
 """Would another diameter fit the photo as well? The pattern of dots is the same for all, so the photo must say.
 
-Angles alone hardly tell a dome of 150 mm from one of 130 with a longer lens. What does: the released lens fits one of
-them better, the dots of 4 mm look smaller on a larger dome, and another number of rings is in view. Each counts by its
-own probability. The wall changes the inner radius by a few percent, which no photo determines: it is not looked for.
+Angles alone hardly separate a dome of 150 mm from one of 130 with a longer lens. What does: the released lens fits one
+of them better, the dots of 4 mm look smaller on a larger dome, and another number of rings is in view. Each counts by
+its own probability. The wall changes the inner radius by a few percent, which no photo determines: it is not looked
+for.
 """
 
 from __future__ import annotations

@@ -101,7 +101,9 @@ def _six_numbers(text: str, place: str) -> NDArray[np.float64]:
     except ValueError:
         values = np.full(0, np.nan)
     if values.shape != (6,) or not np.isfinite(values).all():
-        raise FileError(f"{place}: wrench={text!r} is not six finite numbers Fx Fy Fz Tx Ty Tz: mend or drop the row")
+        raise FileError(
+            f"{place}: wrench={text!r} is not six finite numbers Fx Fy Fz Tx Ty Tz: correct or drop the row"
+        )
     return values
 
 

@@ -39,7 +39,7 @@ class Checkpoint:
     """The checkpoint file of one training; without a path it does nothing.
 
     Args:
-        path: the file. key: text that tells samples and settings apart.
+        path: the file. key: text that identifies samples and settings.
     """
 
     def __init__(self, path: Path | None, key: str) -> None:

@@ -20,7 +20,7 @@ from cad.params import EndcapParams
 from sensing.learning.samples import Samples
 
 Array = NDArray[np.float64]
-DAMPING = 1e-3  # of the mean square of the columns: tells weak directions from noise
+DAMPING = 1e-3  # of the mean square of the columns: separates weak directions from noise
 AZIMUTH_STEP_DEG = 5.0
 BETWEEN_TILTS = 4
 

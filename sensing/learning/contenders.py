@@ -1,8 +1,8 @@
 """The models that ours is measured against, fitted to the same loading paths, and what each sees of a frame.
 
-Ours and ridge learn from made-up sensors' marker fields, the physics inverse and the paper's model from pictures (their
-methods know no noise model); all are tested on pictures through the real tracker or the released pipeline. Wrenches on
-the endcap about the sphere's centre, N and N m.
+Ours and ridge learn from domain-randomised sensors' marker fields, the physics inverse and the paper's model from
+pictures (their methods know no noise model); all are tested on pictures through the real tracker or the released
+pipeline. Wrenches on the endcap about the sphere's centre, N and N m.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Views:
 
     Attributes:
         dots: tracked on the pictures. gelslim: the released field (None where it is not asked for).
-        markers: made-up sensors' views of the same loading paths; for training only.
+        markers: domain-randomised sensors' views of the same loading paths; for training only.
     """
 
     dots: Samples

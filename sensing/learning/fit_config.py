@@ -1,4 +1,4 @@
-"""Knobs of training (apart from torch, so that a command line can tell them without loading it)."""
+"""Knobs of training (apart from torch, so that a command line can list them without loading it)."""
 
 from __future__ import annotations
 

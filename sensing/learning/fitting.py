@@ -1,7 +1,7 @@
 """Fits our network to samples: linear part, principal fields, perceptron, covariance, calibration, range.
 
 Paths are parted three ways: training, validation (which epoch is best), calibration (how wide the covariance must be,
-together with the validation paths: whole paths differ, and few of them tell little), so that nothing is judged on what
+together with the validation paths: whole paths differ, and few of them say little), so that nothing is judged on what
 it was fitted to. Each axis counts in its own unit (:data:`sensing.learning.ridge.UNITS`).
 Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
 
@@ -58,7 +58,7 @@ def fit(
         progress: called after each epoch with (part, seconds, error).
         checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
         pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
-            those of its paths, because made-up sensors are not wrong in every way in which a real one is.
+            those of its paths, because domain-randomised sensors are not wrong in every way in which a real one is.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -138,7 +138,7 @@ def _started(start: WrenchModel, samples: Samples) -> WrenchNet:
 
 
 def _gain(start: WrenchModel, samples: Samples) -> Array:
-    """(6, 6) that takes the old answers to the new labels, near the identity: a few samples tell another stiffness."""
+    """(6, 6) that takes the old answers to the new labels, near the identity: a few samples show another stiffness."""
     reported, reported_for = start.predict(samples.inputs)[0] / UNITS, samples.wrenches / UNITS
     gram = reported.T @ reported
     damping = GAIN_SHARE * float(np.trace(gram)) / 6 + 1e-9

@@ -1,10 +1,10 @@
-"""Labelled states to fields without pictures: what a tracker would have given on made-up sensors. For training only.
+"""Labelled states to fields without pictures: what a tracker would give on domain-randomised sensors. For training.
 
-Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting tell nothing
-about the next one's. So every loading path is seen by several made-up sensors: what calibration leaves of camera
-mounting and focal length (:mod:`sensing.tracking.model_input` takes out the rest), dots painted beside their place or
-not at all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests use
-pictures and the real tracker.
+Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting say nothing
+about the next one's. So every loading path is seen by several domain-randomised sensors: what calibration leaves of
+camera mounting and focal length (:mod:`sensing.tracking.model_input` takes out the rest), dots painted beside their
+place or not at all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests
+use pictures and the real tracker.
 
 Displacements in mm (endcap frame) and full-size pixels; fields in pixels of the 200 x 200 crop.
 """
@@ -53,7 +53,7 @@ PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class MarkerSensor:
-    """One made-up sensor.
+    """One domain-randomised sensor.
 
     Args:
         design: the endcap. shape: (H, W) of its fields. scatter: how it differs from the nominal one.

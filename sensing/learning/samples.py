@@ -35,7 +35,7 @@ from sensing.tracking.zero import single_zero
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
 MARKERS = "markers"
-SENSORS, VIEWS = 32, 4  # made-up sensors of a set, and how many see each run
+SENSORS, VIEWS = 32, 4  # domain-randomised sensors of a set, and how many see each run
 ROW_ARRAYS = (
     "fields",
     "valid",
@@ -142,8 +142,9 @@ def shared_between(train: Samples, test: Samples) -> list[str]:
 def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int] = SHAPE) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Method ``markers`` takes the fields that made-up sensors would see (:mod:`sensing.learning.marker_fields`) instead
-    of tracking the pictures; they stand for those of ``dots``. Fields are kept beside the data until it changes.
+    Method ``markers`` takes the fields that domain-randomised sensors would see (:mod:`sensing.learning.marker_fields`)
+    instead of tracking the pictures; they stand for those of ``dots``. Fields are kept beside the data until it
+    changes.
 
     Raises:
         FileError: no such set, or an empty one. ParameterError: unknown method.
@@ -190,14 +191,14 @@ def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[
 
 
 def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
-    """The same from the labels: every run as :data:`VIEWS` of :data:`SENSORS` made-up sensors see it."""
+    """The same from the labels: every run as :data:`VIEWS` of :data:`SENSORS` domain-randomised sensors see it."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     rng = np.random.default_rng(int(data.manifest["request"]["seed"]))
     sensors = [MarkerSensor(design, shape, Scatter(), rng) for _ in range(SENSORS)]
     for file in data.shards:
         arrays = read_shard(file, COLUMNS)
         if arrays["dots_mm"].shape[1:] != sensors[0].rest_mm.shape:
-            raise ParameterError(f"{data.folder}: tells nothing of its dots (a recording?): give --method dots")
+            raise ParameterError(f"{data.folder}: says nothing of its dots (a recording?): give --method dots")
         runs = arrays["path"] + 1j * arrays["azimuth_deg"]
         for run in np.unique(runs):
             rows = np.flatnonzero(runs == run)

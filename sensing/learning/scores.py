@@ -25,9 +25,9 @@ class Score:
 
     Attributes:
         count: N. rmse, mae: (6,) by axis. mixed_mse: mean over samples and axes.
-        direction_deg: median angle between true and told force, from 1 N on.
+        direction_deg: median angle between true and reported force, from 1 N on.
         precision, recall: of contact at ``CONTACT_N``, both for truth and answer.
-        rest_n: largest force norm told where nothing touches.
+        rest_n: largest force norm reported where nothing touches.
         coverage: share of axes within 1.96 standard deviations. flagged: share out of range.
         lag_s: delay of the answers behind the truth, where it was looked for.
     """
@@ -61,7 +61,7 @@ def score(
     """Score answers (N, 6) against the truth (N, 6).
 
     Args:
-        told, truth: wrenches. contact: (N,) whether anything touches.
+        reported, truth: wrenches. contact: (N,) whether anything touches.
         covariance: (N, 6, 6). flagged: (N,) out of range.
 
     Raises:
@@ -69,10 +69,12 @@ def score(
     """
     if reported.shape != truth.shape or reported.shape[1:] != (6,) or not len(reported):
         raise ParameterError(
-            f"told {reported.shape}, truth {truth.shape}: need (N, 6) of both, N at least 1", name="told"
+            f"reported {reported.shape}, truth {truth.shape}: need (N, 6) of both, N at least 1", name="reported"
         )
     if not np.isfinite(reported).all():
-        raise ParameterError("told holds numbers that are not finite: a model must never give them", name="told")
+        raise ParameterError(
+            "reported holds numbers that are not finite: a model must never give them", name="reported"
+        )
     error = reported - truth
     force, true_force = np.linalg.norm(reported[:, :3], axis=1), np.linalg.norm(truth[:, :3], axis=1)
     clear = (true_force >= DIRECTION_N) & (force > 0)

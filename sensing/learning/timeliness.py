@@ -1,4 +1,4 @@
-"""What the filter makes of a moving contact: errors of the wrench told for the time at which it is told (s, N, N m)."""
+"""What the filter makes of a moving contact: errors of the wrench at the time it is reported for (s, N, N m)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def filtered_score(
 
     Args:
         model: answers single frames. test: frames; runs with too few for the latency are left out.
-        latency_s: from capture to answer. predict: False leaves the lag in: the answer of capture time is told late.
+        latency_s: from capture to answer. predict: False leaves the lag in: the answer of capture time comes late.
     """
     value, covariance = model.predict(test.inputs)
     answers = [
@@ -40,7 +40,7 @@ def filtered_score(
 
 
 def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:
-    """Rows of each run in the order of time; of states told for one time, the last."""
+    """Rows of each run in the order of time; of states reported for one time, the last."""
     run = np.array([f"{path} {azimuth}" for path, azimuth in zip(test.path, test.azimuth_deg, strict=True)])
     for name in np.unique(run):
         rows = np.flatnonzero(run == name)

@@ -16,7 +16,7 @@ from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
 from sensing.live.options import complete
 from sensing.live.outputs.lines import Lines
-from sensing.live.run import LiveRun, favour_the_loop, run_until_stopped
+from sensing.live.run import LiveRun, reduce_pauses, run_until_stopped
 from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import METHODS
 
@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
         add_outputs(run, options, outputs, lines)
-        favour_the_loop()
+        reduce_pauses()
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]
     losses += [said for endcap in endcaps if (said := getattr(endcap.feed, "damage", ""))]

@@ -125,7 +125,7 @@ def open_endcap(
     Args:
         source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
         zero: reference file; None to take the first frames (for a file: the first picture).
-        diameter_mm, wall_mm: the design. model: what tells the wrench; None for the one that ships.
+        diameter_mm, wall_mm: the design. model: what estimates the wrench; None for the one that ships.
 
     Raises:
         EndcapError: a source, file or design that cannot be used.

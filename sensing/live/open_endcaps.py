@@ -60,7 +60,7 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     """
     number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
     if number is not None:
-        SceneSource(number, rate_hz)  # a wrong number or a missing scene is told at once
+        SceneSource(number, rate_hz)  # a wrong number or a missing scene is refused at once
         return CameraFeed(lambda: SceneSource(number, rate_hz)), True
     if os.path.isdir(endcap.source):
         folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ)
@@ -71,7 +71,7 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
         raise ParameterError(
             f"rate_hz and exposure of {endcap.name} have no effect on {endcap.source}: leave them out", name="rate_hz"
         )
-    opener()  # a camera that is not there, a bad address or a file that cannot be read is told at once
+    opener()  # a camera that is not there, a bad address or a file that cannot be read is refused at once
     if live:
         return CameraFeed(opener), True
     return FileFeed(opener, Pace(speed)), False

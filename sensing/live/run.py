@@ -68,7 +68,7 @@ class LiveRun:
                 each.pipeline.request_undo()
 
 
-def favour_the_loop() -> None:
+def reduce_pauses() -> None:
     """Settings of the whole process for a run: threads hand over soon, and the collector leaves alone what is there.
 
     A collection of everything that the libraries have loaded stops all threads for tens of milliseconds.

@@ -221,7 +221,7 @@ class CsvFt:
 
     @property
     def note(self) -> str:
-        """Nothing to tell."""
+        """Nothing to send."""
         return ""
 
     def __enter__(self) -> CsvFt:

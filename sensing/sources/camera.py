@@ -20,12 +20,12 @@ from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
 from sensing.sources.v4l2 import CameraMode, read_modes
 
-STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is not believed
+STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is not used
 
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """What is asked of the camera; it may answer with another mode, which the frames then tell.
+    """What is asked of the camera; it may answer with another mode, which the frames then carry.
 
     Attributes:
         device: number N of /dev/videoN.
@@ -54,7 +54,7 @@ class CameraSource:
     """Frames of a camera until it is unplugged (then SourceError).
 
     Raises:
-        SourceError: no such device, no permission, or busy; the message tells which.
+        SourceError: no such device, no permission, or busy; the message says which.
     """
 
     def __init__(self, config: CameraConfig) -> None:

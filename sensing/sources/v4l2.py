@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 CAPTURE = 1  # V4L2_BUF_TYPE_VIDEO_CAPTURE
-CAP_VIDEO_CAPTURE, CAP_DEVICE_CAPS = 0x1, 0x80000000
+VIDEO_CAPTURE, DEVICE_CAPABILITIES = 0x1, 0x80000000
 DISCRETE = 1  # V4L2_FRMSIZE_TYPE_DISCRETE and V4L2_FRMIVAL_TYPE_DISCRETE
 USUAL_SIZES = ((640, 480), (800, 600), (1280, 720), (1920, 1080))  # tried where the driver gives a range
 MOST = 256  # entries of any list; a broken driver may never end it
@@ -80,7 +80,7 @@ def _captures(descriptor: int, ioctl: Ioctl) -> bool:
     buffer = bytearray(104)  # struct v4l2_capability
     ioctl(descriptor, (2 << 30) | (104 << 16) | (ord("V") << 8), buffer)  # VIDIOC_QUERYCAP is _IOR
     capabilities, device = struct.unpack_from("II", buffer, 84)
-    return bool((device if capabilities & CAP_DEVICE_CAPS else capabilities) & CAP_VIDEO_CAPTURE)
+    return bool((device if capabilities & DEVICE_CAPABILITIES else capabilities) & VIDEO_CAPTURE)
 
 
 def _entries(descriptor: int, number: int, fill: Callable[[int], bytearray], ioctl: Ioctl) -> Iterator[bytearray]:

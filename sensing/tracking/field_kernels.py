@@ -68,7 +68,7 @@ def _add(cells, line, u, v):
 
 @numba.njit(**SHORT)
 def judge_dots(precision, moved, quality, spacing, sure, trust, fewest, most):
-    """Which dots to believe, (N,) bool: those that match the reference and that the others do not contradict.
+    """Which dots are inliers, (N,) bool: those that match the reference and that the others do not contradict.
 
     Args:
         precision: (N, N) float64 Q of :class:`sensing.tracking.field_operator.FieldOperator`.
@@ -76,7 +76,7 @@ def judge_dots(precision, moved, quality, spacing, sure, trust, fewest, most):
         quality: (N,) float64 correlation with the reference; cut to 1, and 0 for dots that the others contradict.
         spacing: (N,) float64 distance to the next dot.
         sure: quality under which a dot is lost, and from which it is trusted most.
-        trust: leave-one-out residual over the spacing that is believed at these two.
+        trust: leave-one-out residual over the spacing that an inlier may have at these two.
         fewest: stop dropping when so few are left.
         most: drop at most so many, worst first.
 

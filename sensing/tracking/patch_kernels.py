@@ -15,7 +15,7 @@ import numpy as np
 
 from sensing.compiled import HELPER, KERNEL
 
-SATURATED = 252  # gray levels from here on tell nothing: blob or overexposure
+SATURATED = 252  # gray levels from here on say nothing: blob or overexposure
 COARSE_PX = 0.15  # once a step is this small the window's stretch is taken into account
 BEND_SCORE = 0.7  # a window that fits worse says nothing about its stretch
 BEND_AGAIN = 0.08  # a misfit larger than this is measured a second time from the new start

@@ -24,7 +24,7 @@ LEAST_INSIDE = 0.25  # share of a window that must lie inside the frame and be u
 OUTLINE = 0.15  # of a window's half width: how far the outline's slope reaches into a dot
 LEAST_SILICONE = 0.7  # of a window's border must be lit for the dot in it to be a whole one
 INK_WEIGHT = 0.0  # left to the inside of a dot
-SHEAR_DAMPING = 0.02  # of the mean curvature: what a window cannot tell about its stretch stays as it was
+SHEAR_DAMPING = 0.02  # of the mean curvature: what a window does not show of its stretch stays as it was
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Patches:
             descent . I / gain is the misalignment), gain (so that gain . I is the contrast relative to the reference),
             weight, and weight times texture.
         shear: (N, 4, M) weighted, projected, so that shear . I / gain is the misfit of the stretch, row by row of its
-            2 x 2 matrix; damped where a round dot cannot tell (its own rotation).
+            2 x 2 matrix; damped where a round dot does not show it (its own rotation).
         plain: (N, 4, M) x slope, y slope, texture and weight, for windows that are seen in part.
         energy: (N,) weighted variance of the texture.
     """

@@ -26,7 +26,7 @@ AGREE_PX = 4.0  # a candidate within this of the prediction is taken
 GROW_PX = 10.0  # the same while growing: narrow bumps surprise their neighbours; half a dot spacing is 11
 ROUNDS = 8
 TRIALS = 600  # pairs of dots whose motion is put to the vote
-SHORTEST_PX = 40.0  # pairs nearer than this tell no turn
+SHORTEST_PX = 40.0  # pairs nearer than this show no turn
 STRETCH = 0.07  # pairs whose distance changes by more than this share are no pair
 
 

@@ -103,7 +103,7 @@ def best_rigid_motion(centre, place, score, picks, agree, shortest, stretch):
         score: (N, C) float64 of the candidates; 0 where there is none.
         picks: (T, 4) int64: two dots and their candidates, for each trial.
         agree: a candidate within this of the motion counts with its score.
-        shortest: pairs nearer than this tell no turn.
+        shortest: pairs nearer than this show no turn.
         stretch: pairs whose distance changes by more than this share are no pair.
     """
     best = np.array([0.0, 0.0, 0.0])

@@ -29,8 +29,8 @@ from sensing.tracking.recovery import WideSearch
 
 FULL_SIZE_PX = 480  # half size costs 30 to 60 % more error in a wrench and saves a tenth of the time
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
-FEWEST_JUDGES = 5  # dots that are believed are not put in doubt by fewer than this
-TRUST = (0.1, 0.4)  # believed leave-one-out residual over the spacing, at least and at sure quality
+FEWEST_JUDGES = 5  # inliers are not put in doubt by fewer than this
+TRUST = (0.1, 0.4)  # leave-one-out residual of an inlier over the spacing, at least and at sure quality
 VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
 FEWEST_WHOLE = 8  # with fewer dots than this, those that the frame's edge cuts are better than none
 LARGEST_STRETCH = 0.5  # that a window starts from
@@ -175,7 +175,7 @@ class DotTracker:
         return _Fit(moved, stretch, quality, np.zeros(len(moved), bool))
 
     def _judged(self, fit: _Fit) -> _Fit:
-        """Which dots to believe: good correlation, and not far from what the believed others predict."""
+        """Inliers: good correlation, and not far from what the other inliers predict."""
         moved, quality = fit.moved.copy(), fit.quality.copy()
         sure = (self.config.least_quality, self.config.sure_quality)
         live = judge_dots(
@@ -189,8 +189,8 @@ class DotTracker:
         Dots that were lost before start from their neighbours' prediction anyway and get this chance now and then.
         """
         self._patience += 1
-        shaken = self._last.live.mean() < 1 - self.config.restart_share
-        worth = np.full(len(fit.live), True) if shaken or self._patience % RETRY_EVERY == 0 else self._last.live
+        disturbed = self._last.live.mean() < 1 - self.config.restart_share
+        worth = np.full(len(fit.live), True) if disturbed or self._patience % RETRY_EVERY == 0 else self._last.live
         for attempt in (self._from_neighbours, self._from_rest, self._from_search):
             bad = ~fit.live & worth
             if not bad.any():
@@ -216,7 +216,7 @@ class DotTracker:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Displacement (N, 2) and stretch (N, 2, 2) in working pixels, correlation (N,) and belief (N,)."""
+    """Displacement (N, 2) and stretch (N, 2, 2) in working pixels, correlation (N,) and inliers (N,)."""
 
     moved: NDArray[np.float64]
     stretch: NDArray[np.float64]
@@ -226,7 +226,7 @@ class _Fit:
 
 def _without_vague(dots: Dots, patches: Patches) -> Dots:
     """Dots without those whose window slides along an edge, and without those that the frame's edge cuts: what is seen
-    of them moves otherwise than their centre, by up to 0.7 px, and the whole field's sway hangs on the outermost dots.
+    of them moves otherwise than their centre, by up to 0.7 px, and the field's global bias hangs on the outermost dots.
     """
     steady = patches.uncertainty_px <= VAGUE * np.median(patches.uncertainty_px)
     if np.count_nonzero(steady & ~dots.cut) >= FEWEST_WHOLE:

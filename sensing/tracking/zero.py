@@ -1,7 +1,7 @@
 """The undeformed reference: taken from an interval without contact, stored, watched, and renewed.
 
 A touch deforms part of the skin; a lamp that ages or a camera that settles in its mount changes the whole picture at
-once. So drift is told apart by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
+once. So drift is classified by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
 all dots alike, and small, is the mounting; a change of brightness without motion is the lamp; the rest is contact.
 
 Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
@@ -104,7 +104,7 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
         NoDotsError: a frame without dots.
     """
     if len(frames) < LEAST_FRAMES:
-        raise ZeroError(f"{len(frames)} frames: at least {LEAST_FRAMES} needed to tell rest from motion")
+        raise ZeroError(f"{len(frames)} frames: at least {LEAST_FRAMES} needed to separate rest from motion")
     pictures = [decode_bgr(frame) for frame in frames]
     if len({p.shape for p in pictures}) > 1:
         raise ZeroError(f"frames of different sizes {sorted({p.shape[:2] for p in pictures})}: fix the camera mode")
@@ -113,7 +113,7 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
     moved = []
     for frame in frames:
         tracks = tracker.update(frame)
-        if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is told as what it is
+        if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is named as what it is
             reduction = working_reduction(tracker.size)
             find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
         live = ~tracks.lost

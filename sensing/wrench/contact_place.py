@@ -95,7 +95,7 @@ def line_of_action(
 def friction_use(
     wrench: Wrench, centre: PressureCentre, params: EndcapParams, coefficient: float | None = None
 ) -> Friction:
-    """Friction in use at a contact; whether it holds can be told only with a coefficient."""
+    """Friction in use at a contact; whether it holds is known only with a coefficient."""
     outward = centre.position_mm - [0, 0, params.centre_height_mm]
     outward = outward / np.linalg.norm(outward)
     normal = -float(wrench.force_n @ outward)

@@ -3,12 +3,12 @@
     tracker = WrenchFilter()
     for wrench in estimates:                      # each stamped with the middle of its frame's exposure
         tracker.update(wrench)
-        print(tracker.at(time.monotonic()))       # lag removed: told for now, not for the frame
+        print(tracker.at(time.monotonic()))       # lag removed: predicted for now, not for the frame
 
-Six motions are followed at once, from one that stands nearly still to one that jumps; each axis believes those that
-foretold its last measurements. Measurement noise is the estimate's own covariance where it tells one (its diagonal:
-axes are filtered apart). Time steps are those between capture times, so 30 or 120 Hz and dropped frames need no
-setting. N and N m, seconds.
+Six motions are followed at once, from one that stands nearly still to one that jumps; each axis weights those by how
+well they predicted its last measurements (mode probabilities). Measurement noise is the estimate's own covariance where
+it has one (its diagonal: axes are filtered apart). Time steps are those between capture times, so 30 or 120 Hz and
+dropped frames need no setting. N and N m, seconds.
 
 Notes:
     A motion has a value and a rate, F = [[1, dt], [0, 1]], and white noise on both, Q = q [[dt^3 / 3, dt^2 / 2],
@@ -16,7 +16,7 @@ Notes:
     stays positive definite; what surprises all motions widens them first, so that an impact is followed at once. They
     are mixed as autonomous multiple models (ibid., sec. 11.6.2) whose past fades. Of the lag behind a ramp well over
     the noise 0.3 % is left, of that behind a sine of frequency w an order (w lag)^2; a force that turns too fast to be
-    foretold is held by the motions without a rate. The arithmetic is in :mod:`sensing.wrench.kernels`.
+    predicted is held by the motions without a rate. The arithmetic is in :mod:`sensing.wrench.kernels`.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
-from sensing.wrench.kernels import ahead, believe, correct, mixture
+from sensing.wrench.kernels import correct, mixture, mode_probabilities, predict
 from sensing.wrench.quantiles import chi_square_quantile
 
 Array = NDArray[np.float64]
 MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # innovation beyond this: the motion changed faster than the model
 TINY = 1e-12
-LEAST_BELIEF = 1e-3  # what a motion keeps, so that it can come back within some frames
+LEAST_PROBABILITY = 1e-3  # what a motion keeps, so that it can come back within some frames
 ARM_M = 0.07  # E: about R, by which torques about the sphere's centre go with forces on the dome
 
 
@@ -65,8 +65,8 @@ class FilterConfig:
 
     Attributes:
         motions: those that are followed.
-        memory: share of the logarithm of an axis's belief that lasts from one measurement to the next, in (0, 1].
-        noise: (6,) standard deviation of a measurement where the estimate tells none, N and N m.
+        memory: part of the logarithm of an axis's mode probability that lasts from one measurement to the next, (0, 1].
+        noise: (6,) standard deviation of a measurement where the estimate has none, N and N m.
         ahead_s: longest prediction with a moving value; beyond it the value stays and "stale" is flagged.
         gap_s: after a longer silence the filter starts anew.
 
@@ -141,11 +141,11 @@ class WrenchFilter:
             return self._predicted(wrench.time_s, wrench.flags | {"missing"})
         if step > self.config.gap_s:
             return self._start(wrench, measured, variance)
-        self._state, self._covariance = self._ahead(step)
+        self._state, self._covariance = self._predict_step(step)
         value, spread = mixture(self._weight, self._state, self._covariance)
         self.nis = float(((measured - value) ** 2 / (spread + variance)).sum())
-        self._weight = believe(
-            self._weight, self._state, self._covariance, measured, variance, self.config.memory, LEAST_BELIEF
+        self._weight = mode_probabilities(
+            self._weight, self._state, self._covariance, measured, variance, self.config.memory, LEAST_PROBABILITY
         )
         correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
         self._last = wrench
@@ -177,8 +177,8 @@ class WrenchFilter:
         self._last, self.nis = wrench, float("nan")
         return self._reported(wrench.time_s, wrench.flags)
 
-    def _ahead(self, step: float) -> tuple[Array, Array]:
-        return ahead(self._state, self._covariance, step, self._walk, self._density)
+    def _predict_step(self, step: float) -> tuple[Array, Array]:
+        return predict(self._state, self._covariance, step, self._walk, self._density)
 
     def _variance(self, covariance: Array) -> Array:
         reported = covariance.diagonal()
@@ -187,9 +187,9 @@ class WrenchFilter:
     def _predicted(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
         step = time_s - self._last.time_s
-        state, covariance = self._ahead(step)
+        state, covariance = self._predict_step(step)
         if step > self.config.ahead_s:
-            state = self._ahead(self.config.ahead_s)[0]
+            state = self._predict_step(self.config.ahead_s)[0]
             flags = flags | {"stale"}
         return _wrench(time_s, mixture(self._weight, state, covariance), self._last.frame, flags)
 

@@ -112,7 +112,7 @@ def _range(seen, gram, square):
 
 
 @numba.njit(**_KERNEL)
-def ahead(state, covariance, step, walk, density):
+def predict(state, covariance, step, walk, density):
     """States (M, 2, 6) and covariances (M, 3, 6: of values, with rates, of rates) of M motions after a ``step``."""
     value, spread = state.copy(), covariance.copy()
     for m in range(len(state)):
@@ -126,7 +126,7 @@ def ahead(state, covariance, step, walk, density):
 
 
 @numba.njit(**_KERNEL)
-def believe(weight, state, covariance, measured, variance, memory, least):
+def mode_probabilities(weight, state, covariance, measured, variance, memory, least):
     """Weights (M, 6) after a measurement (6,), before it is taken in: Bayes' rule with a fading past, none at zero."""
     count, reported = len(weight), np.empty(weight.shape)
     for k in range(6):

@@ -16,7 +16,7 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.reading import EndcapReading
 
 STANDING = 3  # endcaps that carry the whole robot
-TOLERANCE = 0.25  # E: of the weight, by which the force sum may differ before it is told
+TOLERANCE = 0.25  # E: of the weight, by which the force sum may differ before it is reported
 OLD_S = 0.5  # a reading older than this says nothing about now
 
 
@@ -26,8 +26,8 @@ class RobotState:
 
     Attributes:
         touching: names of the endcaps that touch. since_s: of each, capture time at which contact began.
-        unknown: names of the endcaps that cannot tell.
-        force_n: (3,) sum over the endcaps that touch, robot frame. weight_n: of the robot; 0 where not told.
+        unknown: names of the endcaps whose contact is not known.
+        force_n: (3,) sum over the endcaps that touch, robot frame. weight_n: of the robot; 0 where not given.
         standing: at least three touch. consistent: whether the force sum carries the weight; None unless standing.
     """
 

@@ -12,7 +12,7 @@ from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.tracking.model_input import model_input
 
-PATIENCE_S = 1.5  # what takes longer is told
+PATIENCE_S = 1.5  # what takes longer is announced
 JUMP_PX = 25  # a picture shifted by this makes the tracker search
 
 
@@ -20,7 +20,7 @@ def warm_up(say: Callable[[str], object]) -> None:
     """Follow the dots of a drawing at rest, shifted and half covered: every way through the tracker.
 
     Args:
-        say: is told, from another thread, when this takes long.
+        say: is called, from another thread, when this takes long.
     """
     reported = threading.Timer(
         PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"]

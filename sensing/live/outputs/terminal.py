@@ -37,9 +37,9 @@ class Terminal:
         robot: RobotState,
         notes: Sequence[str],
     ) -> None:
-        """Rewrite all lines, or tell what has changed."""
+        """Rewrite all lines, or print what has changed."""
         if not self._tty:
-            self._tell_changes(healths)
+            self._print_changes(healths)
             return
         width = shutil.get_terminal_size().columns - 1
         lines = [endcap_line(health, readings.get(health.endcap)) for health in healths]
@@ -49,7 +49,7 @@ class Terminal:
         self._stream.flush()
         self._lines = len(lines)
 
-    def _tell_changes(self, healths: Sequence[EndcapHealth]) -> None:
+    def _print_changes(self, healths: Sequence[EndcapHealth]) -> None:
         for health in healths:
             said = health.message.split(" for ")[0] or health.status
             if self._said.get(health.endcap) != said:

@@ -1,4 +1,4 @@
-"""What the run and the page's process tell one another, over a pair of sockets; standard library only.
+"""What the run and the page's process say to one another, over a pair of sockets; standard library only.
 
 The page's process sends lines: ``look 0 2``, or one of the viewers' words with the number of an endcap and the time
 (ms) of the state that the viewer saw: a button pressed on an old state does nothing (:func:`is_fresh`). A look is

@@ -1,4 +1,4 @@
-"""The page of a run: a web server in a process of its own, on loopback unless told, that can never hold the loop up.
+"""The page of a run: a web server in a process of its own, on loopback by default, that can never hold the loop up.
 
 The page's process (:mod:`sensing.live.web.process`) asks for the newest state while somebody looks, one thread here
 answers; nothing is made for nobody, and however many look, it is made once. What comes back from there is one of four

@@ -86,7 +86,7 @@ class Link:
     """The run as the page sees it.
 
     Attributes:
-        hello: what every viewer is told first. token: it must know; empty for none. endcaps: their number.
+        hello: what every viewer gets first. token: it must know; empty for none. endcaps: their number.
         pictures: by endcap, (count of its changes, JPEG).
     """
 

@@ -1,4 +1,4 @@
-"""What the page is told, as plain JSON: everything once at the start, then the newest numbers whenever it asks."""
+"""What the page gets, as plain JSON: everything once at the start, then the newest numbers whenever it asks."""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ def settled(stage: Stage) -> None:
 
 
 def test_without_a_reference_the_picture_is_shown_with_its_dots_and_the_reason_then_the_server_goes(tab, tmp_path):
-    with Stage(tmp_path, tab, Shown("shaken")) as stage:
+    with Stage(tmp_path, tab, Shown("disturbed")) as stage:
         tab.until("live() && latest.endcaps[0].status === 'waiting for a reference' && latest.selected")
         assert re.search(r"waiting for a reference: \S+", tab.value(CARD.format("h")))
         assert tab.value(CARD.format("n")) == "–" and "not yet" in tab.value("$('health').innerText")

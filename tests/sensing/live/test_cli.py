@@ -26,7 +26,7 @@ def address():
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_stop_is_clean_and_tells_what_was_done(address, tmp_path, number):
+def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
     path = tmp_path / "run.mcap"
     with program("--url", address, "--port", "0", "--record", str(path)) as process:
         said = []

@@ -102,7 +102,7 @@ def talk(site: Site, *messages: str, **options) -> list:
 
 
 # --- what is shown ---------------------------------------------------------------------------------------------
-def test_the_socket_tells_names_then_numbers_then_a_picture(site):
+def test_the_socket_gives_names_then_numbers_then_a_picture(site):
     hello, reported, picture = talk(site, '{"do":"show","endcap":1}', '{"do":"show","endcap":1}')
     assert [endcap["name"] for endcap in hello["hello"]] == ["endcap_0", "endcap_1", "endcap_2"]
     reported = json.loads(reported)

@@ -89,7 +89,7 @@ def test_a_scene_that_is_missing_or_damaged_is_reported(tmp_path):
 
 
 # --- pictures --------------------------------------------------------------------------------------------------
-def test_pictures_are_kept_and_a_damaged_file_of_them_is_not_believed(film, monkeypatch):
+def test_pictures_are_kept_and_a_damaged_file_of_them_is_not_used(film, monkeypatch):
     kept = next(film.folder.iterdir())
     monkeypatch.setattr(robot_frames, "_render", lambda *_: pytest.fail("rendered again"))
     again = robot_frames.load_film(film.folder)
@@ -123,7 +123,7 @@ def test_a_camera_that_is_not_there_is_refused(film, number, rate):
 
 # --- from picture to contact set -------------------------------------------------------------------------------
 def contact_sets(film, model: LiveModel, ticks: range) -> list[tuple[int, tuple, tuple, object]]:
-    """(tick, true contact set, told contact set, robot state) of the ticks, zeroed on the first ten frames."""
+    """(tick, true contact set, reported contact set, robot state) of the ticks, zeroed on the first ten frames."""
     config = scene.scene_config()
     pipes = [
         EndcapPipeline(
@@ -153,7 +153,7 @@ def test_the_contact_set_of_six_endcaps_follows_the_scene(film):
     assert [truth for truth, _ in judged] == [reported for _, reported in judged]
 
 
-def test_the_default_model_tells_contacts_and_weight_of_the_scene(film):
+def test_the_default_model_reports_contacts_and_weight_of_the_scene(film):
     try:
         model = load_model("default", EndcapParams(130, 8))
     except FileError:
@@ -164,7 +164,7 @@ def test_the_default_model_tells_contacts_and_weight_of_the_scene(film):
     assert len(standing) > 6 and all(state.consistent for state in standing[3:])
 
 
-def test_a_calibrated_camera_that_is_turned_tells_the_same_wrench(film, tmp_path):
+def test_a_calibrated_camera_that_is_turned_gives_the_same_wrench(film, tmp_path):
     """The picture turned by 180 degrees, and a calibration that says so."""
     import cv2
 

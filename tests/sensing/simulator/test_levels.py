@@ -1,4 +1,4 @@
-"""The one door to the levels: same answers whatever mesh half or level gives them."""
+"""The one facade of the levels: same answers whatever mesh half or level gives them."""
 
 import numpy as np
 import pytest

@@ -213,7 +213,7 @@ def test_missing_camera_is_named():
         CameraSource(CameraConfig(device=77))
 
 
-def test_driver_stamp_is_believed_only_when_near_the_arrival():
+def test_driver_stamp_is_used_only_when_near_the_arrival():
     assert capture_time_s(99.98, 100.0) == 99.98
     assert capture_time_s(0.0, 100.0) == 100.0 and capture_time_s(100.1, 100.0) == 100.0
 

@@ -56,7 +56,7 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
     tracker.update(wrench(np.zeros(6), 0.0))
     x = np.zeros((3, 6, 2))
     P = np.array([[np.diag([r**2, (m.start_rate * a) ** 2]) for r, a in zip(SIGMA, ARM, strict=True)] for m in motions])
-    belief = np.full((3, 6), 1 / 3)
+    probability = np.full((3, 6), 1 / 3)
     for k, dt in enumerate((0.033, 0.05, 0.033, 0.4, 0.033)):
         measured = SIGMA * rng.normal(size=6) + (k == 4) * 400.0
         F, G = np.array([[1, dt], [0, 1]]), np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
@@ -64,14 +64,14 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
             for axis in range(6):
                 noise = ARM[axis] ** 2 * (motion.acceleration * G + motion.walk * np.diag([dt, 0.0]))
                 x[m, axis], P[m, axis] = F @ x[m, axis], F @ P[m, axis] @ F.T + noise
-        reported = (belief * x[:, :, 0]).sum(axis=0)
-        spread = (belief * (P[:, :, 0, 0] + (x[:, :, 0] - reported) ** 2)).sum(axis=0)
+        reported = (probability * x[:, :, 0]).sum(axis=0)
+        spread = (probability * (P[:, :, 0, 0] + (x[:, :, 0] - reported) ** 2)).sum(axis=0)
         nis = ((measured - reported) ** 2 / (spread + SIGMA**2)).sum()
         density = stats.norm.pdf(measured, x[:, :, 0], np.sqrt(P[:, :, 0, 0] + SIGMA**2))
         if k < 4:  # of the surprise all densities are 0 in floating point
-            belief = belief**0.8 * density
-            belief = np.maximum(belief / belief.sum(axis=0), 1e-3)
-            belief /= belief.sum(axis=0)
+            probability = probability**0.8 * density
+            probability = np.maximum(probability / probability.sum(axis=0), 1e-3)
+            probability /= probability.sum(axis=0)
         innovation = measured - x[:, :, 0]
         surprise = (innovation**2 / (P[:, :, 0, 0] + SIGMA**2)).sum(axis=1).min() > MANEUVER_NIS
         assert surprise == (k == 4)
@@ -90,9 +90,9 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
             np.stack([P[:, :, 0, 0], P[:, :, 0, 1], P[:, :, 1, 1]], axis=1), rel=1e-9
         )
         if k < 4:
-            value = (belief * x[:, :, 0]).sum(axis=0)
+            value = (probability * x[:, :, 0]).sum(axis=0)
             assert np.concatenate([after.force_n, after.torque_nm]) == pytest.approx(value, rel=1e-9)
-            variance = (belief * (P[:, :, 0, 0] + (x[:, :, 0] - value) ** 2)).sum(axis=0)
+            variance = (probability * (P[:, :, 0, 0] + (x[:, :, 0] - value) ** 2)).sum(axis=0)
             assert after.covariance.diagonal() == pytest.approx(variance, rel=1e-9)
 
 
@@ -129,7 +129,7 @@ def test_a_ramp_is_reported_without_lag(rate_hz):
     reported = tracker.at(times[-1] + 0.08)
     off = np.concatenate([reported.force_n, reported.torque_nm]) - slope * (times[-1] + 0.08)
     left = np.abs(off / (0.08 * slope))
-    assert left[:3].max() < 0.005  # the motions without a rate keep a little belief,
+    assert left[:3].max() < 0.005  # the motions without a rate keep a little probability,
     assert left[3:].max() < 0.02  # and more where a step of the ramp is a tenth of the noise
 
 

@@ -27,7 +27,7 @@ QUICK = FitConfig(components=12, hidden=24, epochs=28, batch=96, rate=1e-2, deca
 
 
 def bump_fields(wrenches, side=SIDE):
-    """A made-up dome: a push at a place spreads the field there, a pull across shifts it; a little nonlinear."""
+    """A simple dome: a push at a place spreads the field there, a pull across shifts it; a little nonlinear."""
     y, x = (np.mgrid[0:side, 0:side] + 0.5) * 2 / side - 1
     force, torque = wrenches[:, :3, None, None], wrenches[:, 3:, None, None]
     lever = np.stack([-torque[:, 1], torque[:, 0]], 1)[:, :, 0] / 2

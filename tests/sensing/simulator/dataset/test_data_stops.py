@@ -80,7 +80,7 @@ def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_workers_go_with_a_command_that_is_ended(tmp_path: Path, how: signal.Signals) -> None:
-    """It cannot end them itself then, and nobody told them."""
+    """It cannot end them itself then, and nobody stops them."""
     with running(tmp_path) as run:
         os.kill(run.pid, how)
         assert run.wait(timeout=30) == -how

@@ -71,8 +71,8 @@ def test_how_deep_a_body_reaches_into_the_undeformed_dome_is_its_depth(half: She
     translation = indenter.frame() @ np.array([-0.3, 0.0, 0.0])
     reach = deepest_mm(half.surface, indenter.body(half.geometry), half.solid.mesh.points, translation)
     assert reach == pytest.approx(0.3, abs=0.02)  # the mesh follows the sphere to 0.01 mm
-    felt = free_memory(half.surface, half.solid.mesh.points - translation, indenter.body(half.geometry))
-    assert kind == "plane" or felt.gap.min() > 0  # the points alone would have said: no contact
+    measured = free_memory(half.surface, half.solid.mesh.points - translation, indenter.body(half.geometry))
+    assert kind == "plane" or measured.gap.min() > 0  # the points alone would have said: no contact
 
 
 @pytest.mark.parametrize("level", [1, 2])

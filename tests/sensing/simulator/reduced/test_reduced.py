@@ -153,7 +153,7 @@ def test_what_level_3_cannot_be_trusted_with_goes_to_level_2(fast: FrozenPress, 
     assert narrow.attempt(state, PATH[1]) is None  # contact on faces that training is said never to have touched
 
 
-def test_the_door_trains_once_and_says_who_answered(reduced: ReducedModel, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_facade_trains_once_and_says_who_answered(reduced: ReducedModel, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
     def known(_: ShellModel, indenter: Indenter) -> ReducedModel:

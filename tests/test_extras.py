@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 import sys
+import tempfile
 import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -143,7 +145,11 @@ def bare(code_or_module: list[str]) -> subprocess.CompletedProcess[str]:
     code += (
         f"sys.argv = {code_or_module!r}\nrunpy.run_module({code_or_module[0]!r}, run_name='__main__', alter_sys=True)\n"
     )
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    with tempfile.TemporaryDirectory() as cache:  # an export in the user's cache would need no library
+        environment = {**os.environ, "XDG_CACHE_HOME": cache}
+        return subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=environment, timeout=60
+        )
 
 
 @pytest.mark.parametrize("command", ["fab.molds", "sensing.live", "sensing.simulator", "sensing.train"])

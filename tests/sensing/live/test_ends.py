@@ -69,7 +69,7 @@ def test_a_file_has_ended_when_its_last_frame_is_worked_on_and_not_when_it_is_re
 def test_an_end_while_zeroing_is_clean(address):
     with program("--url", address, "--url", address, "--no-page") as process:
         for line in process.stdout:
-            if "zeroing" in line:
+            if "zeroing" in line or "running" in line:  # an idle machine can be past zeroing before it is printed
                 break
         time.sleep(0.3)  # ten frames are there: the reference is being prepared
         process.send_signal(signal.SIGTERM)
@@ -178,7 +178,7 @@ def test_a_replay_keeps_no_frames_and_is_not_zeroing(recording):
     with Engine(endcaps, [Sink()]) as engine:
         assert engine.wait(60)
     assert endcaps[0].stats.frames == 60 and most - before < 15  # some wait for the loop
-    assert "zeroing" not in seen and endcaps[0].health.message == ""
+    assert "zeroing" not in seen and "zero" not in endcaps[0].health.message
 
 
 def test_the_index_of_a_recording_does_not_grow_in_memory(tmp_path):

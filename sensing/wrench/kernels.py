@@ -70,12 +70,12 @@ def _product(line, x):
 @numba.njit(**_HELPER)
 def _units(weight, bias, inputs, anchored):
     """Answers silu(a + b) of a layer's units; ``anchored``: minus silu(b)."""
-    reported = np.empty(len(bias))
+    activation = np.empty(len(bias))
     for k in range(len(bias)):
-        reported[k] = _silu(_product(weight[k], inputs) + bias[k])
+        activation[k] = _silu(_product(weight[k], inputs) + bias[k])
         if anchored:
-            reported[k] -= _silu(np.float64(bias[k]))
-    return reported
+            activation[k] -= _silu(np.float64(bias[k]))
+    return activation
 
 
 @numba.njit(**_HELPER)
@@ -128,25 +128,25 @@ def predict(state, covariance, step, walk, density):
 @numba.njit(**_KERNEL)
 def mode_probabilities(weight, state, covariance, measured, variance, memory, least):
     """Weights (M, 6) after a measurement (6,), before it is taken in: Bayes' rule with a fading past, none at zero."""
-    count, reported = len(weight), np.empty(weight.shape)
+    count, probability = len(weight), np.empty(weight.shape)
     for k in range(6):
         best, total, kept = -math.inf, 0.0, 0.0
         for m in range(count):
             spread = covariance[m, 0, k] + variance[k]
             innovation = measured[k] - state[m, 0, k]
-            reported[m, k] = memory * math.log(weight[m, k]) - 0.5 * (
+            probability[m, k] = memory * math.log(weight[m, k]) - 0.5 * (
                 innovation * innovation / spread + math.log(spread)
             )
-            best = max(best, reported[m, k])
+            best = max(best, probability[m, k])
         for m in range(count):
-            reported[m, k] = math.exp(reported[m, k] - best)
-            total += reported[m, k]
+            probability[m, k] = math.exp(probability[m, k] - best)
+            total += probability[m, k]
         for m in range(count):
-            reported[m, k] = max(reported[m, k] / total, least)
-            kept += reported[m, k]
+            probability[m, k] = max(probability[m, k] / total, least)
+            kept += probability[m, k]
         for m in range(count):
-            reported[m, k] /= kept
-    return reported
+            probability[m, k] /= kept
+    return probability
 
 
 @numba.njit(**_KERNEL)

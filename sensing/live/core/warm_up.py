@@ -22,11 +22,9 @@ def warm_up(say: Callable[[str], object]) -> None:
     Args:
         say: is called, from another thread, when this takes long.
     """
-    reported = threading.Timer(
-        PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"]
-    )
-    reported.daemon = True
-    reported.start()
+    notice = threading.Timer(PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"])
+    notice.daemon = True
+    notice.start()
     try:
         image, _ = draw_dots(Drawing(specks=0, digit=""))
         covered = image.copy()
@@ -35,4 +33,4 @@ def warm_up(say: Callable[[str], object]) -> None:
         for number, picture in enumerate((image, covered, np.roll(image, JUMP_PX, axis=1))):
             seen.update(Frame(float(number), number, "drawing", image=np.ascontiguousarray(picture)))
     finally:
-        reported.cancel()
+        notice.cancel()

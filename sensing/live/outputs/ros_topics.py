@@ -169,7 +169,7 @@ def _writers(endcaps: tuple[str, ...], domain: int) -> tuple[dict[str, dict[str,
 
 
 def _domain(domain: int | None) -> int:
-    reported = os.environ.get("ROS_DOMAIN_ID", "0") if domain is None else str(domain)
-    if not (reported.isascii() and reported.isdigit() and len(reported) < 5) or int(reported) > MOST_DOMAIN:
-        raise ParameterError(f"ROS_DOMAIN_ID={reported} outside 0..{MOST_DOMAIN}", name="domain", value=reported)
-    return int(reported)
+    text = os.environ.get("ROS_DOMAIN_ID", "0") if domain is None else str(domain)
+    if not (text.isascii() and text.isdigit() and len(text) < 5) or int(text) > MOST_DOMAIN:
+        raise ParameterError(f"ROS_DOMAIN_ID={text} outside 0..{MOST_DOMAIN}", name="domain", value=text)
+    return int(text)

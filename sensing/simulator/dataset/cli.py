@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from cad.plain_numbers import plain_number
+from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset.request import LAMPS, PATH_LEVELS, RENDERERS, DataRequest
 from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
 from sensing.simulator.protocols.catalogue import PROTOCOLS
@@ -48,6 +49,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option("diameter_mm", plain_number, "diameter D, mm", "--diameter")
     option("wall_mm", plain_number, "wall T, mm", "--wall")
     option("silicone", str, "row of cad/materials.csv")
+    option("indenter", str, "what presses", choices=tuple(KINDS))
+    option("radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
     option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
     option("seed", int, "seed of the paths")
     option("azimuths", int, "labelled azimuths of every solved state")

@@ -71,7 +71,7 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath]) -> dict[str, NDArr
     references: list[bytes] = []
     refusals: list[str] = []
     for number, path in enumerate(paths):
-        states, refused = path_states(tools.simulator, path)
+        states, refused = path_states(tools.simulator, path, request.body(path.tilt_deg))
         refusals += refused
         settings = _settings(request, path)
         if tools.renderer is not None:

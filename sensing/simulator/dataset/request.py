@@ -12,6 +12,7 @@ from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
+from sensing.simulator.contact.indenter import KINDS, Indenter
 from sensing.simulator.levels import MAX_TOLERANCE
 from sensing.simulator.protocols.catalogue import load_path
 from sensing.simulator.protocols.loading import LoadPath
@@ -37,6 +38,8 @@ class DataRequest:
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
+        indenter, radius_mm: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a sphere or
+            edge, ignored for the plane.
         protocol, seed: loading paths. azimuths: labelled azimuths of every solved state.
         render: quality of the pictures (:data:`sensing.simulator.render.settings.LEVELS`), or ``off``.
         lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.
@@ -55,6 +58,8 @@ class DataRequest:
     level: int = 2
     tolerance: float = TOLERANCE
     rate_effects: bool = False
+    indenter: str = "plane"
+    radius_mm: float = 20.0
     protocol: str = "static"
     seed: int = 0
     azimuths: int = 4
@@ -78,7 +83,8 @@ class DataRequest:
                 name="tolerance",
                 value=self.tolerance,
             )
-        for name, known in (("density", DENSITIES), ("render", RENDERERS), ("lamp", LAMPS), ("level", PATH_LEVELS)):
+        choices = {"indenter": KINDS, "density": DENSITIES, "render": RENDERERS, "lamp": LAMPS, "level": PATH_LEVELS}
+        for name, known in choices.items():
             value = getattr(self, name)
             if value not in known:
                 raise ParameterError(
@@ -92,6 +98,7 @@ class DataRequest:
                 value=self.protocol,
             )
         silicone(self.silicone)
+        self.body(0.0)
         _ = self.params, self.settings, self.prony
 
     @property
@@ -110,6 +117,14 @@ class DataRequest:
         paint = Paint(unpainted=self.unpainted, missing=self.missing, smeared=self.smeared, extra=self.extra)
         plain = RenderSettings(seed=self.sensor, paint=paint)
         return plain if self.render == "off" else plain.at_level(self.render)  # type: ignore[arg-type]
+
+    def body(self, tilt_deg: float) -> Indenter:
+        """What presses, where it first touches.
+
+        Raises:
+            ParameterError: a radius that is not positive, or a tilt that no indenter reaches.
+        """
+        return Indenter(tilt_deg, self.indenter, self.radius_mm)
 
     @property
     def mounted(self) -> MountedCamera:

@@ -35,15 +35,21 @@ class PathState:
     end: SceneState
 
 
-def path_states(simulator: Simulator, path: LoadPath) -> tuple[list[PathState], list[str]]:
+def path_states(
+    simulator: Simulator, path: LoadPath, body: Indenter | None = None
+) -> tuple[list[PathState], list[str]]:
     """States of a path and its refusals, one line each; after a refusal, waypoints are lost until the body is clear.
 
     With rate effects they are lost to the end: what the shell would remember is not known.
 
+    Args:
+        simulator: solves the states. path: where the body goes.
+        body: what presses; None for a plane at the path's tilt.
+
     Raises:
         ParameterError: rate effects on a path that carries no time.
     """
-    scene = Scene(Indenter(tilt_deg=path.tilt_deg), path.friction)
+    scene = Scene(body or Indenter(tilt_deg=path.tilt_deg), path.friction)
     states: list[PathState] = []
     refusals: list[str] = []
     waypoints = _remembered(path) if simulator.prony else path.waypoints

@@ -31,7 +31,8 @@ from sensing.simulator.protocols.loading import PHASES, LoadPath
 
 MAX_WORKERS = 1024
 CONNECT_S = 15
-ADDED_SINCE = {"rate_effects": False, "prony": []}  # what a manifest written before these options means by its silence
+# What a manifest written before these options means by its silence.
+ADDED_SINCE = {"rate_effects": False, "prony": [], "indenter": "plane", "radius_mm": 20.0}
 
 
 def write_dataset(request: DataRequest, folder: Path, workers: int = 1, scheduler: str | None = None) -> int:

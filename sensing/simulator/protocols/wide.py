@@ -1,0 +1,70 @@
+"""``wide`` protocol: any tilt from 0 to 60 degrees, loads to 60 N, travel along the surface on the way (N, mm, s).
+
+Wider than the authors' grid (``static``), so that a model can be trained and judged beyond it. Tilts come from six
+strata of 10 degrees in turn, top loads from three, so that 18 paths fill every cell of a table by tilt and load.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sensing.simulator.press.press import Target
+from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
+from sensing.simulator.protocols.static import APPROACH_MM, FRICTION_RANGE
+
+STRATA, STRATUM_DEG = 6, 10.0
+PATHS_PER_TILT = 3  # neighbours share their tilt, so that level 2 can share its tangents
+TOPS_N = ((45.0, 60.0), (30.0, 45.0), (12.0, 30.0))  # of the three paths at one tilt
+STEP_N, JITTER_N = 5.0, 2.3  # between set-points, and how far each may lie beside its own
+TOUCHES, TOUCH_N = 3, (0.3, 4.5)
+TRAVEL_STATES = 7
+RADIUS_MM = (0.5, 4.0)  # E, as in the static protocol
+DRIFT_MM = 0.25  # E: standard deviation of the travel along each axis from one set-point to the next
+UNLOAD = (0.8, 0.55, 0.35, 0.2, 0.07)  # of the top load
+
+
+def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
+    """One press: set-points up to the top load with some travel, an arc at the top, unloading.
+
+    Args:
+        seed: of the data set. number: of the path.
+        azimuths: how many azimuths (any, uniform) are labelled from it.
+    """
+    group, place = divmod(number, PATHS_PER_TILT)
+    share = float(np.random.default_rng([seed, group, 4]).uniform())  # one tilt for the group
+    tilt = STRATUM_DEG * (group % STRATA + share)
+    rng = np.random.default_rng([seed, number, 3])
+    top = float(rng.uniform(*TOPS_N[place]))
+    steps = np.arange(STEP_N, top - 0.5 * STEP_N, STEP_N)
+    loads = [
+        *np.sort(rng.uniform(0.3, 4.5, TOUCHES)),
+        *(steps + rng.uniform(-0.5, 0.5, len(steps)) * STEP_N * 0.9),
+        top,
+    ]
+    shifts = np.cumsum(rng.normal(0.0, DRIFT_MM, (len(loads), 2)), axis=0)
+    points = [Waypoint("approach", None, apart) for apart in APPROACH_MM]
+    for k, (load, shift) in enumerate(zip(loads, shifts, strict=True)):
+        points.append(_pressed("touch" if k < TOUCHES else "load", load, shift))
+    arc = _arc(rng, shifts[-1])
+    points += [_pressed("circle", top, shift) for shift in arc]
+    points += [_pressed("unload", part * top, arc[-1]) for part in UNLOAD]
+    points.append(Waypoint("clear", None, APPROACH_MM[-1]))
+    turns = tuple(float(a) for a in rng.uniform(0, 360, azimuths))
+    return LoadPath(number, tilt, float(rng.uniform(*FRICTION_RANGE)), turns, timed(points))
+
+
+def _pressed(phase: str, load_n: float, shift_mm: np.ndarray) -> Waypoint:
+    return Waypoint(phase, Target(normal_n=float(load_n), shift_mm=(float(shift_mm[0]), float(shift_mm[1]))))
+
+
+def _arc(rng: np.random.Generator, start_mm: np.ndarray) -> np.ndarray:
+    """(TRAVEL_STATES, 2) places on part of a circle from the start, any heading, sense and length."""
+    radius = float(rng.uniform(*RADIUS_MM))
+    heading, sense = float(rng.uniform(0, 2 * math.pi)), float(rng.choice([-1.0, 1.0]))
+    angle = (
+        heading + sense * float(rng.uniform(0.3, 1.0)) * 2 * math.pi * np.arange(1, TRAVEL_STATES + 1) / TRAVEL_STATES
+    )
+    along = np.stack([np.sin(angle) - math.sin(heading), math.cos(heading) - np.cos(angle)], axis=1)
+    return np.asarray(start_mm + radius * along)

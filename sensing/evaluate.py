@@ -175,7 +175,8 @@ def _subsets(test: Samples) -> dict[str, NDArray[np.bool_]]:
 
 
 def _refuse_leaks(model: WrenchModel, training: Samples | None, test: Samples) -> None:
-    shared = [f"path {name}" for name in sorted(set(model.about["training"]["paths"]) & set(test.path))]
+    known = {*model.about["training"]["paths"], *model.about.get("intervals", {}).get("paths", ())}
+    shared = [f"path {name}" for name in sorted(known & set(test.path))]
     if training is not None:
         shared += shared_between(training, test)
     if shared:

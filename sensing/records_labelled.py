@@ -5,14 +5,16 @@
     for item in data.frames(train):
         item.frame, item.reference, item.wrench, item.contact, item.dots_px
 
-A folder holds ``manifest.json`` (what was asked for), ``camera.json`` (:mod:`sensing.camera.mount`), ``dots.npz``
-(positions at rest, mm, endcap frame) and ``shards/NNNNN.npz``. A shard's columns (:data:`COLUMNS`) have one row a
-frame; ``jpeg`` and ``reference_jpeg`` hold all its pictures end to end, picture i ending at ``jpeg_end[i]``. Units are
-in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at the origin of the endcap frame.
+A folder holds ``manifest.json`` (what was asked for, in how many shards), ``camera.json``
+(:mod:`sensing.camera.mount`), ``dots.npz`` (positions at rest, mm, endcap frame) and ``shards/NNNNN.npz``. A shard's
+columns (:data:`COLUMNS`) have one row a frame; ``jpeg`` and ``reference_jpeg`` hold all its pictures end to end,
+picture i ending at ``jpeg_end[i]``. Units are in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at
+the origin of the endcap frame.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -118,6 +120,27 @@ class LabelledSet:
                 f"{self.folder / 'manifest.json'}: no design in it ({error}): write the set again"
             ) from error
 
+    def path_name(self, number: int) -> str:
+        """Identity of a loading path: sets with equal ones have seen the same motion."""
+        request = self.manifest["request"]
+        return f"{request['protocol']}-{request['seed']}-{number}"
+
+    def require_whole(self) -> None:
+        """Refuse a set that somebody is still writing, or that lacks shards which were asked for.
+
+        Raises:
+            FileError: such a set, or one without any shard.
+        """
+        if not self.shards:
+            raise FileError(f"{self.folder}: a set without shards: let the command that writes it run first")
+        wanted = int(self.manifest.get("shards", 0))
+        if _is_locked(self.folder) or len(self.shards) < wanted:
+            said = f"{len(self.shards)} of {wanted} shards" if wanted else f"{len(self.shards)} shards so far"
+            raise FileError(
+                f"{self.folder}: not whole ({said}), still being written or interrupted: let the command that writes "
+                "it run to its end, or give it again to complete the set"
+            )
+
     @property
     def has_pictures(self) -> bool:
         """False for a set that was written with ``--render off``."""
@@ -181,6 +204,18 @@ class LabelledSet:
             phase=self.phases[int(labels["phase"])],
             labels=labels,
         )
+
+
+def _is_locked(folder: Path) -> bool:
+    """Whether a writer holds the folder; its lock goes with its process."""
+    try:
+        with (folder / ".lock").open() as stream:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False  # never locked
+    return False
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Labelled frames to weights: ``python -m sensing.train --help``.
 
     python -m sensing.train exports/data --out weights.safetensors
+    python -m sensing.train exports/data --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
     python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors      # own recording
 
 An interrupted run goes on when the same command is given again. Wrenches about the sphere's centre, N and N m.
@@ -61,6 +62,10 @@ def _run(options: argparse.Namespace) -> int:
 
     kept = options.out.with_name(f".{options.out.name}.checkpoint")
     model = fit(samples, config, start, progress, kept, pictures)
+    if options.intervals:
+        from sensing.evaluation.intervals import with_intervals
+
+        model = with_intervals(model, options.intervals)
     model.save(options.out)
     rmse = model.about["metrics"]["validation_rmse"]
     said = ", ".join(f"{value:.3f}" for value in rmse[:3]), ", ".join(f"{value:.4f}" for value in rmse[3:])
@@ -89,6 +94,10 @@ def _parser() -> argparse.ArgumentParser:
         "--method", default=MARKERS,
         help=f"{MARKERS}: labels of simulated frames as domain-randomised sensors would see them (default); dots: "
         "the pictures, through the tracker (own recordings)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--intervals", type=Path, nargs="+", default=[], metavar="DATA",
+        help="frames of other sensors on paths of their own: the live errors there scale the 95 %% intervals",
     )  # fmt: skip
     parser.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
     parser.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")

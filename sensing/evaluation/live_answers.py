@@ -10,8 +10,10 @@ the sphere's centre, N and N m.
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,7 @@ from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
 from sensing.records_labelled import LabelledFrame, LabelledSet
 from sensing.tracking.zero import single_zero
 
@@ -34,18 +37,20 @@ class LiveAnswers:
     """Answers of single frames (the filter comes after them), in the order of the set.
 
     Attributes:
-        value, truth: (N, 6) wrenches. covariance: (N, 6, 6).
+        value, truth: (N, 6) wrenches. covariance: (N, 6, 6); model_covariance: (N, 6, 6), without what the camera adds.
         flagged: (N,) bool, True where the answer came with any flag.
         tilt_deg: (N,) polar angle of first contact, NaN where unknown.
-        contact: (N,) bool.
+        contact: (N,) bool. path: (N,) str, identity of the loading path.
     """
 
     value: Array
     truth: Array
     covariance: Array
+    model_covariance: Array
     flagged: NDArray[np.bool_]
     tilt_deg: Array
     contact: NDArray[np.bool_]
+    path: NDArray[np.str_]
 
     def take(self, rows: NDArray) -> LiveAnswers:
         """Some of the answers, by index or mask."""
@@ -63,31 +68,38 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
     Raises:
         FileError: no frames, or a frame that the pipeline cannot use (its message is passed on).
     """
-    design = data.params
-    to_sphere = wrench_adjoint(T_sphere_endcap(design))
-    rows: list[tuple[Array, Array, Array, bool, float, bool]] = []
-    pipeline, run, last_s = None, None, float("-inf")
-    for item in data.frames():
-        now = (item.path, str(item.labels["azimuth_deg"]))
-        if pipeline is None or now != run:  # a new run: another reference, or the contact jumps
-            pipeline, run, last_s = _pipeline(design, model, item, camera), now, float("-inf")
-        last_s = max(item.frame.time_s, last_s + SHORTEST_S)
-        reading = pipeline.update(replace(item.frame, time_s=last_s))
-        if reading is None or not reading.valid:
-            reason = reading.reason if reading is not None else pipeline.outcome[1] if pipeline.outcome else "late"
-            raise FileError(f"{item.frame.source}: no answer on frame {item.frame.sequence}: {reason}")
-        estimate = reading.estimate
+    to_sphere = wrench_adjoint(T_sphere_endcap(data.params))
+    rows: list[tuple[Any, ...]] = []
+    for item, reading in _readings(data, model, camera):
+        estimate, alone = reading.estimate, model.estimator.estimate(reading.field)
         rows.append((
             to_sphere @ np.concatenate([estimate.force_n, estimate.torque_nm]),
             to_sphere @ np.concatenate([item.wrench.force_n, item.wrench.torque_nm]),
-            to_sphere @ estimate.covariance @ to_sphere.T,
-            bool(estimate.flags), float(item.labels["tilt_deg"]), item.contact,
+            to_sphere @ estimate.covariance @ to_sphere.T, alone.covariance,
+            bool(estimate.flags), float(item.labels["tilt_deg"]), item.contact, data.path_name(item.path),
         ))  # fmt: skip
         if sys.stderr.isatty() and len(rows) % 50 == 0:
             print(f"\r{data.folder}: {len(rows)} frames through the pipeline", end="", file=sys.stderr)
     if not rows:
         raise FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
     return LiveAnswers(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _readings(
+    data: LabelledSet, model: LiveModel, camera: Path | None
+) -> Iterator[tuple[LabelledFrame, EndcapReading]]:
+    """Every frame with its reading."""
+    pipeline, run, last_s = None, None, float("-inf")
+    for item in data.frames():
+        now = (item.path, str(item.labels["azimuth_deg"]))
+        if pipeline is None or now != run:  # a new run: another reference, or the contact jumps
+            pipeline, run, last_s = _pipeline(data.params, model, item, camera), now, float("-inf")
+        last_s = max(item.frame.time_s, last_s + SHORTEST_S)
+        reading = pipeline.update(replace(item.frame, time_s=last_s))
+        if reading is None or not reading.valid:
+            reason = reading.reason if reading is not None else pipeline.outcome[1] if pipeline.outcome else "late"
+            raise FileError(f"{item.frame.source}: no answer on frame {item.frame.sequence}: {reason}")
+        yield item, reading
 
 
 def _pipeline(design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:

@@ -1,13 +1,14 @@
 """Fits our network to samples: linear part, principal fields, perceptron, covariance, calibration, range.
 
-Paths are parted three ways: training, validation (which epoch is best), calibration (how wide the covariance must be,
-together with the validation paths: whole paths differ, and few of them say little), so that nothing is judged on what
-it was fitted to. Each axis counts in its own unit (:data:`sensing.learning.ridge.UNITS`).
+Paths are parted three ways: training, validation (which epoch is best, and more data for the covariance), calibration
+(how wide the covariance must be), so that nothing is judged on what it was fitted to. Each axis counts in its own unit
+(:data:`sensing.learning.ridge.UNITS`).
 Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
 
 Notes:
-    The calibration of an axis is the 95 % quantile of |error| / sigma on the calibration paths over 1.96 (split
-    conformal prediction, Vovk, Gammerman, Shafer 2005): intervals keep their level whatever the errors' law.
+    The calibration of an axis is the 95 % quantile of |error| / sigma on the calibration paths over 1.96, each path
+    with the same weight. It is an estimate, no guarantee: the paths are few, and the sensors those of training.
+    Intervals that hold on other sensors take pictures of other sensors (:mod:`sensing.evaluation.intervals`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from cad.errors import ParameterError
 from sensing.learning.checkpoint import Checkpoint, Descent
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.net import WrenchNet, negative_log_likelihood
+from sensing.learning.path_quantile import path_quantile
 from sensing.learning.ridge import UNITS, fit_ridge
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import COUNT, disc_cells, moved_inputs, moved_wrenches, symmetric_moments
@@ -58,7 +60,7 @@ def fit(
         progress: called after each epoch with (part, seconds, error).
         checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
         pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
-            those of its paths, because domain-randomised sensors are not wrong in every way in which a real one is.
+            those of its calibration paths: domain-randomised sensors are not wrong in every way in which a real one is.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -78,8 +80,7 @@ def fit(
     _fit_spread(net, [torch.cat(pair) for pair in zip(parts, more, strict=True)], config, progress, kept)
     net.cpu().eval()
     kept.remove()
-    held = np.union1d(validation.path, calibration.path)
-    views = [view.take(np.isin(view.path, held)) for view in (pictures, samples) if view is not None]
+    views = [view.take(np.isin(view.path, calibration.path)) for view in (pictures, samples) if view is not None]
     _calibrate(net, next(view for view in views if len(view)))
     about = {
         "training": _provenance(samples, config, start),
@@ -236,8 +237,7 @@ def _calibrate(net: WrenchNet, held: Samples) -> None:
         value, factor = net(torch.from_numpy(held.inputs.astype(np.float32)))
         sigma = factor.square().sum(2).sqrt()
         ratio = ((torch.from_numpy(held.wrenches.astype(np.float32)) - value).abs() / sigma).numpy()
-    level = min(1.0, 0.95 * (1 + 1 / len(ratio)))
-    scale = np.quantile(ratio, level, axis=0) / NORMAL_95
+    scale = path_quantile(ratio, held.path, 0.95) / NORMAL_95
     net.calibration.copy_(torch.from_numpy(np.clip(scale, 1e-3, 1e3)))
 
 
@@ -247,7 +247,10 @@ def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, s
     distance, rest = (RANGE_MARGIN * float(max(m[k].max() for m in measures)) for k in (0, 1))
     if start is not None:  # what it knew before, it still knows
         distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
-    return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)))
+    force = float(np.linalg.norm(samples.wrenches[:, :3], axis=1).max())
+    if start is not None:
+        force = max(force, start.range.force_n)
+    return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)), force)
 
 
 def _provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:

@@ -147,12 +147,11 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     changes.
 
     Raises:
-        FileError: no such set, or an empty one. ParameterError: unknown method.
+        FileError: no such set, or one that is not whole. ParameterError: unknown method.
     """
     data = LabelledSet(folder)
     design = data.params
-    if not data.shards:
-        raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
+    data.require_whole()
     stamp = f"7 {method} {shape} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
@@ -210,10 +209,9 @@ def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[i
 
 
 def _label_row(data: LabelledSet, labels: dict[str, Any], to_sphere: NDArray[np.float64]) -> tuple[Any, ...]:
-    request = data.manifest["request"]
     return (
         to_sphere @ np.concatenate([labels["force_n"], labels["torque_nm"]]),
-        f"{request['protocol']}-{request['seed']}-{labels['path']}",
+        data.path_name(int(labels["path"])),
         data.phases[int(labels["phase"])],
         float(labels["time_s"]),
         bool(labels["contact"]),

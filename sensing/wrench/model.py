@@ -12,6 +12,7 @@ needed: the network of :mod:`sensing.learning.net` is computed here with numpy, 
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -50,11 +51,13 @@ class Range:
     Attributes:
         distance: largest norm of the whitened principal part. rest_px: largest norm of what the principal fields leave.
         cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
+        force_n: largest force; infinite in weights that do not say it.
     """
 
     distance: float
     rest_px: float
     cells: NDArray[np.bool_]
+    force_n: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,8 @@ class WrenchModel:
     def estimate(self, field: ShearField) -> Wrench:
         """Wrench on the endcap about the sphere's centre; exactly zero at zero shear.
 
-        Flags: ``out_of_range`` (a field unlike those of training), ``dots_lost`` (too few valid cells), ``missing`` (no
-        usable number: the wrench is zero and its covariance NaN).
+        Flags: ``out_of_range`` (a field unlike those of training, or a larger force), ``dots_lost`` (too few valid
+        cells), ``missing`` (no usable number: the wrench is zero and its covariance NaN).
 
         Raises:
             ParameterError: a field of another shape than the model's.
@@ -111,7 +114,9 @@ class WrenchModel:
             flags = frozenset({"missing", "out_of_range" if field.valid.any() else "dots_lost"})
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
         value, covariance, distance, rest = answer_one(x, *self._packed)
-        flags = frozenset({"out_of_range"} if distance > self.range.distance or rest > self.range.rest_px else ())
+        beyond = distance > self.range.distance or rest > self.range.rest_px
+        beyond = beyond or math.hypot(*value[:3]) > self.range.force_n
+        flags = frozenset({"out_of_range"} if beyond else ())
         if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
             flags |= {"dots_lost"}
         return Wrench(field.time_s, value[:3], value[3:], "sphere", covariance, flags)
@@ -136,10 +141,11 @@ class WrenchModel:
         return value, root @ root.transpose(0, 2, 1)
 
     def out_of_range(self, inputs: Array) -> NDArray[np.bool_]:
-        """(N,) True where a field is unlike those of training."""
+        """(N,) True where a field is unlike those of training, or the force beyond theirs."""
         seen = inputs * np.tile(self.range.cells.ravel(), 2)
         distance, rest = range_measures(self._doubles["principal"], self._back, seen)
-        return (distance > self.range.distance) | (rest > self.range.rest_px)
+        strong = np.linalg.norm(self.predict(inputs)[0][:, :3], axis=1) > self.range.force_n
+        return (distance > self.range.distance) | (rest > self.range.rest_px) | strong
 
     @cached_property
     def slope(self) -> Array:
@@ -167,7 +173,7 @@ class WrenchModel:
             "digest": self.design.digest,
             "method": self.method,
             "shape": self.shape,
-            "range": {"distance": self.range.distance, "rest_px": self.range.rest_px},
+            "range": {k: v for k, v in vars(self.range).items() if k != "cells" and math.isfinite(v)},
         }
         tensors: dict[str, Any] = {name: np.ascontiguousarray(value) for name, value in self.weights.items()}
         tensors["range_cells"] = self.range.cells.astype(np.uint8)
@@ -233,7 +239,8 @@ def _built(path: Path) -> WrenchModel:
         if made_for.digest != about["digest"]:
             raise ValueError("the digest is not that of its design")
         cells = tensors.pop("range_cells").astype(bool)
-        covered = Range(float(about["range"]["distance"]), float(about["range"]["rest_px"]), cells)
+        limits = {"force_n": math.inf} | about["range"]
+        covered = Range(float(limits["distance"]), float(limits["rest_px"]), cells, float(limits["force_n"]))
         shape = (int(about["shape"][0]), int(about["shape"][1]))
         return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about)
     except (KeyError, ValueError, TypeError, IndexError) as error:
@@ -254,7 +261,18 @@ def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     except OSError as error:
         raise FileError(f"{path}: cannot read the weights ({error}): check the path") from error
     except (SafetensorError, ValueError, KeyError) as error:
+        if _is_checkpoint(path):
+            raise FileError(
+                f"{path}: a checkpoint of PyTorch, such as the authors' wrench_regression_model.pth, where weights of "
+                "sensing.train (.safetensors) are meant: python -m sensing.live takes it with --model paper"
+            ) from error
         raise FileError(f"{path}: damaged weights ({error}): train again") from error
+
+
+def _is_checkpoint(path: Path) -> bool:
+    """Whether a file begins as torch.save begins one: an archive, or a pickle before torch 1.6."""
+    with path.open("rb") as stream:
+        return stream.read(4).startswith((b"PK\x03\x04", b"\x80\x02"))
 
 
 def _silu_slope(a: Array) -> Array:

@@ -21,6 +21,8 @@ options is completed. Examples:
   python -m sensing.simulator data --frames 2000 --out exports/data
   python -m sensing.simulator data --frames 34000 --workers 2 --sensor 7 --unpainted 0.1 --out exports/other_sensor
   python -m sensing.simulator data --frames 2000 --protocol dynamic --rate-effects --out exports/relaxing
+  python -m sensing.simulator data --frames 2000 --render off --out exports/states
+  python -m sensing.simulator data --frames 2000 --states exports/states --sensor 7 --out exports/sensor7
   python -m sensing.simulator data --frames 34000 --scheduler tcp://10.0.0.1:8786 --out exports/big
 
 exit status: 0 written, 2 bad input or no place to write, 130 interrupted (what is written stays)
@@ -46,6 +48,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead, for example tcp://HOST:8786"
     )
+    parser.add_argument(
+        "--states", type=Path, metavar="DIR",
+        help="take the solved states of that set, written with --render off and the same options",
+    )  # fmt: skip
     option("diameter_mm", plain_number, "diameter D, mm", "--diameter")
     option("wall_mm", plain_number, "wall T, mm", "--wall")
     option("silicone", str, "row of cad/materials.csv")
@@ -73,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     """Write what was asked for and say what lies there."""
     request = DataRequest(**{field.name: getattr(options, field.name) for field in fields(DataRequest)})
     folder = options.out or Path("exports") / f"data_{request.params.label}_{request.protocol}_{request.seed}"
-    written = write_dataset(request, folder, options.workers, options.scheduler)
+    written = write_dataset(request, folder, options.workers, options.scheduler, options.states)
     shards = request.shards()
     frames = sum(path.frames for shard in shards for path in shard)
     size = sum(shard_path(folder, number).stat().st_size for number in range(len(shards)))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, cast
 
 import cv2
@@ -21,6 +22,7 @@ from sensing.records_labelled import COLUMNS
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState, path_states
+from sensing.simulator.dataset.stored import stored_states
 from sensing.simulator.levels import Simulator
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 from sensing.simulator.render.dome import DomeRenderer
@@ -54,15 +56,20 @@ def studio(request: DataRequest) -> Studio:
     return Studio(simulator, renderer)
 
 
-def shard_bytes(request: DataRequest, paths: list[LoadPath]) -> bytes:
-    """A shard as it lies on disk."""
+def shard_bytes(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> bytes:
+    """A shard as it lies on disk; see :func:`shard_arrays`."""
     buffer = io.BytesIO()
-    np.savez(buffer, **cast(dict[str, Any], shard_arrays(request, paths)))
+    np.savez(buffer, **cast(dict[str, Any], shard_arrays(request, paths, stored)))
     return buffer.getvalue()
 
 
-def shard_arrays(request: DataRequest, paths: list[LoadPath]) -> dict[str, NDArray[Any]]:
-    """Columns, pictures and refusals of a shard; depends on nothing that was solved before."""
+def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> dict[str, NDArray[Any]]:
+    """Columns, pictures and refusals of a shard; depends on nothing that was solved before.
+
+    Args:
+        request: what to make. paths: of this shard.
+        stored: set whose solved states are taken (:mod:`sensing.simulator.dataset.stored`); None solves them.
+    """
     tools = studio(request)
     tools.simulator.forget()
     rows: list[dict[str, Any]] = []
@@ -71,7 +78,10 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath]) -> dict[str, NDArr
     references: list[bytes] = []
     refusals: list[str] = []
     for number, path in enumerate(paths):
-        states, refused = path_states(tools.simulator, path, request.body(path.tilt_deg))
+        if stored is None:
+            states, refused = path_states(tools.simulator, path, request.body(path.tilt_deg))
+        else:
+            states, refused = stored_states(stored, path)
         refusals += refused
         settings = _settings(request, path)
         if tools.renderer is not None:
@@ -126,7 +136,7 @@ def _labels(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg:
         "contact": begin.normal_n > 0 or end.normal_n > 0,
         "patch_mm2": end.patch_mm2,
         "slip_share": end.slip_share,
-        "residual": 0.0 if certificate is None else certificate.residual,
+        "residual": end.error_estimate if certificate is None else certificate.residual,
     }
 
 

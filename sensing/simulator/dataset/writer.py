@@ -27,28 +27,35 @@ from sensing.records_labelled import COLUMNS, FORMAT, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.frames import rest_arrays, shard_bytes
 from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 
 MAX_WORKERS = 1024
 CONNECT_S = 15
+Work = tuple[DataRequest, int, list[LoadPath], Path | None]  # request, number of the shard, its paths, stored states
 # What a manifest written before these options means by its silence.
 ADDED_SINCE = {"rate_effects": False, "prony": [], "indenter": "plane", "radius_mm": 20.0}
 
 
-def write_dataset(request: DataRequest, folder: Path, workers: int = 1, scheduler: str | None = None) -> int:
+def write_dataset(
+    request: DataRequest, folder: Path, workers: int = 1, scheduler: str | None = None, stored: Path | None = None
+) -> int:
     """Write the shards that are missing.
 
     Args:
         request: what to make. folder: where; an unfinished set of the same request is completed.
         workers: processes on this machine. scheduler: address of a Dask scheduler to use instead.
+        stored: set whose solved states are taken instead of solving them (:mod:`sensing.simulator.dataset.stored`).
 
     Returns:
         Number of shards written in this call.
 
     Raises:
         FileError: the folder holds another set, is being written, or cannot be written (what is there stays readable).
-        ParameterError: no such scheduler.
+        ParameterError: no such scheduler, or stored states of another request.
     """
+    if stored is not None:
+        require_same_states(stored, request)
     if not 1 <= workers <= MAX_WORKERS:
         raise ParameterError(f"workers={workers} outside 1..{MAX_WORKERS}", name="workers", value=workers)
     shards = request.shards()
@@ -58,7 +65,8 @@ def write_dataset(request: DataRequest, folder: Path, workers: int = 1, schedule
             _begin(request, folder)
             missing = [k for k in range(len(shards)) if not _is_whole(shard_path(folder, k))]
             begin = time.monotonic()
-            made = _made(request, [shards[k] for k in missing], missing, workers, scheduler)
+            work = [(request, k, shards[k], stored) for k in missing]
+            made = _made(work, workers, scheduler)
             for count, (number, data) in enumerate(made, 1):
                 _write(shard_path(folder, number), data)
                 _progress(count, len(missing), begin)
@@ -89,15 +97,11 @@ def refusals(folder: Path) -> list[str]:
     return lines
 
 
-def _made(
-    request: DataRequest, shards: list[list[LoadPath]], numbers: list[int], workers: int, scheduler: str | None
-) -> Iterator[tuple[int, bytes]]:
+def _made(work: list[Work], workers: int, scheduler: str | None) -> Iterator[tuple[int, bytes]]:
     """Shards as they are finished, in any order."""
     if scheduler is None and workers == 1:
-        for number, paths in zip(numbers, shards, strict=True):
-            yield number, shard_bytes(request, paths)
+        yield from (_job(*each) for each in work)
         return
-    work = [(request, number, paths) for number, paths in zip(numbers, shards, strict=True)]
     if scheduler is None:
         yield from local_workers.results(_job, work, workers)
         return
@@ -106,8 +110,8 @@ def _made(
         yield from pool(joblib.delayed(_job)(*each) for each in work)
 
 
-def _job(request: DataRequest, number: int, paths: list[LoadPath]) -> tuple[int, bytes]:
-    return number, shard_bytes(request, paths)
+def _job(request: DataRequest, number: int, paths: list[LoadPath], stored: Path | None) -> tuple[int, bytes]:
+    return number, shard_bytes(request, paths, stored)
 
 
 @contextmanager
@@ -146,6 +150,7 @@ def _locked(folder: Path) -> Iterator[None]:
 def _begin(request: DataRequest, folder: Path) -> None:
     """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left."""
     wanted = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": request.record()}
+    wanted["shards"] = len(request.shards())
     wanted = json.loads(json.dumps(wanted))
     if (folder / "manifest.json").exists():
         found = ADDED_SINCE | read_manifest(folder).get("request", {})

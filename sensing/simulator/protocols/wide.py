@@ -51,8 +51,8 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
     points += [_pressed("circle", top, shift) for shift in arc]
     points += [_pressed("unload", part * top, arc[-1]) for part in UNLOAD]
     points.append(Waypoint("clear", None, APPROACH_MM[-1]))
-    turns = tuple(float(a) for a in rng.uniform(0, 360, azimuths))
-    return LoadPath(number, tilt, float(rng.uniform(*FRICTION_RANGE)), turns, timed(points))
+    friction = float(rng.uniform(*FRICTION_RANGE))  # before the azimuths, so that their count does not change it
+    return LoadPath(number, tilt, friction, tuple(float(a) for a in rng.uniform(0, 360, azimuths)), timed(points))
 
 
 def _pressed(phase: str, load_n: float, shift_mm: np.ndarray) -> Waypoint:

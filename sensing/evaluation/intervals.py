@@ -1,0 +1,88 @@
+"""How wide intervals must be to hold on a sensor never seen: from pictures of other sensors on paths of their own.
+
+    model = with_intervals(model, ["exports/interval_71", "exports/interval_72"])
+
+Notes:
+    On a calibration frame in contact, with error e of an axis, variance M that the model gives and C that the camera
+    adds, the interval 1.96 sqrt(s^2 M + C) covers e from s = sqrt(max(e^2 / 1.96^2 - C, 0) / M) on. Frames of one path
+    are not independent, paths are: each of n paths has the same weight, and s is the 0.95 (n + 1) / n quantile under
+    these weights (conformal prediction on groups; Dunn, Wasserman, Ramdas 2023, doi:10.1080/01621459.2022.2060112).
+    That needs 19 paths, of motions and sensors that neither training nor the choice of a setting has seen.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import ParameterError
+from sensing.evaluation.live_answers import LiveAnswers, live_answers
+from sensing.learning.found_camera import camera_of_set
+from sensing.learning.path_quantile import path_quantile
+from sensing.live.core.model import live_model
+from sensing.records_labelled import LabelledSet
+from sensing.wrench.model import WrenchModel
+
+Array = NDArray[np.float64]
+LEVEL = 0.95
+NORMAL_95 = 1.959964
+FEWEST_PATHS = 19  # (n + 1) / n of the level is no more than 1
+
+
+def with_intervals(model: WrenchModel, folders: Sequence[str | Path]) -> WrenchModel:
+    """A model whose covariance is scaled, axis by axis, on what the live pipeline answers.
+
+    Args:
+        model: as trained.
+        folders: rendered or recorded frames of several sensors, each with the camera that a user finds.
+
+    Raises:
+        ParameterError: fewer than 19 paths, or one that the model was trained on. FileError: a set that is not whole.
+    """
+    answers = [_in_contact(model, LabelledSet(folder)) for folder in folders]
+    path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(answers)])
+    names = sorted({str(name) for a in answers for name in a.path})
+    known = sorted(set(names) & set(model.about["training"]["paths"]))
+    if known:
+        raise ParameterError(
+            f"path {known[0]} of the interval data is one of training: intervals would be too narrow; make the set "
+            "with another --seed",
+            name="intervals",
+            value=known[0],
+        )
+    count = len(np.unique(path))
+    if count < FEWEST_PATHS:
+        raise ParameterError(
+            f"{count} loading paths to calibrate intervals on: give {FEWEST_PATHS} or more",
+            name="intervals",
+            value=count,
+        )
+    factor = np.concatenate([needed(a) for a in answers])
+    scale = path_quantile(factor, path, LEVEL * (count + 1) / count)
+    weights = {**model.weights, "calibration": (model.weights["calibration"] * scale).astype(np.float32)}
+    record = {"paths": names, "sensors": len(answers), "scale": [round(float(s), 4) for s in scale]}
+    return replace(model, weights=weights, about={**model.about, "intervals": record})
+
+
+def needed(answers: LiveAnswers) -> Array:
+    """(N, 6) factor on the model's standard deviations from which each error is covered."""
+    error = answers.value - answers.truth
+    own, total = (np.diagonal(c, axis1=1, axis2=2) for c in (answers.model_covariance, answers.covariance))
+    return np.sqrt(np.maximum((error / NORMAL_95) ** 2 - (total - own), 0.0) / own)
+
+
+def _in_contact(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
+    data.require_whole()
+    live = live_model("calibrated", model, model.shape)
+    camera = camera_of_set(data)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "camera.json"
+        if camera is not None:
+            camera.save(path)
+        found = live_answers(data, live, None if camera is None else path)
+    return found.take(found.contact)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import json
 import subprocess
 import sys
@@ -156,3 +157,21 @@ def full_disk() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(np, "save", save)
         yield
+
+
+def test_a_set_that_is_not_whole_is_refused(folder: Path) -> None:
+    LabelledSet(folder).require_whole()  # a manifest that does not say how many shards there are
+    (folder / "manifest.json").write_text(json.dumps({**MANIFEST, "shards": 3}))
+    with pytest.raises(FileError, match=r"not whole \(2 of 3 shards\), still being written or interrupted"):
+        LabelledSet(folder).require_whole()
+    (folder / "manifest.json").write_text(json.dumps({**MANIFEST, "shards": 2}))
+    LabelledSet(folder).require_whole()
+    with (folder / ".lock").open("w") as writer:
+        fcntl.flock(writer, fcntl.LOCK_EX)
+        with pytest.raises(FileError, match="still being written"):
+            LabelledSet(folder).require_whole()
+    LabelledSet(folder).require_whole()
+    for shard in (folder / "shards").iterdir():
+        shard.unlink()
+    with pytest.raises(FileError, match="a set without shards"):
+        LabelledSet(folder).require_whole()

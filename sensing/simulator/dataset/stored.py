@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.errors import ParameterError
-from sensing.records_labelled import read_manifest, read_shard
-from sensing.simulator.dataset.request import PATHS_PER_SHARD, DataRequest
+from cad.errors import FileError, ParameterError
+from sensing.records_labelled import LabelledSet, read_manifest, read_shard
+from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.scene import SceneState
@@ -55,9 +55,12 @@ def stored_states(folder: Path, path: LoadPath) -> tuple[list[PathState], list[s
         folder: of the set. path: one that it holds.
 
     Raises:
-        FileError: its shard is not there. ParameterError: the shard's path has another plane (another --azimuths).
+        FileError: the path is not there. ParameterError: the shard's path has another plane (another --azimuths).
     """
-    arrays = _shard(folder, path.number // PATHS_PER_SHARD)
+    file = _shard_of_path(folder).get(path.number)
+    if file is None:
+        raise FileError(f"--states {folder}: holds no path {path.number}: write it with as many frames first")
+    arrays = _arrays(file)
     rows = np.flatnonzero(arrays["path"] == path.number)
     same = [abs(float(arrays[name][rows[0]]) - getattr(path, name)) < 1e-9 for name in ("tilt_deg", "friction")]
     if not all(same):
@@ -94,5 +97,11 @@ def _state(arrays: dict[str, NDArray[Any]], row: int) -> SceneState:
 
 
 @lru_cache(maxsize=1)
-def _shard(folder: Path, number: int) -> dict[str, NDArray[Any]]:
-    return read_shard(folder / "shards" / f"{number:05d}.npz")
+def _shard_of_path(folder: Path) -> dict[int, Path]:
+    files = LabelledSet(folder).shards
+    return {int(number): file for file in files for number in np.unique(read_shard(file, ("path",))["path"])}
+
+
+@lru_cache(maxsize=1)
+def _arrays(file: Path) -> dict[str, NDArray[Any]]:
+    return read_shard(file)

@@ -209,6 +209,35 @@ def test_weights_of_another_design_or_damaged_are_refused(model, tmp_path):
         load_wrench_model(path=tmp_path / "none")
 
 
+def test_a_checkpoint_of_torch_is_named_as_such(tmp_path):
+    for name, new in (("new.pth", True), ("old.pth", False)):
+        path = tmp_path / name
+        torch.save({"fc_out.weight": torch.zeros(6, 64)}, path, _use_new_zipfile_serialization=new)
+        with pytest.raises(FileError, match=r"a checkpoint of PyTorch.*takes it with --model paper") as caught:
+            load_wrench_model(path=path)
+        assert "\n" not in str(caught.value)
+    path.write_bytes(b"nothing of the kind")
+    with pytest.raises(FileError, match="damaged weights"):
+        load_wrench_model(path=path)
+
+
+def test_a_force_beyond_those_of_training_is_flagged(model, data, tmp_path):
+    strongest = np.linalg.norm(data.wrenches[:, :3], axis=1).max()
+    assert 0.8 * strongest < model.range.force_n <= strongest
+    wrench = made_samples(1, 2, seed=4).wrenches[1:]
+    for size, flagged in ((0.9, False), (1.1, True)):
+        fields = bump_fields(wrench * size * model.range.force_n / np.linalg.norm(wrench[0, :3]))
+        one = model.estimate(ShearField(0.0, fields[0].astype(np.float32)))
+        alone = replace(model, range=replace(model.range, distance=1e9, rest_px=1e9))
+        assert ("out_of_range" in alone.estimate(ShearField(0.0, fields[0].astype(np.float32))).flags) == flagged
+        assert np.linalg.norm(one.force_n) == pytest.approx(size * model.range.force_n, rel=0.05)
+        assert alone.out_of_range(fields.reshape(1, -1).astype(float))[0] == flagged
+    model.save(tmp_path / "w")
+    assert load_wrench_model(path=tmp_path / "w").range.force_n == model.range.force_n
+    replace(model, range=replace(model.range, force_n=np.inf)).save(tmp_path / "w")  # as weights before said nothing
+    assert load_wrench_model(path=tmp_path / "w").range.force_n == np.inf
+
+
 def test_training_repeats_and_fine_tuning_helps_on_a_changed_sensor(model):
     small = made_samples(paths=10, seed=3)
     config = replace(QUICK, epochs=5)

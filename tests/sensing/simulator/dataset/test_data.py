@@ -11,10 +11,12 @@ import pytest
 from small_data import short_path, small_request
 
 from cad.dots import dot_pattern
+from cad.errors import EndcapError, FileError, ParameterError
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
 from sensing.simulator.dataset.frames import shard_arrays
+from sensing.simulator.dataset.writer import write_dataset
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import Waypoint
 from sensing.simulator.solid.surface import turn_wrench
@@ -70,6 +72,44 @@ def test_refused_states_are_listed_and_the_rest_stands() -> None:
     assert arrays["surface_mm"].shape[0] == 3 and "jpeg" not in arrays
 
 
+def test_stored_states_give_what_solving_them_gives(small_set: Path, tmp_path: Path) -> None:
+    states, seen = tmp_path / "states", tmp_path / "seen"
+    write_dataset(replace(small_request(), render="off"), states)
+    write_dataset(small_request(), seen, stored=states)
+    for solved, stored in zip(LabelledSet(small_set).frames(), LabelledSet(seen).frames(), strict=True):
+        assert np.allclose(solved.wrench.force_n, stored.wrench.force_n, atol=1e-9)
+        assert np.allclose(solved.wrench.torque_nm, stored.wrench.torque_nm, atol=1e-9)
+        assert np.allclose(solved.dots_mm, stored.dots_mm, atol=1e-5)  # the set keeps surfaces in single precision
+        assert np.array_equal(solved.dots_visible, stored.dots_visible)
+        assert np.allclose(solved.dots_px[solved.dots_visible], stored.dots_px[solved.dots_visible], atol=1e-3)
+    other = next(iter(LabelledSet(seen).frames()))
+    write_dataset(replace(small_request(), sensor=3, frames=6), tmp_path / "other", stored=states)
+    moved = next(iter(LabelledSet(tmp_path / "other").frames()))
+    both = other.dots_visible & moved.dots_visible
+    assert np.abs(other.dots_px - moved.dots_px)[both].max() > 1.0  # another camera
+    for request, words in (
+        (replace(small_request(), seed=5), "was made with seed=0: give the same options"),
+        (replace(small_request(), frames=18), "holds no path 2: write it with as many frames"),
+    ):
+        with pytest.raises(EndcapError, match=words):
+            write_dataset(request, tmp_path / "no", stored=states)
+    with pytest.raises(ParameterError, match="holds pictures and no states"):
+        write_dataset(small_request(), tmp_path / "no", stored=seen)
+
+
+def test_another_indenter_presses_otherwise_and_is_never_mixed(tmp_path: Path) -> None:
+    plane = replace(small_request(), render="off", frames=6)
+    sphere = replace(plane, indenter="sphere", radius_mm=15.0)
+    for name, request in (("plane", plane), ("sphere", sphere)):
+        write_dataset(request, tmp_path / name)
+    flat, round_ = (LabelledSet(tmp_path / name) for name in ("plane", "sphere"))
+    loaded = flat.column("normal_n") > 5
+    assert np.allclose(flat.column("normal_n"), round_.column("normal_n"), rtol=1e-2)
+    assert (round_.column("depth_mm")[loaded] > 1.2 * flat.column("depth_mm")[loaded]).all()
+    with pytest.raises(FileError, match="holds a set made with indenter=plane"):
+        write_dataset(sphere, tmp_path / "plane")
+
+
 def test_sensors_and_lamps_differ_as_asked() -> None:
     request = small_request()
     other = replace(request, sensor=3)
@@ -90,6 +130,9 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
         (["--silicone", "butter"], "silicone='butter' is not in cad/materials.csv"),
         (["--wall", "1"], "wall_mm=1"),
         (["--unpainted", "2"], "Paint.unpainted=2.0 outside"),
+        (["--indenter", "cone"], "indenter='cone' is unknown: choose one of plane, sphere, edge"),
+        (["--indenter", "sphere", "--radius", "0"], "radius_mm=0 is not positive"),
+        (["--states", str(tmp_path)], "give a folder of labelled frames"),
         (["--workers", "0"], "workers=0 outside"),
     ):
         assert main(["data", "--out", str(tmp_path / "x"), *arguments]) == 2

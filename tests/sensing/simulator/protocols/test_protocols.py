@@ -27,6 +27,20 @@ def test_static_protocol_covers_the_papers_grid() -> None:
     assert load_path("static", 4, 7, 2) != paths[7]
 
 
+def test_wide_protocol_fills_every_stratum_of_tilt_and_load() -> None:
+    paths = [load_path("wide", 3, number, 1) for number in range(36)]
+    assert [sorted({int(path.tilt_deg // 10) for path in paths[k : k + 18]}) for k in (0, 18)] == [list(range(6))] * 2
+    assert all(len({path.tilt_deg for path in paths[k : k + 3]}) == 1 for k in range(0, 36, 3))
+    for place, (low, high) in enumerate(((45, 60), (30, 45), (12, 30))):
+        tops = [max(p.target.normal_n for p in path.waypoints if p.target) for path in paths[place::3]]
+        assert low <= min(tops) and max(tops) <= high and np.ptp(tops) > 0.4 * (high - low)
+    for path in paths:
+        loads = np.array([p.target.normal_n for p in path.waypoints if p.target and p.phase == "load"])
+        assert np.diff(loads).max() < 10  # no gap in the table
+    assert load_path("wide", 3, 7, 1) == paths[7] != load_path("wide", 4, 7, 1)
+    assert load_path("wide", 3, 7, 5).friction == paths[7].friction  # the same states, labelled at more azimuths
+
+
 def test_low_forces_dominate_as_in_the_paper() -> None:
     forces = [
         p.target.normal_n if p.target else 0.0

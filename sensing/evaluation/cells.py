@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,7 +16,6 @@ from sensing.learning.scores import AXES
 
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
 LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force
-QUANTITIES = {"fz N": (2,), "fx N": (0,), "fy N": (1,), "torque N m": (3, 4, 5)}  # columns, root mean square over them
 
 
 @dataclass(frozen=True)
@@ -64,18 +63,28 @@ def cell_tables(found: list[Cell]) -> str:
     tilts, loads = (list(dict.fromkeys(getattr(c, name) for c in found)) for name in ("tilt_deg", "load_n"))
     loads.sort()
     lines = []
-    for name, columns in QUANTITIES.items():
-        head = f"{'RMSE of ' + name + ', tilt':<26}"
-        lines.append(head + "".join(f"{f'{low:g} to {high:g} N':>13}" for low, high in loads))
+    for name, value in QUANTITIES.items():
+        lines.append(f"{name + ', tilt':<26}" + "".join(f"{f'{low:g} to {high:g} N':>13}" for low, high in loads))
         for tilt in tilts:
-            values = {
-                c.load_n: float(np.sqrt((c.rmse[list(columns)] ** 2).mean())) for c in found if c.tilt_deg == tilt
-            }
+            values = {c.load_n: value(c) for c in found if c.tilt_deg == tilt}
             label = "unknown" if np.isnan(tilt[0]) else f"{tilt[0]:g} to {tilt[1]:g} deg"
-            lines.append(
-                f"{label:>25} " + "".join(f"{values[n]:13.4f}" if n in values else f"{'-':>13}" for n in loads)
-            )
+            lines.append(f"{label:>25} " + "".join(f"{values.get(n, '-'):>13}" for n in loads))
     return "\n".join(lines)
+
+
+def _rmse(*columns: int) -> Callable[[Cell], str]:
+    return lambda cell: f"{np.sqrt((cell.rmse[list(columns)] ** 2).mean()):.4f}"
+
+
+# What the tables show of a cell; root mean square over the axes named.
+QUANTITIES: dict[str, Callable[[Cell], str]] = {
+    "RMSE of fz N": _rmse(2),
+    "RMSE of fx, fy N": _rmse(0, 1),
+    "RMSE of torque N m": _rmse(3, 4, 5),
+    "95 % interval covers": lambda cell: f"{100 * cell.coverage:.1f} %",
+    "flagged": lambda cell: f"{100 * cell.flagged:.1f} %",
+    "frames": lambda cell: f"{cell.frames}",
+}
 
 
 def cells_csv(named: dict[str, list[Cell]]) -> bytes:

@@ -313,9 +313,7 @@ def test_a_changed_or_foreign_export_is_refused(tmp_path):
     assert read_export(SMALL_MOLD, tmp_path).manifest["parts"] == []  # of before: the released pattern
     record = dataclasses.replace(made_of, aspects={**made_of.aspects, "dots": {"rings": "1-4"}}).record()
     (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone, "identity": record}))
-    with pytest.raises(
-        FileError, match=r"made for the dot pattern [0-9a-f]{8}, this endcap has the released"
-    ):
+    with pytest.raises(FileError, match=r"made for the dot pattern [0-9a-f]{8}, this endcap has the released"):
         read_export(SMALL_MOLD, tmp_path)
     (folder / "base.stl").write_bytes(b"changed")
     manifest = {"parts": [{"name": "base", "files": {"base.stl": "0" * 64}}]}

@@ -38,7 +38,7 @@ class LiveAnswers:
 
     Attributes:
         value, truth: (N, 6) wrenches. covariance: (N, 6, 6); model_covariance: (N, 6, 6), without what the camera adds.
-        flagged: (N,) bool, True where the answer came with any flag.
+        flagged: (N,) bool, True where the model itself says that the field is unlike those of training.
         tilt_deg: (N,) polar angle of first contact, NaN where unknown.
         contact: (N,) bool. path: (N,) str, identity of the loading path.
     """
@@ -76,7 +76,7 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
             to_sphere @ np.concatenate([estimate.force_n, estimate.torque_nm]),
             to_sphere @ np.concatenate([item.wrench.force_n, item.wrench.torque_nm]),
             to_sphere @ estimate.covariance @ to_sphere.T, alone.covariance,
-            bool(estimate.flags), float(item.labels["tilt_deg"]), item.contact, data.path_name(item.path),
+            bool(alone.flags), float(item.labels["tilt_deg"]), item.contact, data.path_name(item.path),
         ))  # fmt: skip
         if sys.stderr.isatty() and len(rows) % 50 == 0:
             print(f"\r{data.folder}: {len(rows)} frames through the pipeline", end="", file=sys.stderr)

@@ -112,7 +112,7 @@ def evaluate(
         answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
         answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
         found |= _scores(answers, test, Path(folder).name)
-        if np.isin(test.dots.phase, MOVING).any():
+        if np.isin(test.dots.phase, MOVING).any() and (LabelledSet(folder).column("latency_s") != 0).any():
             for name, latency, predict in (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False)):
                 reported = filtered_score(model, test.dots, latency, predict=predict)
                 found[f"ours + {name}, {Path(folder).name}"] = reported

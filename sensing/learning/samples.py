@@ -37,7 +37,7 @@ from sensing.tracking.zero import single_zero
 
 SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
 MARKERS = "markers"
-SENSORS, VIEWS = 32, 4  # domain-randomised sensors of a set, and how many see each run
+SENSORS, VIEWS = 64, 4  # domain-randomised sensors of a set, and how many see each run
 ROW_ARRAYS = (
     "fields",
     "valid",

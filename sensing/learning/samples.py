@@ -161,7 +161,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     fix = "write the set again, or use the toolkit that wrote it"
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
-    stamp = f"8 {method} {shape} {here.digest} " + " ".join(
+    stamp = f"9 {method} {shape} {here.digest} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()

@@ -59,7 +59,8 @@ def write_set(folder, paths, seed, diameter=130.0):
         rows |= {
             "path": np.full(n, path), "step": np.arange(n), "phase": np.array([0, 2, 2, 3]), "scene": np.full(n, -1),
             "endcap": np.full(n, -1), "time_s": np.arange(n) / 30, "force_n": forces, "torque_nm": np.zeros((n, 3)),
-            "latency_s": np.full(n, 0.05), "contact": np.arange(n) > 0, "tilt_deg": np.full(n, 10.0 * path), "azimuth_deg": np.full(n, 3.0 * seed),
+            "latency_s": np.full(n, 0.05),
+            "contact": np.arange(n) > 0, "tilt_deg": np.full(n, 10.0 * path), "azimuth_deg": np.full(n, 3.0 * seed),
             "friction": np.full(n, 0.5 + 0.01 * path), "reference": np.zeros(n, int),
             "dots_mm": 0.02 * np.repeat(forces[:, None], DOTS, axis=1),
             "dots_px": np.zeros((n, DOTS, 2)), "dots_visible": np.ones((n, DOTS), bool),

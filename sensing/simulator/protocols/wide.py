@@ -1,7 +1,8 @@
 """``wide`` protocol: any tilt from 0 to 60 degrees, loads to 60 N, travel along the surface on the way (N, mm, s).
 
 Wider than the authors' grid (``static``), so that a model can be trained and judged beyond it. Tilts come from six
-strata of 10 degrees in turn, top loads from three, so that 18 paths fill every cell of a table by tilt and load.
+strata of 10 degrees in turn, and every path passes all loads up to its top, so that six paths fill a table by tilt and
+load.
 """
 
 from __future__ import annotations
@@ -15,8 +16,7 @@ from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
 from sensing.simulator.protocols.static import APPROACH_MM, FRICTION_RANGE
 
 STRATA, STRATUM_DEG = 6, 10.0
-PATHS_PER_TILT = 3  # neighbours share their tilt, so that level 2 can share its tangents
-TOPS_N = ((45.0, 60.0), (30.0, 45.0), (12.0, 30.0))  # of the three paths at one tilt
+TOP_N = (36.0, 60.0)
 STEP_N, JITTER_N = 5.0, 2.3  # between set-points, and how far each may lie beside its own
 TOUCHES, TOUCH_N = 3, (0.3, 4.5)
 TRAVEL_STATES = 7
@@ -32,11 +32,8 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
         seed: of the data set. number: of the path.
         azimuths: how many azimuths (any, uniform) are labelled from it.
     """
-    group, place = divmod(number, PATHS_PER_TILT)
-    share = float(np.random.default_rng([seed, group, 4]).uniform())  # one tilt for the group
-    tilt = STRATUM_DEG * (group % STRATA + share)
     rng = np.random.default_rng([seed, number, 3])
-    top = float(rng.uniform(*TOPS_N[place]))
+    tilt, top = STRATUM_DEG * (number % STRATA + float(rng.uniform())), float(rng.uniform(*TOP_N))
     steps = np.arange(STEP_N, top - 0.5 * STEP_N, STEP_N)
     loads = [
         *np.sort(rng.uniform(0.3, 4.5, TOUCHES)),

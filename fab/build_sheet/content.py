@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
@@ -13,6 +12,7 @@ from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling, light_check, painting
 from fab.build_sheet.lighting import led_ring
+from fab.build_sheet.shopping import bill, safety
 from fab.slice.result import hours, is_mold
 
 PAPER_MOLD_USD = 8.50  # P
@@ -23,7 +23,8 @@ def build_document(data: SheetData) -> Document:
     params = data.layout.params
     blocks = [
         *_cover(data),
-        *_bill(data),
+        *safety(data),
+        *bill(data),
         *_prints(data),
         *silicone(data),
         *casting(data),
@@ -58,24 +59,8 @@ def _cover(data: SheetData) -> list[Block]:
         Table(("", ""), tuple(facts), (1, 4)),
         Paragraph(
             "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
-            "buy, cast, "
-            "demold, paint, assemble, test."
+            "buy, cast, demold, paint, assemble, test. Commands are typed in the toolkit's folder."
         ),
-    ]
-
-
-def _bill(data: SheetData) -> list[Block]:
-    rows = []
-    for line in data.lines:
-        picture: str | Path = data.pictures.get(f"thumb_{line.owner}", "")
-        quantity = f"{line.quantity:g} {line.unit}"
-        price = "" if line.price_usd is None else f"{line.price_usd:.2f}"
-        shown = picture if line.unit != "set" and "insert" not in line.item else ""
-        rows.append((shown, line.item, quantity, line.use, price))
-    return [
-        Heading("What you need", 1),
-        Paragraph("The same lines are in bom.csv. Prices are estimates in US dollars, spools and kits by their share."),
-        Table(("", "item", "quantity", "for", "USD"), tuple(rows), (1.1, 3.4, 1, 2.8, 0.8)),
     ]
 
 
@@ -131,11 +116,18 @@ def _print_row(project: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _gates(data: SheetData) -> list[Block]:
-    rows = tuple((c["name"], f"{c['value']:.6g}", c["limit"], "held" if c["ok"] else "FAILED") for c in data.checks)
+    """All gates, two a row: they are for whoever doubts, not for the bench."""
+    cells = [
+        (c["name"], f"{c['value']:.5g}", c["limit"] if c["ok"] else f"{c['limit']} FAILED")
+        for c in sorted(data.checks, key=lambda c: bool(c["ok"]))
+    ]
+    half = -(-len(cells) // 2)
+    right = [*cells[half:], ("", "", "")]
+    rows = tuple((*left, *other) for left, other in zip(cells[:half], right, strict=False))
     return [
-        Heading("Every gate", 1),
+        Heading("Appendix: every gate", 1),
         Paragraph("From manifest.json, slice.json and this sheet's own checks. Nothing is written when one fails."),
-        Table(("gate", "value", "limit", ""), rows, (4, 1.4, 1.6, 0.6), is_small=True),
+        Table(("gate", "value", "limit") * 2, rows, (3.4, 1, 1.3) * 2, is_small=True),
     ]
 
 

@@ -155,7 +155,8 @@ def test_the_ring_of_the_sheet_is_the_ring_that_is_made(tmp_path):
     text = next(block.text for block in blocks if isinstance(block, Paragraph))
     driver = fitted_driver()
     assert f"R_set = {driver.r_set_ohm:g} ohm" in text and f"draws {1e3 * driver.input_a:.0f} mA" in text
-    table = next(block for block in blocks if isinstance(block, Table))
+    parts, table = (block for block in blocks if isinstance(block, Table))
+    assert parts.rows[0][0] == "1 x U1" and not any("any" in cell for row in parts.rows for cell in row)
     light = dome_light(PARAMS, 6)
     assert table.rows[0] == ("6", f"{100 * light.ripple:.0f} %", f"{light.darkest:.2f}", f"{light.brightest:.2f}")
     assert all(check.ok for check in ring_checks(PARAMS))

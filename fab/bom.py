@@ -73,8 +73,10 @@ def printed_figures(sliced: Mapping[str, Any] | None) -> dict[str, tuple[float, 
     """Grams and US dollars of every printed part, by its name; the interface as the slicer's infill makes it."""
     figures = {}
     for project in sliced["projects"] if sliced else ():
-        name = "interface" if project["name"] == "interface_infill" else project["name"]
-        figures[name] = (project["grams"], project["cost_usd"])
+        for piece in project["pieces"]:
+            if project["name"] != "interface_gyroid":
+                name = "interface" if project["name"] == "interface_infill" else piece["name"]
+                figures[name] = (piece["grams"], piece["cost_usd"])
     return figures
 
 

@@ -182,5 +182,18 @@ def require_bed(parts: Mapping[str, np.ndarray], where: Printer) -> None:
 def _printer(row: dict[str, str]) -> Printer:
     width, depth, height, nozzle = (positive(row, f"{n}_mm") for n in ("width", "depth", "height", "nozzle"))
     levelling, end = (tuple(line for line in row[name].split("|") if line) for name in ("levelling", "end"))
-    presets = (row[name] for name in ("prusa_printer", "prusa_print", "orca_printer", "orca_process"))
-    return Printer(row["name"], row["title"], width, depth, height, nozzle, levelling, end, *presets, row["provenance"])
+    return Printer(
+        row["name"],
+        row["title"],
+        width,
+        depth,
+        height,
+        nozzle,
+        levelling,
+        end,
+        row["prusa_printer"],
+        row["prusa_print"],
+        row["orca_printer"],
+        row["orca_process"],
+        row["provenance"],
+    )

@@ -159,7 +159,10 @@ def _beds(export: Export, shop: Workshop) -> tuple[dict[str, tuple[float, float,
     from fab.slice.printers import fitting_printers
 
     parts = {name: standing(name, shop.meshes[name].convex_hull) for name in export.printed}
-    sizes = {name: tuple(float(v) for v in np.ptp(points, axis=0)) for name, points in parts.items()}
+    sizes = {}
+    for name, points in parts.items():
+        x, y, z = (float(v) for v in np.ptp(points, axis=0))
+        sizes[name] = (x, y, z)
     return sizes, tuple(f"{p.title} ({p.size})" for p in fitting_printers(parts))
 
 

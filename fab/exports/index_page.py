@@ -171,10 +171,8 @@ def _checks(checks: Sequence[Check]) -> str:
         groups.setdefault(check.name.split(".")[0], []).append(check)
     blocks = []
     for name, own in groups.items():
-        records = [check.record(6) for check in own]
         rows = "".join(
-            f'<tr><td>{escape(r["name"])}</td><td class="n">{r["value"]:.6g}</td><td>{escape(r["limit"])}</td></tr>'
-            for r in records
+            f'<tr><td>{escape(c.name)}</td><td class="n">{c.value:.6g}</td><td>{escape(c.limit)}</td></tr>' for c in own
         )
         blocks.append(f"<details><summary>{escape(name)}: {len(own)}</summary><table>{rows}</table></details>")
     return (

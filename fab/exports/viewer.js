@@ -85,7 +85,8 @@ class Viewer {
       const middle = part.origin[k] + this.pull * part.apart[k];
       low[k] = Math.min(low[k], middle - part.scale); high[k] = Math.max(high[k], middle + part.scale);
     }
-    const size = Math.hypot(...high.map((v, k) => v - low[k])) || 1, far = 1.9 * size / this.zoom;
+    const size = Math.hypot(...high.map((v, k) => v - low[k])) || 1;
+    const far = 1.35 * size * Math.max(1, this.canvas.height / this.canvas.width) / this.zoom;
     const m = high.map((v, k) => (v + low[k]) / 2), [s, c, t, u] = [Math.sin(this.yaw), Math.cos(this.yaw), Math.sin(this.pitch), Math.cos(this.pitch)];
     const rows = [[c, 0, -s], [-s * t, u, -c * t], [s * u, t, c * u]]; // right, up, back
     const shift = rows.map((row) => -row.reduce((sum, v, k) => sum + v * m[k], 0)); shift[2] -= far;

@@ -59,7 +59,9 @@ def test_every_printer_homes_then_levels_then_heats_and_cools_down_at_the_end():
 
 def test_a_bed_that_is_too_small_names_the_part_and_the_smallest_printer_that_takes_all():
     parts = {"base": box(185, 20, 5).vertices, "hanger": box(200, 208 - 8, 5).vertices}
-    with pytest.raises(ParameterError, match=r"printer=a1_mini: hanger \(200 x 200 x 5 mm\).*printer=generic220") as caught:
+    with pytest.raises(
+        ParameterError, match=r"printer=a1_mini: hanger \(200 x 200 x 5 mm\).*printer=generic220"
+    ) as caught:
         require_bed(parts, printer("a1_mini"))
     assert "base (" not in str(caught.value)  # it fits across
     assert [p.name for p in fitting_printers(parts)][:2] == ["generic220", "ender3"]

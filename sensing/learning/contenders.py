@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
+from cad.identity import MUST_AGREE, require_same
 from sensing.learning.samples import MARKERS, ROW_ARRAYS, SHAPE, Samples, read_samples
 from sensing.wrench.model import WrenchModel
 
@@ -74,6 +75,10 @@ def read_all(folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAP
     designs = {part.design.label for part in parts}
     if len(designs) > 1:
         raise ParameterError(f"data of {', '.join(sorted(designs))}: give folders of one design", name="data")
+    for folder, part in zip(folders[1:], parts[1:], strict=True):
+        require_same(
+            folder, "data", part.identity, parts[0].identity, f"give folders of one endcap ({folders[0]})", MUST_AGREE
+        )
     joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_ARRAYS}
     return replace(parts[0], **joined, source=" ".join(map(str, folders)))
 
@@ -109,15 +114,12 @@ def frame_keys(samples: Samples) -> NDArray[np.str_]:
     return np.array([f"{path} {azimuth:.6f} {time:.6f}" for path, azimuth, time in rows])
 
 
-def fitted(train: Views, ours: WrenchModel, paper_epochs: int, seed: int = 0) -> dict[str, Answer]:
-    """Every model by name, fitted to the training views; ours as given."""
+def fitted(train: Views, ours: WrenchModel | None, paper_epochs: int, seed: int = 0) -> dict[str, Answer]:
+    """Every model by name, fitted to the training views; ours as given, where it is."""
     from sensing.learning.compliance import fit_compliance
     from sensing.learning.ridge import fit_ridge
 
-    def our_answer(test: Views) -> tuple[Array, Array | None, NDArray[np.bool_] | None]:
-        return *ours.predict(test.dots.inputs), ours.out_of_range(test.dots.inputs)
-
-    answers: dict[str, Answer] = {"ours": our_answer}
+    answers: dict[str, Answer] = {} if ours is None else {"ours": _network(ours)}
     known = train.markers or train.dots
     weights, _ = fit_ridge(known.inputs, known.wrenches, known.path, known.fields.shape[2])
     answers["ridge"] = lambda test: (test.dots.inputs @ weights.T, None, None)
@@ -127,6 +129,10 @@ def fitted(train: Views, ours: WrenchModel, paper_epochs: int, seed: int = 0) ->
     if train.gelslim is not None:
         answers["paper"] = _paper(train.gelslim, paper_epochs, seed)
     return answers
+
+
+def _network(ours: WrenchModel) -> Answer:
+    return lambda test: (*ours.predict(test.dots.inputs), ours.out_of_range(test.dots.inputs))
 
 
 def _part(names: NDArray, seed: int) -> NDArray:

@@ -161,7 +161,7 @@ def _base(params: EndcapParams) -> Profile:
 
 def _adapter(params: EndcapParams) -> Profile:
     """The adapter as a disc out to its arms' ends."""
-    top = -params.base_thickness_mm
+    top = -params.base_thickness_mm - 0.3  # two faces in one plane would flicker
     reach = params.arm_circle_radius_mm + 7.5
     return _ring(arm_adapter.BORE_RADIUS_MM, reach, top - arm_adapter.THICKNESS_MM, top)
 

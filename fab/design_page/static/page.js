@@ -65,7 +65,7 @@ async function refresh() {
   say();
 }
 
-const X = (d) => 34 + 278 * (d - page.offer.diameter[0]) / (page.offer.diameter[1] - page.offer.diameter[0]);
+const X = (d) => 34 + 268 * (d - page.offer.diameter[0]) / (page.offer.diameter[1] - page.offer.diameter[0]);
 const top_wall = () => page.offer.wall[1] * 1.06, low_wall = () => page.offer.wall[0] * 0.8;
 const Y = (t) => 154 - 140 * (t - low_wall()) / (top_wall() - low_wall());
 function draw_region() {
@@ -78,7 +78,7 @@ function draw_region() {
   svg("circle", { id: "point", r: 5, stroke: "#fff", "stroke-width": 1.5 }, box);
   box.addEventListener("click", (event) => {
     const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(box.getScreenCTM().inverse());
-    const [d0, d1] = page.offer.diameter, d = d0 + (d1 - d0) * (place.x - 34) / 278, t = low_wall() + (top_wall() - low_wall()) * (154 - place.y) / 140;
+    const [d0, d1] = page.offer.diameter, d = d0 + (d1 - d0) * (place.x - 34) / 268, t = low_wall() + (top_wall() - low_wall()) * (154 - place.y) / 140;
     $("D").value = $("D_number").value = (Math.round(2 * d) / 2).toString();
     $("T").value = $("T_number").value = t.toFixed(1);
     refresh();

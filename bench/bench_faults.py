@@ -3,7 +3,7 @@
 python bench/bench_faults.py [--frames 10000] [--seed 1] [--out bench/faults.csv] [--resume]
 
 Each fault lasts for one, two or ten frames between good ones: damage is made anew for every frame, light and dirt stay
-where they are. Every fault has a seed of its own, so that ``--resume`` goes on where a table ends. A force over 0.5 N on
+where they are. Every fault has its own seed, so that ``--resume`` goes on where a table ends. A force over 0.5 N on
 a frame that is neither flagged nor invalid is a miss, and the last line counts them. The pictures are those of the
 simulated robot at rest (rendered once on a computer).
 """

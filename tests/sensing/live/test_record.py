@@ -20,6 +20,7 @@ from sensing.live.outputs.recorder import TOPICS, Recorder
 from sensing.live.outputs.recording import Recording
 from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, replay_endcaps, verify
 from sensing.live.run import LiveRun
+from sensing.sources.newest import SourceError
 
 ENDCAPS = ("endcap_0", "endcap_1")
 
@@ -103,6 +104,28 @@ def test_replay_through_the_engine_gives_the_recorded_wrenches(recorded):
         assert engine.wait(PATIENCE_S)
     for endcap in ENDCAPS:
         assert np.array_equal(got[endcap], recorded_wrenches(recorded, endcap))
+
+
+def test_diagnostics_are_recorded_while_no_frame_comes(tmp_path):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    def absent():
+        raise SourceError("/dev/video9: no such camera")
+
+    one = LiveConfig((EndcapConfig("endcap_0", "test"),))
+    run = LiveRun(one, [LiveEndcap(CameraFeed(absent), pipeline())])
+    recording, path = Recording(run, tmp_path), tmp_path / "none.mcap"
+    with run.engine:
+        recording.start(path)
+        wait_for(lambda: path.read_bytes().count(b"no such camera") > 1)
+        recording.stop()
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        found = [m.status[0] for *_, m in reader.iter_decoded_messages(["/diagnostics"])]
+    assert [status.message for status in found[1:]] == ["unplugged: /dev/video9: no such camera"] * (len(found) - 1)
+    level = found[-1].level
+    assert (level[0] if isinstance(level, bytes) else level) == 2
 
 
 def test_an_independent_reader_opens_the_recording(recorded):

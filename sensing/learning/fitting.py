@@ -40,6 +40,7 @@ Progress = Callable[[str, float, float], None]
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 RANGE_MARGIN = 1.3  # E: over the largest of the training data
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
+OFTEN_ENOUGH = 0.999  # E: share of the samples up to the largest force that counts as learnt
 USUALLY = 0.9  # share of the samples in which a usual cell is valid
 
 
@@ -247,7 +248,7 @@ def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, s
     distance, rest = (RANGE_MARGIN * float(max(m[k].max() for m in measures)) for k in (0, 1))
     if start is not None:  # what it knew before, it still knows
         distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
-    force = float(np.linalg.norm(samples.wrenches[:, :3], axis=1).max())
+    force = float(np.quantile(np.linalg.norm(samples.wrenches[:, :3], axis=1), OFTEN_ENOUGH))
     if start is not None:
         force = max(force, start.range.force_n)
     return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)), force)

@@ -53,7 +53,7 @@ class Range:
     Attributes:
         distance: largest norm of the whitened principal part. rest_px: largest norm of what the principal fields leave.
         cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
-        force_n: largest force; infinite in weights that do not say it.
+        force_n: largest force but for a few samples; infinite in weights that do not say it.
     """
 
     distance: float

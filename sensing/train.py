@@ -2,6 +2,7 @@
 
     python -m sensing.train exports/data --out weights.safetensors
     python -m sensing.train exports/data --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
+    python -m sensing.train --start default --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
     python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors      # own recording
 
 An interrupted run goes on when the same command is given again. Wrenches about the sphere's centre, N and N m.
@@ -46,6 +47,8 @@ def _run(options: argparse.Namespace) -> int:
     )  # fmt: skip
     if not options.out.parent.is_dir():
         raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
+    if not options.data:
+        return _rescaled(options)
     shape = (options.cells, options.cells)
     samples = read_all(options.data, options.method, shape)
     pictured = (
@@ -77,6 +80,26 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _rescaled(options: argparse.Namespace) -> int:
+    """Only the intervals of given weights, on frames of other sensors."""
+    from sensing.evaluation.intervals import with_intervals
+    from sensing.wrench.model import load_wrench_model
+
+    if options.start is None or not options.intervals:
+        raise ParameterError(
+            "nothing to train on: give folders of labelled frames, or --start and --intervals to scale intervals alone",
+            name="data",
+        )
+    design = LabelledSet(options.intervals[0]).params
+    given = None if str(options.start) == DEFAULT else options.start
+    model = with_intervals(load_wrench_model(design, given, silicone=None), options.intervals)
+    model.save(options.out)
+    found = model.about["intervals"]
+    said = ", ".join(f"{scale:.3g}" for scale in found["scale"])
+    print(f"{options.out}: intervals of {options.start} scaled by {said} on {len(found['paths'])} paths")
+    return 0
+
+
 def _parser() -> argparse.ArgumentParser:
     plain = FitConfig()
     parser = argparse.ArgumentParser(
@@ -84,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Train a wrench model on folders of labelled frames of one design.",
         epilog="Bad input: one line on stderr, exit status 2. Evaluate with python -m sensing.evaluate.",
     )
-    parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="folders of labelled frames")
+    parser.add_argument("data", type=Path, nargs="*", metavar="DATA", help="folders of labelled frames")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="weights.safetensors to write")
     parser.add_argument("--start", type=Path, metavar="FILE", help=f"weights to fine-tune; {DEFAULT}: those that ship")
     parser.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")

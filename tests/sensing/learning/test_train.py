@@ -29,6 +29,7 @@ from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.samples import VIEWS, read_samples, shared_between
 from sensing.learning.scores import score, table
 from sensing.learning.timeliness import filtered_score, lag_s
+from sensing.wrench.model import load_wrench_model
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +124,22 @@ def test_leaks_and_bad_input_are_refused_in_one_line(folders, weights, tmp_path,
     assert evaluate.main([str(other), "--weights", str(weights)]) == 2
     assert "weights of D130_T8, this endcap is D140_T8" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["other"]
+
+
+def test_intervals_alone_are_scaled_on_other_paths(weights, tmp_path, capsys):
+    other, out = write_set(tmp_path / "other", 20, 9), tmp_path / "w.safetensors"
+    assert train.main(["--start", str(weights), "--intervals", str(other), "--out", str(out)]) == 0
+    assert "on 20 paths" in capsys.readouterr().out
+    before, after = load_wrench_model(path=weights), load_wrench_model(path=out)
+    assert all(np.array_equal(before.weights[n], after.weights[n]) for n in before.weights if n != "calibration")
+    scale = after.weights["calibration"] / before.weights["calibration"]
+    assert np.allclose(scale, after.about["intervals"]["scale"], rtol=1e-2, atol=1e-4) and not np.allclose(scale, 1.0)
+    assert evaluate.main([str(other), "--weights", str(out)]) == 2
+    assert "shares 20 paths, poses or pictures with the training" in capsys.readouterr().err
+    for arguments in (["--start", str(weights)], ["--intervals", str(other)], []):
+        assert train.main([*arguments, "--out", str(tmp_path / "no")]) == 2
+        assert "nothing to train on" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
 
 
 def test_scores_of_known_errors():

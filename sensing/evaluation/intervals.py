@@ -31,6 +31,7 @@ from sensing.wrench.model import WrenchModel
 Array = NDArray[np.float64]
 LEVEL = 0.95
 NORMAL_95 = 1.959964
+SCALES = 1e-3, 1e3  # the covariance stays positive
 FEWEST_PATHS = 19  # (n + 1) / n of the level is no more than 1
 
 
@@ -63,7 +64,7 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path]) -> WrenchM
             value=count,
         )
     factor = np.concatenate([needed(a) for a in answers])
-    scale = path_quantile(factor, path, LEVEL * (count + 1) / count)
+    scale = np.clip(path_quantile(factor, path, LEVEL * (count + 1) / count), *SCALES)
     weights = {**model.weights, "calibration": (model.weights["calibration"] * scale).astype(np.float32)}
     record = {"paths": names, "sensors": len(answers), "scale": [round(float(s), 4) for s in scale]}
     return replace(model, weights=weights, about={**model.about, "intervals": record})

@@ -3,11 +3,12 @@
     model = with_intervals(model, ["exports/interval_71", "exports/interval_72"])
 
 Notes:
-    On a calibration frame in contact, with error e of an axis, variance M that the model gives and C that the camera
-    adds, the interval 1.96 sqrt(s^2 M + C) covers e from s = sqrt(max(e^2 / 1.96^2 - C, 0) / M) on. Frames of one path
-    are not independent, paths are: each of n paths has the same weight, and s is the 0.95 (n + 1) / n quantile under
-    these weights (conformal prediction on groups; Dunn, Wasserman, Ramdas 2023, doi:10.1080/01621459.2022.2060112).
-    That needs 19 paths, of motions and sensors that neither training nor the choice of a setting has seen.
+    On a calibration frame in contact and without a flag, with error e of an axis, variance M that the model gives and C
+    that the camera adds, the interval 1.96 sqrt(s^2 M + C) covers e from s = sqrt(max(e^2 / 1.96^2 - C, 0) / M) on.
+    Frames of one path are not independent, paths are: each of n paths has the same weight, and s is the 0.95 (n + 1) / n
+    quantile under these weights (conformal prediction on groups; Dunn, Wasserman, Ramdas 2023,
+    doi:10.1080/01621459.2022.2060112). That needs 19 paths, of motions and sensors that neither training nor the choice
+    of a setting has seen; one motion seen by several sensors counts as several, though it is not quite.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path]) -> WrenchM
     Raises:
         ParameterError: fewer than 19 paths, or one that the model was trained on. FileError: a set that is not whole.
     """
-    answers = [_in_contact(model, LabelledSet(folder)) for folder in folders]
+    answers = [_judged(model, LabelledSet(folder)) for folder in folders]
     path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(answers)])
     names = sorted({str(name) for a in answers for name in a.path})
     known = sorted(set(names) & set(model.about["training"]["paths"]))
@@ -77,7 +78,8 @@ def needed(answers: LiveAnswers) -> Array:
     return np.sqrt(np.maximum((error / NORMAL_95) ** 2 - (total - own), 0.0) / own)
 
 
-def _in_contact(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
+def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
+    """Answers in contact for which the model vouches."""
     data.require_whole()
     live = live_model("calibrated", model, model.shape)
     camera = camera_of_set(data)
@@ -86,4 +88,4 @@ def _in_contact(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
         if camera is not None:
             camera.save(path)
         found = live_answers(data, live, None if camera is None else path)
-    return found.take(found.contact)
+    return found.take(found.contact & ~found.flagged)

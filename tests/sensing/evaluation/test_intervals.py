@@ -77,7 +77,7 @@ def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPat
     for name in known:
         (tmp_path / name).mkdir()
         (tmp_path / name / "manifest.json").write_text(json.dumps(manifest))
-    monkeypatch.setattr(intervals, "_in_contact", lambda model, data: known[data.folder.name])
+    monkeypatch.setattr(intervals, "_judged", lambda model, data: known[data.folder.name])
     model = load_wrench_model()
     scaled = intervals.with_intervals(model, [tmp_path / name for name in known])
     ratio = scaled.weights["calibration"] / model.weights["calibration"]

@@ -173,7 +173,10 @@ def _scores(answers: dict[str, Answer], test: Views, name: str) -> dict[str, Sco
     found: dict[str, Score] = {}
     for model, answer in answers.items():
         value, covariance, flagged = answer(test)
-        for what, rows in _subsets(test.dots).items():
+        subsets = _subsets(test.dots)
+        if flagged is not None and 0 < flagged.sum() < len(flagged):
+            subsets["where not flagged"] = ~flagged
+        for what, rows in subsets.items():
             found[f"{model}, {name} {what}".strip()] = score(
                 value[rows], test.dots.wrenches[rows], test.dots.contact[rows],
                 None if covariance is None else covariance[rows], None if flagged is None else flagged[rows],

@@ -69,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.intervals:
         from sensing.evaluation.intervals import with_intervals
 
-        model = with_intervals(model, options.intervals)
+        model = with_intervals(model, options.intervals, options.tilt_to)
     model.save(options.out)
     rmse = model.about["metrics"]["validation_rmse"]
     said = ", ".join(f"{value:.3f}" for value in rmse[:3]), ", ".join(f"{value:.4f}" for value in rmse[3:])
@@ -92,7 +92,7 @@ def _rescaled(options: argparse.Namespace) -> int:
         )
     design = LabelledSet(options.intervals[0]).params
     given = None if str(options.start) == DEFAULT else options.start
-    model = with_intervals(load_wrench_model(design, given, silicone=None), options.intervals)
+    model = with_intervals(load_wrench_model(design, given, silicone=None), options.intervals, options.tilt_to)
     model.save(options.out)
     found = model.about["intervals"]
     said = ", ".join(f"{scale:.3g}" for scale in found["scale"])
@@ -123,6 +123,9 @@ def _parser() -> argparse.ArgumentParser:
         "--intervals", type=Path, nargs="+", default=[], metavar="DATA",
         help="frames of other sensors on paths of their own: the live errors there scale the 95 %% intervals",
     )  # fmt: skip
+    parser.add_argument(
+        "--tilt-to", type=float, default=90.0, metavar="DEG", help="of the contacts that --intervals counts (90: all)"
+    )
     parser.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
     parser.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
     parser.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")

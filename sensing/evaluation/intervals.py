@@ -5,10 +5,11 @@
 Notes:
     On a calibration frame in contact and without a flag, with error e of an axis, variance M that the model gives and C
     that the camera adds, the interval 1.96 sqrt(s^2 M + C) covers e from s = sqrt(max(e^2 / 1.96^2 - C, 0) / M) on.
-    Frames of one path are not independent, paths are: each of n paths has the same weight, and s is the 0.95 (n + 1) / n
-    quantile under these weights (conformal prediction on groups; Dunn, Wasserman, Ramdas 2023,
-    doi:10.1080/01621459.2022.2060112). That needs 19 paths, of motions and sensors that neither training nor the choice
-    of a setting has seen; one motion seen by several sensors counts as several, though it is not quite.
+    Frames of one path are not independent, paths are: each has the same weight, and s is the 0.95 quantile under these
+    weights. This estimates the level; the guarantee of conformal prediction on groups (Dunn, Wasserman, Ramdas 2023,
+    doi:10.1080/01621459.2022.2060112) takes the 0.95 (n + 1) / n quantile of n paths, far too wide for tens of paths.
+    Motions and sensors must be none that training or the choice of a setting has seen; one motion seen by several
+    sensors counts as several, though it is not quite.
 """
 
 from __future__ import annotations
@@ -33,20 +34,21 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 NORMAL_95 = 1.959964
 SCALES = 1e-3, 1e3  # the covariance stays positive
-FEWEST_PATHS = 19  # (n + 1) / n of the level is no more than 1
+FEWEST_PATHS = 19  # fewer say nothing of one path in twenty
 
 
-def with_intervals(model: WrenchModel, folders: Sequence[str | Path]) -> WrenchModel:
+def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_deg: float = 90.0) -> WrenchModel:
     """A model whose covariance is scaled, axis by axis, on what the live pipeline answers.
 
     Args:
         model: as trained.
         folders: rendered or recorded frames of several sensors, each with the camera that a user finds.
+        tilt_to_deg: contacts further from the tip are left out: where a model fails, no width is right.
 
     Raises:
         ParameterError: fewer than 19 paths, or one that the model was trained on. FileError: a set that is not whole.
     """
-    answers = [_judged(model, LabelledSet(folder)) for folder in folders]
+    answers = [a.take(~(a.tilt_deg > tilt_to_deg)) for a in (_judged(model, LabelledSet(folder)) for folder in folders)]
     path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(answers)])
     names = sorted({str(name) for a in answers for name in a.path})
     known = sorted(set(names) & set(model.about["training"]["paths"]))
@@ -65,9 +67,14 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path]) -> WrenchM
             value=count,
         )
     factor = np.concatenate([needed(a) for a in answers])
-    scale = np.clip(path_quantile(factor, path, LEVEL * (count + 1) / count), *SCALES)
+    scale = np.clip(path_quantile(factor, path, LEVEL), *SCALES)
     weights = {**model.weights, "calibration": (model.weights["calibration"] * scale).astype(np.float32)}
-    record = {"paths": names, "sensors": len(answers), "scale": [round(float(s), 4) for s in scale]}
+    record = {
+        "paths": names,
+        "sensors": len(answers),
+        "tilt_to_deg": tilt_to_deg,
+        "scale": [round(float(s), 4) for s in scale],
+    }
     return replace(model, weights=weights, about={**model.about, "intervals": record})
 
 

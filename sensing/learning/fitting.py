@@ -33,7 +33,7 @@ from sensing.learning.path_quantile import path_quantile
 from sensing.learning.ridge import UNITS, fit_ridge
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import COUNT, disc_cells, moved_inputs, moved_wrenches, symmetric_moments
-from sensing.wrench.model import Range, WrenchModel, range_measures
+from sensing.wrench.model import Range, WrenchModel, contact_angle_deg, range_measures
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
@@ -248,10 +248,11 @@ def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, s
     distance, rest = (RANGE_MARGIN * float(max(m[k].max() for m in measures)) for k in (0, 1))
     if start is not None:  # what it knew before, it still knows
         distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
-    force = float(np.quantile(np.linalg.norm(samples.wrenches[:, :3], axis=1), OFTEN_ENOUGH))
+    force = 1.05 * float(np.quantile(np.linalg.norm(samples.wrenches[:, :3], axis=1), OFTEN_ENOUGH))
+    tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, samples.design.outer_radius_mm), OFTEN_ENOUGH))
     if start is not None:
-        force = max(force, start.range.force_n)
-    return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)), force)
+        force, tilt = max(force, start.range.force_n), max(tilt, start.range.tilt_deg)
+    return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)), force, tilt)
 
 
 def _provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:

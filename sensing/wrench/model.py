@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 FORMAT = "endcap-wrench-2"
 SHIPPED = Path(__file__).parents[1] / "weights"
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
+LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
 LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD, MAX_MIX = 0.02, 100.0, 3.0  # as in sensing.learning.net
@@ -53,13 +54,15 @@ class Range:
     Attributes:
         distance: largest norm of the whitened principal part. rest_px: largest norm of what the principal fields leave.
         cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
-        force_n: largest force but for a few samples; infinite in weights that do not say it.
+        force_n, tilt_deg: largest force and polar angle of the contact, but for a few samples; infinite in weights that
+            do not say it.
     """
 
     distance: float
     rest_px: float
     cells: NDArray[np.bool_]
     force_n: float = math.inf
+    tilt_deg: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,8 @@ class WrenchModel:
     def estimate(self, field: ShearField) -> Wrench:
         """Wrench on the endcap about the sphere's centre; exactly zero at zero shear.
 
-        Flags: ``out_of_range`` (a field unlike those of training, or a larger force), ``dots_lost`` (too few valid
-        cells), ``missing`` (no usable number: the wrench is zero and its covariance NaN).
+        Flags: ``out_of_range`` (a field unlike those of training, a larger force, or one further from the tip),
+        ``dots_lost`` (too few valid cells), ``missing`` (no usable number: the wrench is zero and its covariance NaN).
 
         Raises:
             ParameterError: a field of another shape than the model's.
@@ -121,7 +124,7 @@ class WrenchModel:
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
         value, covariance, distance, rest = answer_one(x, *self._packed)
         beyond = distance > self.range.distance or rest > self.range.rest_px
-        beyond = beyond or math.hypot(*value[:3]) > self.range.force_n
+        beyond = beyond or bool(self._beyond_contacts(value[None])[0])
         flags = frozenset({"out_of_range"} if beyond else ())
         if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
             flags |= {"dots_lost"}
@@ -147,11 +150,16 @@ class WrenchModel:
         return value, root @ root.transpose(0, 2, 1)
 
     def out_of_range(self, inputs: Array) -> NDArray[np.bool_]:
-        """(N,) True where a field is unlike those of training, or the force beyond theirs."""
+        """(N,) True where a field, or the contact that it means, is unlike those of training."""
         seen = inputs * np.tile(self.range.cells.ravel(), 2)
         distance, rest = range_measures(self._doubles["principal"], self._back, seen)
-        strong = np.linalg.norm(self.predict(inputs)[0][:, :3], axis=1) > self.range.force_n
-        return (distance > self.range.distance) | (rest > self.range.rest_px) | strong
+        beyond = self._beyond_contacts(self.predict(inputs)[0])
+        return (distance > self.range.distance) | (rest > self.range.rest_px) | beyond
+
+    def _beyond_contacts(self, value: Array) -> NDArray[np.bool_]:
+        """(N,) True where estimated wrenches (N, 6) are larger or further from the tip than those of training."""
+        beyond = np.linalg.norm(value[:, :3], axis=1) > self.range.force_n
+        return np.asarray(beyond | (contact_angle_deg(value, self.design.outer_radius_mm) > self.range.tilt_deg))
 
     @cached_property
     def slope(self) -> Array:
@@ -244,6 +252,21 @@ def load_wrench_model(
     return model
 
 
+def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
+    """(N,) polar angle from the tip at which the line of action of wrenches (N, 6) leaves the sphere; 0 below 1 N.
+
+    Args:
+        wrenches: on the endcap about the sphere's centre, N and N m. radius_mm: of the sphere.
+    """
+    force, torque = wrenches[:, :3], 1000 * wrenches[:, 3:]
+    size = np.linalg.norm(force, axis=1)
+    clear = size >= LEAST_FORCE_N
+    unit = force / np.where(clear, size, 1.0)[:, None]
+    near = np.cross(unit, torque) / np.where(clear, size, 1.0)[:, None]  # point of the line nearest to the centre
+    height = near[:, 2] - unit[:, 2] * np.sqrt(np.maximum(radius_mm**2 - (near**2).sum(axis=1), 0.0))
+    return np.where(clear, np.degrees(np.arccos(np.clip(height / radius_mm, -1.0, 1.0))), 0.0)
+
+
 def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array, Array]:
     """(N,) norm of the whitened principal part, and (N,) norm of the rest in px; ``back`` inverts ``principal``."""
     z = inputs @ principal.T
@@ -257,8 +280,9 @@ def _built(path: Path) -> WrenchModel:
         if made_for.digest != about["digest"]:
             raise ValueError("the digest is not that of its design")
         cells = tensors.pop("range_cells").astype(bool)
-        limits = {"force_n": math.inf} | about["range"]
-        covered = Range(float(limits["distance"]), float(limits["rest_px"]), cells, float(limits["force_n"]))
+        limits = {"force_n": math.inf, "tilt_deg": math.inf} | about["range"]
+        sizes = {name: float(limits[name]) for name in ("distance", "rest_px", "force_n", "tilt_deg")}
+        covered = Range(cells=cells, **sizes)
         shape = (int(about["shape"][0]), int(about["shape"][1]))
         made_of = recorded(about.get("identity"), made_for)
         return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about, made_of)

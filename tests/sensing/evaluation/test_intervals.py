@@ -47,10 +47,10 @@ def test_the_scale_covers_new_paths_at_the_level_and_counting_frames_does_not() 
     for _ in range(12):
         known, fresh = made_answers(rng), made_answers(rng, 300)
         factor = intervals.needed(known)
-        by_path.append(covered(fresh, path_quantile(factor, known.path, 0.95 * (PATHS + 1) / PATHS)))
+        by_path.append(covered(fresh, path_quantile(factor, known.path, 0.95)))
         alone = known.take(np.char.find(known.path, "-") > 0)
         by_frame.append(covered(fresh, np.quantile(intervals.needed(alone), 0.95, axis=0)))
-    assert 0.945 < np.mean(by_path) < 0.975
+    assert 0.925 < np.mean(by_path) < 0.965
     assert np.mean(by_frame) > np.mean(by_path) + 0.005  # long, bad paths count three times
 
 
@@ -82,7 +82,7 @@ def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPat
     scaled = intervals.with_intervals(model, [tmp_path / name for name in known])
     ratio = scaled.weights["calibration"] / model.weights["calibration"]
     factor, path = (np.concatenate([f(a) for a in known.values()]) for f in (intervals.needed, lambda a: a.path))
-    assert np.allclose(ratio, path_quantile(factor, path, 0.95 * 41 / 40), rtol=1e-6)
+    assert np.allclose(ratio, path_quantile(factor, path, 0.95), rtol=1e-6)
     assert len(scaled.about["intervals"]["paths"]) == 40 and scaled.about["intervals"]["sensors"] == 2
     scaled.save(tmp_path / "w")
     assert load_wrench_model(path=tmp_path / "w").about["intervals"] == scaled.about["intervals"]

@@ -19,7 +19,7 @@ from sensing.learning.fitting import fit  # noqa: E402
 from sensing.learning.ridge import fit_ridge  # noqa: E402
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
 from sensing.wrench.kernels import answer_one  # noqa: E402
-from sensing.wrench.model import SHIPPED, load_wrench_model, range_measures  # noqa: E402
+from sensing.wrench.model import SHIPPED, contact_angle_deg, load_wrench_model, range_measures  # noqa: E402
 
 SIDE = 6
 PARAMS = EndcapParams(130, 8)
@@ -221,14 +221,30 @@ def test_a_checkpoint_of_torch_is_named_as_such(tmp_path):
         load_wrench_model(path=path)
 
 
+def test_contact_angle_is_that_of_the_place_and_is_flagged_beyond_training(model):
+    radius, rng = PARAMS.outer_radius_mm, np.random.default_rng(0)
+    for tilt in (0.0, 20.0, 60.0, 90.0):
+        turn, at = rng.uniform(0, 2 * np.pi), np.radians(tilt)
+        out = np.array([np.sin(at) * np.cos(turn), np.sin(at) * np.sin(turn), np.cos(at)])
+        force = -20 * out + 4 * np.cross(out, rng.standard_normal(3))  # friction, too
+        wrench = np.concatenate([force, np.cross(radius * out, force) / 1000])
+        assert contact_angle_deg(wrench[None], radius)[0] == pytest.approx(tilt, abs=1e-4)
+        assert contact_angle_deg(wrench[None] / 100, radius)[0] == 0.0
+    field = bump_fields(np.array([[3.0, 0, -12, 0, 0, 0]]))[0].astype(np.float32)
+    seen = contact_angle_deg(model.predict(field.reshape(1, -1).astype(float))[0], radius)[0]
+    for limit, flagged in ((seen - 1, True), (seen + 1, False)):
+        only = replace(model, range=replace(model.range, distance=1e9, rest_px=1e9, force_n=1e9, tilt_deg=limit))
+        assert ("out_of_range" in only.estimate(ShearField(0.0, field)).flags) == flagged
+
+
 def test_a_force_beyond_those_of_training_is_flagged(model, data, tmp_path):
     strongest = np.linalg.norm(data.wrenches[:, :3], axis=1).max()
-    assert 0.8 * strongest < model.range.force_n <= strongest
+    assert 0.8 * strongest < model.range.force_n <= 1.05 * strongest
     wrench = data.wrenches[np.argmax(np.linalg.norm(data.wrenches[:, :3], axis=1))][None]
     for size, flagged in ((0.9, False), (1.15, True)):
         fields = bump_fields(wrench * size * model.range.force_n / np.linalg.norm(wrench[0, :3]))
         one = model.estimate(ShearField(0.0, fields[0].astype(np.float32)))
-        alone = replace(model, range=replace(model.range, distance=1e9, rest_px=1e9))
+        alone = replace(model, range=replace(model.range, distance=1e9, rest_px=1e9, tilt_deg=180.0))
         assert ("out_of_range" in alone.estimate(ShearField(0.0, fields[0].astype(np.float32))).flags) == flagged
         assert np.linalg.norm(one.force_n) == pytest.approx(size * model.range.force_n, rel=0.1)
         assert alone.out_of_range(fields.reshape(1, -1).astype(float))[0] == flagged

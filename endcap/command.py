@@ -60,6 +60,12 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
         "run it",
         (
             Subcommand("cameras", "sensing.sources.__main__", "cameras of this computer and their modes"),
+            Subcommand(
+                "doctor",
+                "sensing.sources.__main__",
+                "what is wrong with a camera, and the fix",
+                ("check",),
+            ),
             Subcommand("setup", "sensing.setup", "find the cameras, take the zero, write endcaps.toml"),
             Subcommand("calibrate", "sensing.calibrate", "camera from one photo of the dots, or a chessboard"),
             Subcommand("zero", "sensing.zero", "take, check or watch the untouched reference"),

@@ -12,6 +12,10 @@
     camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
+    gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
+    gain_sd = 0.008
+    gain_date = "2026-01-01"
+    gain_weights = "0123456789abcdef"   # digest of the model's weights that it was found with
     T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
 
 Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such a file.
@@ -37,7 +41,9 @@ from sensing.whole_file import replace_file
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
+GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
 MOST_BYTES = 1 << 20  # of endcaps.toml
+TEXTS = ("name", "source", "model", "method", "zero", "camera", "weights", "gain_date", "gain_weights")
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
@@ -55,6 +61,8 @@ class EndcapConfig:
         rate_hz: frames a second asked of a camera (0: 30), or pictures a second of a folder (0: one, each for itself).
         camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None
             for the nominal one.
+        gain, gain_sd: of its silicone (:mod:`sensing.weigh`) and standard deviation; 1 and 0 where it was not weighed.
+        gain_date, gain_weights: when, and with which weights of the model (digest); empty where it was not.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
 
     Raises:
@@ -71,6 +79,10 @@ class EndcapConfig:
     exposure: float = 0.0
     rate_hz: float = 0.0
     camera: Path | None = None
+    gain: float = 1.0
+    gain_sd: float = 0.0
+    gain_date: str = ""
+    gain_weights: str = ""
     T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
@@ -89,9 +101,14 @@ class EndcapConfig:
                 name="contact_on_n",
                 value=self.contact_on_n,
             )
-        for name, value, most in (("exposure", self.exposure, 1e6), ("rate_hz", self.rate_hz, 1000)):
-            if not 0 <= value <= most:
-                raise ParameterError(f"{name}={value:g} of {self.name} outside 0..{most:g}", name=name, value=value)
+        for name, value, least, most in (
+            ("exposure", self.exposure, 0, 1e6), ("rate_hz", self.rate_hz, 0, 1000),
+            ("gain", self.gain, *GAINS), ("gain_sd", self.gain_sd, 0, self.gain),
+        ):  # fmt: skip
+            if not least <= value <= most:
+                raise ParameterError(
+                    f"{name}={value:g} of {self.name} outside {least:g}..{most:g}", name=name, value=value
+                )
         if self.source.startswith(("http://", "https://")):
             for name, what in CAMERA_ONLY.items():
                 if getattr(self, name):
@@ -107,6 +124,14 @@ class EndcapConfig:
     def params(self) -> EndcapParams:
         """The design."""
         return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @property
+    def weighed(self) -> str:
+        """How it was calibrated by weight, in words; empty where it was not."""
+        if self.gain == 1.0 and self.gain_sd == 0.0:
+            return ""
+        date = self.gain_date and f" on {self.gain_date[:10]}"
+        return f"calibrated by weight{date}: gain {self.gain:.3f} ± {self.gain_sd:.3f}"
 
 
 @dataclass(frozen=True)
@@ -215,7 +240,7 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
         raise FileError(f"{path}: a [[endcap]] without name or source: give both")
     values: dict[str, Any] = {}
     for key, value in reported.items():
-        if key in ("name", "source", "model", "method", "zero", "camera", "weights"):
+        if key in TEXTS:
             good = isinstance(value, str)
         elif key == "T_robot_endcap":
             good = _is_matrix(value)

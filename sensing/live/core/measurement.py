@@ -31,6 +31,7 @@ from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.filter import WrenchFilter
+from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, weights_digest
 
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
 COARSE = 8  # reduction at which methods without dots compare whole pictures
@@ -61,6 +62,9 @@ class Measurement:
         self._check = check
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
+        self._stiffness = Stiffness(endcap.gain, endcap.gain_sd)
+        digest = weights_digest(model.estimator) if endcap.gain_weights else ""
+        self._foreign = frozenset({OTHER_WEIGHTS} if endcap.gain_weights != digest else ())
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
         self._gate, self._filter = Gate(), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
@@ -95,6 +99,7 @@ class Measurement:
         estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
         if self._check is not None and tracks is not None:
             estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
+        estimate = self._stiffness.applied(replace(estimate, flags=estimate.flags | self._foreign))
         watch.lap("wrench")
         alike = likeness(small_picture(gray), self._alike_to)
         verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))

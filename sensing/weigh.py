@@ -16,7 +16,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import EndcapConfig, LiveConfig, load_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap, load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
 from sensing.live.open_endcaps import configured_models, open_endcaps
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None, ask: Ask = input) -> int:
 
 
 def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
-    endcap = _chosen(config, options.endcap)
+    endcap = chosen_endcap(config, options.endcap)
     requests = [parse_pose(text) for text in options.pose]
     if requests and len(requests) < 2:
         raise WeighingError("1 pose: at least 2 needed, or a wrong weight could not be noticed; add another --pose")
@@ -115,17 +115,6 @@ def _report(poses: Sequence[Pose], found: Gain) -> None:
             "  a level table shows the force along the axis only: fx, fy and the torques take the same gain because "
             "stresses scale with the modulus, but nothing here has tested them"
         )
-
-
-def _chosen(config: LiveConfig, name: str | None) -> EndcapConfig:
-    names = [endcap.name for endcap in config.endcaps]
-    if name is None and len(names) == 1:
-        return config.endcaps[0]
-    if name not in names:
-        raise ParameterError(
-            f"--endcap {name or 'missing'}: choose one of {', '.join(names)}", name="endcap", value=name
-        )
-    return config.endcaps[names.index(name)]
 
 
 def _say(text: str) -> str:

@@ -36,8 +36,8 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.outputs": {"live.core"},
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
-    "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
+    "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
     "evaluation": {
         "calibration",
         "camera",

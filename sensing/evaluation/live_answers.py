@@ -24,10 +24,8 @@ from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import LabelledFrame, LabelledSet
 from sensing.tracking.zero import single_zero
-from sensing.wrench.stiffness import Stiffness
 
 Array = NDArray[np.float64]
-TRAINED = Stiffness()
 SHORTEST_S = 1e-6  # states labelled with one time follow one another by this
 
 
@@ -54,16 +52,13 @@ class LiveAnswers:
         return LiveAnswers(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
 
 
-def live_answers(
-    data: LabelledSet, model: LiveModel, camera: Path | None, stiffness: Stiffness = TRAINED
-) -> LiveAnswers:
+def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> LiveAnswers:
     """Run all frames of a set through :class:`sensing.live.core.pipeline.EndcapPipeline`.
 
     Args:
         data: labelled frames with pictures.
         model: of the set's design.
         camera: file of the calibrated camera; None for a user without one.
-        stiffness: of the set's silicone (:mod:`sensing.weigh`).
 
     Raises:
         FileError: no frames, or a frame that the pipeline cannot use (its message is passed on).
@@ -75,7 +70,7 @@ def live_answers(
     for item in data.frames():
         now = (item.path, str(item.labels["azimuth_deg"]))
         if pipeline is None or now != run:  # a new run: another reference, or the contact jumps
-            pipeline, run, last_s = _pipeline(design, model, item, camera, stiffness), now, float("-inf")
+            pipeline, run, last_s = _pipeline(design, model, item, camera), now, float("-inf")
         last_s = max(item.frame.time_s, last_s + SHORTEST_S)
         reading = pipeline.update(replace(item.frame, time_s=last_s))
         if reading is None or not reading.valid:
@@ -95,16 +90,8 @@ def live_answers(
     return LiveAnswers(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _pipeline(
-    design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None, stiffness: Stiffness
-) -> EndcapPipeline:
+def _pipeline(design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:
     config = EndcapConfig(
-        "evaluated",
-        "labelled",
-        diameter_mm=design.diameter_mm,
-        wall_mm=design.wall_mm,
-        camera=camera,
-        gain=stiffness.gain,
-        gain_sd=stiffness.sd,
+        "evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera
     )
     return EndcapPipeline(config, model, single_zero(item.reference))

@@ -59,7 +59,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
 
 
 def as_trained(endcap: EndcapConfig) -> EndcapConfig:
-    """The endcap as if its silicone were that of the training data."""
+    """The endcap as if its silicone were that of the training data, without rate effects."""
     on_n, off_n = endcap.contact_on_n / endcap.gain, endcap.contact_off_n / endcap.gain
-    plain = replace(endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="")
+    plain = replace(endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=())
     return replace(plain, contact_on_n=on_n, contact_off_n=off_n)

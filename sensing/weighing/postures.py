@@ -82,7 +82,7 @@ def fit_gains(postures: Sequence[Posture], weight_n: float, endcaps: Sequence[st
     chi_square = _chi_square(gain, variance, forces, weight_n * up)
     limit = chi_square_quantile(1 - CONTRADICTION, freedom)
     if chi_square > limit:
-        left = [np.delete(np.arange(len(postures)), p) for p in range(len(postures))]
+        left = [[k for k in range(len(postures)) if k != p] for p in range(len(postures))]
         without = [_refitted([postures[k] for k in rows], weight_n * up[rows], endcaps) for rows in left]
         raise WeighingError(
             f"the postures contradict one another (chi-square {chi_square:.0f}, at most {limit:.0f}), "

@@ -9,9 +9,9 @@ relaxed. N, N m, s.
 
 Notes:
     Linear viscoelasticity of proportional loading: with w the long-term wrench of the deformation, the true one is
-    w + sum_i h_i,  dh_i/dt + h_i / tau_i = b_i dw/dt  (the Prony series of Simo 1987, doi:10.1016/0045-7825(87)90107-1,
-    b_i = g_i / (1 - sum g) relative to the long-term modulus), for each of the six axes by itself. Between two frames w is
-    taken as linear in time, and then the step is exact for any interval dt:
+    w + sum_i h_i,  dh_i/dt + h_i / tau_i = b_i dw/dt  (the Prony series of Simo 1987,
+    doi:10.1016/0045-7825(87)90107-1, b_i = g_i / (1 - sum g) relative to the long-term modulus), for each of the six
+    axes by itself. Between two frames w is taken as linear in time, and then the step is exact for any interval dt:
 
         h' = exp(-dt / tau) h + b (w' - w) (tau / dt) (1 - exp(-dt / tau)).
 
@@ -53,12 +53,14 @@ class Term:
     sd: float = 0.0
 
     def __post_init__(self) -> None:
-        good = 0 < self.strength <= MOST_STRENGTH and TAU_S[0] <= self.tau_s <= TAU_S[1] and 0 <= self.sd <= MOST_STRENGTH
+        good = (
+            0 < self.strength <= MOST_STRENGTH and TAU_S[0] <= self.tau_s <= TAU_S[1] and 0 <= self.sd <= MOST_STRENGTH
+        )
         if not good:
             raise ParameterError(
-                f"relaxation term {self.strength:g}, {self.tau_s:g}, {self.sd:g}: need 0 < strength <= {MOST_STRENGTH:g}, "
-                f"tau_s {TAU_S[0]:g}..{TAU_S[1]:g} and 0 <= sd <= {MOST_STRENGTH:g}; identify them with python -m "
-                "sensing.dwell",
+                f"relaxation term {self.strength:g}, {self.tau_s:g}, {self.sd:g}: need 0 < strength <= "
+                f"{MOST_STRENGTH:g}, tau_s {TAU_S[0]:g}..{TAU_S[1]:g} and 0 <= sd <= {MOST_STRENGTH:g}; identify "
+                "them with python -m sensing.dwell",
                 name="relaxation",
                 value=(self.strength, self.tau_s, self.sd),
             )

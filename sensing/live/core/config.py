@@ -16,6 +16,7 @@
     gain_sd = 0.008
     gain_date = "2026-01-01"
     gain_weights = "0123456789abcdef"   # digest of the model's weights that it was found with
+    relaxation = [[0.054, 0.1, 0.005], [0.033, 1.0, 0.003]]    # of sensing.dwell: strength, tau in s, sd of strength
     T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
 
 Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such a file.
@@ -37,6 +38,7 @@ from cad.params import EndcapParams
 from sensing.frames import Array, rigid
 from sensing.tracking.methods import METHODS
 from sensing.whole_file import replace_file
+from sensing.wrench.relaxation import MOST_TERMS, Term
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
@@ -63,6 +65,7 @@ class EndcapConfig:
             for the nominal one.
         gain, gain_sd: of its silicone (:mod:`sensing.weigh`) and standard deviation; 1 and 0 where it was not weighed.
         gain_date, gain_weights: when, and with which weights of the model (digest); empty where it was not.
+        relaxation: terms (strength, tau_s, sd) of :mod:`sensing.dwell`; empty where the silicone was not identified.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
 
     Raises:
@@ -83,6 +86,7 @@ class EndcapConfig:
     gain_sd: float = 0.0
     gain_date: str = ""
     gain_weights: str = ""
+    relaxation: tuple[tuple[float, ...], ...] = ()
     T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
@@ -118,12 +122,18 @@ class EndcapConfig:
                         value=getattr(self, name),
                     )
         object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
-        _ = self.params
+        object.__setattr__(self, "relaxation", tuple(tuple(map(float, term)) for term in self.relaxation))
+        _ = self.params, self.relaxation_terms
 
     @property
     def params(self) -> EndcapParams:
         """The design."""
         return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @property
+    def relaxation_terms(self) -> tuple[Term, ...]:
+        """Of the rate effects of its silicone."""
+        return tuple(Term(*term) for term in self.relaxation)
 
     @property
     def weighed(self) -> str:
@@ -199,6 +209,21 @@ def load_config(path: Path) -> LiveConfig:
     return LiveConfig(made, **_checked(path, LiveConfig, reported))
 
 
+def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:
+    """The endcap of that name; without a name the only one.
+
+    Raises:
+        ParameterError: no such endcap, or several and no name.
+    """
+    names = [endcap.name for endcap in config.endcaps]
+    if name is None and len(names) == 1:
+        return config.endcaps[0]
+    if name not in names:
+        known = ", ".join(names)
+        raise ParameterError(f"--endcap {name or 'missing'}: choose one of {known}", name="endcap", value=name)
+    return config.endcaps[names.index(name)]
+
+
 def save_config(config: LiveConfig, path: Path) -> None:
     """Write ``endcaps.toml`` under a temporary name, then rename.
 
@@ -244,6 +269,8 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
             good = isinstance(value, str)
         elif key == "T_robot_endcap":
             good = _is_matrix(value)
+        elif key == "relaxation":
+            good = isinstance(value, list) and len(value) <= MOST_TERMS and all(_is_row(term, 3) for term in value)
         else:
             good = _is_number(value)
         if not good:
@@ -259,12 +286,11 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
 
 
 def _is_matrix(value: Any) -> bool:
-    return (
-        isinstance(value, list)
-        and len(value) == 4
-        and all(isinstance(row, list) and len(row) == 4 for row in value)
-        and all(_is_number(x) for row in value for x in row)
-    )
+    return isinstance(value, list) and len(value) == 4 and all(_is_row(row, 4) for row in value)
+
+
+def _is_row(value: Any, length: int) -> bool:
+    return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
 
 
 def _is_number(value: Any) -> bool:

@@ -195,7 +195,9 @@ def test_the_last_interval_at_rest_counts_after_creep():
     time_s = np.arange(240) / 30
     creep = 10 + 0.5 * (1 - np.exp(-time_s))
     rest = watched([*np.zeros(30), *creep, *np.linspace(10, 0, 10), *np.zeros(30)]).pressed()
-    assert rest.wrench[2] == pytest.approx(-np.median(creep[-30:]), abs=0.01) and rest.covariance[2, 2] == 1e-4
+    assert rest.wrench[2] == pytest.approx(-np.median(creep[-30:]), abs=0.01) and rest.covariance[
+        2, 2
+    ] == pytest.approx(1e-4)
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def _identify(options: argparse.Namespace) -> None:
     warm_up(lambda text: print(text, file=sys.stderr))
     gain = Stiffness(endcap.gain, 0.0)
     rows = []
-    for reading in film_readings(endcap, options.source, configured_models(config)(endcap)):
+    for reading in film_readings(endcap, options.source, configured_models(config, any_silicone=True)(endcap)):
         if reading.valid:
             rows.append([reading.estimate.time_s, *gain.applied(reading.estimate).force_n])
     if not rows:

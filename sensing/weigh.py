@@ -63,7 +63,7 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     requests = [parse_pose(text) for text in options.pose]
     if requests and len(requests) < 2:
         raise WeighingError("1 pose: at least 2 needed, or a wrong weight could not be noticed; add another --pose")
-    model = configured_models(config)(endcap)
+    model = configured_models(config, any_silicone=True)(endcap)
     digest = weights_digest(model.estimator)
     if not digest:
         raise ParameterError(

@@ -34,20 +34,27 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
     endcaps = []
     for number, endcap in enumerate(config.endcaps):
         feed, live = open_feed(endcap, speed)
-        zero = None if endcap.zero is None else load_zero(endcap.zero)
+        zero = None if endcap.zero is None else load_zero(endcap.zero, endcap.identity)
         pipeline = EndcapPipeline(endcap, models(endcap), zero, number, ZERO_FRAMES if live else 1)
         endcaps.append(LiveEndcap(feed, pipeline))
     return endcaps
 
 
-def configured_models(config: LiveConfig) -> Models:
-    """Loads the configuration's model once for each design."""
+def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:
+    """Loads the configuration's model once for each design.
+
+    Args:
+        config: names model and weights.
+        any_silicone: take weights that were trained for another silicone; so it is for endcaps that were weighed.
+    """
     loaded: dict[str, LiveModel] = {}
 
     def of(endcap: EndcapConfig) -> LiveModel:
-        if endcap.params.digest not in loaded:
-            loaded[endcap.params.digest] = load_model(config.model, endcap.params, config.weights, config.method)
-        return loaded[endcap.params.digest]
+        silicone = None if any_silicone or endcap.weighed else endcap.silicone
+        key = f"{endcap.identity.digest} {silicone}"
+        if key not in loaded:
+            loaded[key] = load_model(config.model, endcap.params, config.weights, config.method, silicone)
+        return loaded[key]
 
     return of
 

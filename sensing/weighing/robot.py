@@ -43,7 +43,7 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
     """
     if not config.weight_n > 0:
         raise ParameterError(f"weight_n is missing in {out}: give the robot's weight in N", name="weight_n", value=0.0)
-    models = configured_models(config)
+    models = configured_models(config, any_silicone=True)
     postures = [Posture(recording.name, up, *_forces(config, recording, models, say)) for recording, up in _rows(table)]
     carried = [e.name for e in config.endcaps if any(e.name in posture.force_n for posture in postures)]
     found = fit_gains(postures, config.weight_n, carried)

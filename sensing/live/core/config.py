@@ -10,6 +10,9 @@
     source = "0"                        # camera number, http address, folder, video; "scene:0" for the simulated robot
     zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
     camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
+    silicone = "Smooth-Sil 950"         # row of cad/materials.csv
+    dots = "released"                   # dot pattern and lens for which this was set up: checked, not chosen here
+    lens = "released"
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
     gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
@@ -34,6 +37,8 @@ from typing import Any
 import numpy as np
 
 from cad.errors import FileError, ParameterError, printable
+from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.frames import Array, rigid
 from sensing.tracking.methods import METHODS
@@ -44,8 +49,12 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
 GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
+TEXTS = (
+    "name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens", "gain_date",
+    "gain_weights",
+)  # fmt: skip
+OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
 MOST_BYTES = 1 << 20  # of endcaps.toml
-TEXTS = ("name", "source", "model", "method", "zero", "camera", "weights", "gain_date", "gain_weights")
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
@@ -67,9 +76,12 @@ class EndcapConfig:
         gain_date, gain_weights: when, and with which weights of the model (digest); empty where it was not.
         relaxation: terms (strength, tau_s, sd) of :mod:`sensing.dwell`; empty where the silicone was not identified.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
+        silicone: row of cad/materials.csv.
+        dots, lens: dot pattern and lens for which it was set up (:func:`cad.identity.label_of`); empty for those of
+            this toolkit.
 
     Raises:
-        ParameterError: a value of the wrong form.
+        ParameterError: a value of the wrong form, or a dot pattern or lens that this toolkit does not have.
     """
 
     name: str
@@ -88,6 +100,9 @@ class EndcapConfig:
     gain_weights: str = ""
     relaxation: tuple[tuple[float, ...], ...] = ()
     T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
+    silicone: str = DEFAULT_SILICONE
+    dots: str = ""
+    lens: str = ""
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
@@ -123,7 +138,26 @@ class EndcapConfig:
                     )
         object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
         object.__setattr__(self, "relaxation", tuple(tuple(map(float, term)) for term in self.relaxation))
-        _ = self.params, self.relaxation_terms
+        _ = self.relaxation_terms
+        self._check_identity()
+
+    def _check_identity(self) -> None:
+        """Fill dot pattern and lens in, or refuse those of another toolkit."""
+        for name, aspect in (("dots", "dots"), ("lens", "camera")):
+            here, stated = label_of(self.identity, aspect), getattr(self, name)
+            if stated not in ("", here):
+                raise ParameterError(
+                    f"{name}={stated!r} of {self.name}: it was set up for that {WORDS[aspect]}, this toolkit has "
+                    f"{here!r}: set it up again with endcap setup",
+                    name=name,
+                    value=stated,
+                )
+            object.__setattr__(self, name, here)
+
+    @property
+    def identity(self) -> Identity:
+        """Design, dot pattern, camera and silicone."""
+        return identity(self.params, self.silicone)
 
     @property
     def params(self) -> EndcapParams:
@@ -205,7 +239,7 @@ def load_config(path: Path) -> LiveConfig:
     endcaps = reported.pop("endcap", [])
     if not isinstance(endcaps, list) or not all(isinstance(endcap, dict) for endcap in endcaps):
         raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
-    made = tuple(EndcapConfig(**_checked(path, EndcapConfig, endcap)) for endcap in endcaps)
+    made = tuple(EndcapConfig(**(OF_BEFORE | _checked(path, EndcapConfig, endcap))) for endcap in endcaps)
     return LiveConfig(made, **_checked(path, LiveConfig, reported))
 
 

@@ -21,6 +21,7 @@ from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading, without_numbers
 from sensing.live.core.state import Event
+from sensing.live.open_endcaps import configured_models
 from sensing.records import Wrench
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -35,7 +36,7 @@ from sensing.weighing.words import GRAVITY_M_S2
 from sensing.wrench.stiffness import OTHER_WEIGHTS
 
 SOFT = "Smooth-Sil 940"
-MINE = '# my lab\n[[endcap]]\nname = "soft"  # the new one\nsource = "0"\ncontact_on_n = 0.8\ncontact_off_n = 0.5\n'
+MINE = '# my lab\n[[endcap]]\nname = "soft"  # the new one\nsource = "0"\nsilicone = "Smooth-Sil 940"\ncontact_on_n = 0.8\ncontact_off_n = 0.5\n'
 
 
 def variants(picture: bytes, count: int) -> list[bytes]:
@@ -84,6 +85,15 @@ def answer(endcap: EndcapConfig, folder) -> EndcapReading:
 
 def run(path, *words, ask=None) -> int:
     return weigh.main(["--config", str(path), *words], ask or pytest.fail)
+
+
+def test_weights_of_another_silicone_are_refused_until_it_is_weighed(mine):
+    config = load_config(mine)
+    with pytest.raises(FileError, match=r"silicone .*weigh it"):
+        configured_models(config)(config.endcaps[0])
+    change_entries(mine, "soft", {"gain": 0.73, "gain_sd": 0.01})
+    config = load_config(mine)
+    assert configured_models(config)(config.endcaps[0]).method == "dots"
 
 
 def test_two_weights_make_a_softer_endcap_right(soft, mine, capsys):

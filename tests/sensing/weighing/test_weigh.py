@@ -36,7 +36,14 @@ from sensing.weighing.words import GRAVITY_M_S2
 from sensing.wrench.stiffness import OTHER_WEIGHTS
 
 SOFT = "Smooth-Sil 940"
-MINE = '# my lab\n[[endcap]]\nname = "soft"  # the new one\nsource = "0"\nsilicone = "Smooth-Sil 940"\ncontact_on_n = 0.8\ncontact_off_n = 0.5\n'
+MINE = """# my lab
+[[endcap]]
+name = "soft"  # the new one
+source = "0"
+silicone = "Smooth-Sil 940"
+contact_on_n = 0.8
+contact_off_n = 0.5
+"""
 
 
 def variants(picture: bytes, count: int) -> list[bytes]:

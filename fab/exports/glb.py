@@ -14,9 +14,7 @@ import trimesh
 
 from cad.errors import FileError
 from fab.design import Design
-
-METRE = 1e-3
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # endcap's z becomes glTF's y
+from fab.exports.preview import METRE, Y_UP, linear_color
 
 
 def write_glb(
@@ -32,7 +30,7 @@ def write_glb(
         mesh = design.meshes[name]
         points = METRE * (np.asarray(mesh.vertices) + np.array(offsets.get(name, (0.0, 0.0, 0.0)))) @ Y_UP.T
         copy = trimesh.Trimesh(points, mesh.faces, process=False, validate=False)
-        color = [*(_linear(np.array(design.parts[name].color)).tolist()), 1.0]
+        color = [*(linear_color(np.array(design.parts[name].color)).tolist()), 1.0]
         material = trimesh.visual.material.PBRMaterial(
             name=name, baseColorFactor=color, metallicFactor=0.0, roughnessFactor=0.7, doubleSided=False
         )
@@ -45,8 +43,3 @@ def write_glb(
     except OSError as error:
         draft.unlink(missing_ok=True)
         raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
-
-
-def _linear(color: np.ndarray) -> np.ndarray:
-    """A colour as shown on a screen (sRGB, IEC 61966-2-1) to the linear one that glTF holds."""
-    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError
+from cad.whole_file import replace_file
 from sensing.live.core.config import load_config
-from sensing.whole_file import replace_file
 
 _TABLE = re.compile(r"\s*\[")
 _ENDCAP = re.compile(r"\s*\[\[\s*endcap\s*\]\]")

@@ -29,6 +29,7 @@ BOTTOM = {
         "materials",
         "identity",
         "whole_file",
+        "plugins",
     )
 }
 PLAIN = BOTTOM | {

@@ -28,14 +28,14 @@ BOTTOM = {
         "lens",
         "materials",
         "identity",
+        "whole_file",
+        "plugins",
     )
 }
 PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part")
 }  # standard library only, too
-SHARED = {
-    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "whole_file")
-}
+SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz")}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),
@@ -51,6 +51,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
+    "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
     "evaluation": {
         "calibration",
         "camera",
@@ -70,13 +71,13 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
         "recording",
         "sources",
         "tracking",
+        "weighing",
         "wrench",
     },
 }
 SHARED_WITH_SIMULATOR = {
     "sensing.records",
     "sensing.records_labelled",
-    "sensing.whole_file",
 }  # besides the package camera
 PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from cad.errors import FileError
+from cad.whole_file import replace_file
 from fab.design import Design
 from fab.exports.preview import METRE, Y_UP, linear_color
 
@@ -36,10 +36,4 @@ def write_glb(
         )
         copy.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(copy, node_name=name, geom_name=name)
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        draft.write_bytes(scene.export(file_type="glb"))
-        draft.replace(path)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
+    replace_file(path, scene.export(file_type="glb"), "choose a folder with room")

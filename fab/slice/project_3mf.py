@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -22,7 +23,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 import trimesh
 
-from cad.errors import FileError
+from cad.whole_file import replace_file
 from fab.meshing.mesh import joined
 from fab.slice.printers import Printer
 from fab.slice.settings import PrintSettings, Region
@@ -243,14 +244,10 @@ def _xml(lines: Sequence[str]) -> str:
 
 def _write(path: Path, members: Mapping[str, str]) -> None:
     """Write the package under a temporary name, then rename; equal content gives equal bytes."""
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        with ZipFile(draft, "w", ZIP_DEFLATED) as archive:
-            for name, text in {"[Content_Types].xml": _CONTENT_TYPES, "_rels/.rels": _RELATIONSHIPS, **members}.items():
-                info = ZipInfo(name)
-                info.compress_type = ZIP_DEFLATED
-                archive.writestr(info, text)
-        draft.replace(path)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
+    package = BytesIO()
+    with ZipFile(package, "w", ZIP_DEFLATED) as archive:
+        for name, text in {"[Content_Types].xml": _CONTENT_TYPES, "_rels/.rels": _RELATIONSHIPS, **members}.items():
+            info = ZipInfo(name)
+            info.compress_type = ZIP_DEFLATED
+            archive.writestr(info, text)
+    replace_file(path, package.getvalue(), "choose a folder with room")

@@ -24,8 +24,8 @@ from cad.errors import FileError, ParameterError
 from cad.identity import MUST_AGREE, Identity, identity, recorded, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.whole_file import replace_file
 from sensing.wrench.kernels import answer_one
 
 Array = NDArray[np.float64]
@@ -233,7 +233,7 @@ def load_wrench_model(
             f"otherwise; train with python -m sensing.train on data of {design.label}"
         )
     if design is not None:
-        fix = "train with python -m sensing.train on data of this endcap"
+        fix = "train with python -m sensing.train on data of this endcap; of another silicone, weigh it (docs/weigh.md)"
         require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
 

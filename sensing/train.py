@@ -53,7 +53,8 @@ def _run(options: argparse.Namespace) -> int:
     pictures = read_all(pictured, "dots", shape) if pictured else None
     start = None
     if options.start is not None:
-        start = load_wrench_model(samples.design, None if str(options.start) == DEFAULT else options.start)
+        given = None if str(options.start) == DEFAULT else options.start
+        start = load_wrench_model(samples.design, given, silicone=None)  # fine-tuning fits another stiffness
 
     def progress(part: str, spent: float, error: float) -> None:
         if sys.stderr.isatty():

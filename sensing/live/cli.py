@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
+from cad.materials import DEFAULT_SILICONE
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, load_config
 from sensing.live.ending import LOST, Stop
@@ -115,7 +116,7 @@ def _config(options: argparse.Namespace) -> LiveConfig:
     endcaps = tuple(
         EndcapConfig(
             f"endcap_{number}", word, options.zero, options.diameter, options.wall, rate_hz=options.rate,
-            exposure=options.exposure,
+            exposure=options.exposure, silicone=options.silicone,
         )
         for number, word in enumerate(words)
     )  # fmt: skip
@@ -162,6 +163,7 @@ def _parser() -> argparse.ArgumentParser:
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
     model.add_argument("--diameter", type=plain_number, metavar="MM", help="of the design (130)")
     model.add_argument("--wall", type=plain_number, metavar="MM", help="of the design (8)")
+    model.add_argument("--silicone", metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})")
     model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
     model.add_argument("--speed", type=float, metavar="X", help="of files; 0: as fast as possible (1)")

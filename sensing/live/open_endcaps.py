@@ -34,7 +34,7 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
     endcaps = []
     for number, endcap in enumerate(config.endcaps):
         feed, live = open_feed(endcap, speed)
-        zero = None if endcap.zero is None else load_zero(endcap.zero)
+        zero = None if endcap.zero is None else load_zero(endcap.zero, endcap.identity)
         pipeline = EndcapPipeline(endcap, models(endcap), zero, number, ZERO_FRAMES if live else 1)
         endcaps.append(LiveEndcap(feed, pipeline))
     return endcaps
@@ -45,9 +45,10 @@ def configured_models(config: LiveConfig) -> Models:
     loaded: dict[str, LiveModel] = {}
 
     def of(endcap: EndcapConfig) -> LiveModel:
-        if endcap.params.digest not in loaded:
-            loaded[endcap.params.digest] = load_model(config.model, endcap.params, config.weights, config.method)
-        return loaded[endcap.params.digest]
+        key = endcap.identity.digest
+        if key not in loaded:
+            loaded[key] = load_model(config.model, endcap.params, config.weights, config.method, endcap.silicone)
+        return loaded[key]
 
     return of
 

@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.identity import MUST_AGREE, Identity, identity, recorded, require_same
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.records import ShearField, Wrench
 from sensing.whole_file import replace_file
@@ -65,6 +67,7 @@ class WrenchModel:
         weights: tensors by name (:data:`SHAPES`), float32.
         design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
         range: what training covered. about: provenance and metrics (plain JSON).
+        identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
 
     Raises:
         ParameterError: a tensor that is missing, of another shape, or not finite.
@@ -76,8 +79,11 @@ class WrenchModel:
     shape: tuple[int, int]
     range: Range
     about: dict[str, Any]
+    identity: Identity | None = None
 
     def __post_init__(self) -> None:
+        if self.identity is None:
+            object.__setattr__(self, "identity", identity(self.design, DEFAULT_SILICONE))
         sizes = {"6": 6, "21": 21, "D": 2 * self.shape[0] * self.shape[1]}
         for name, letters in SHAPES.items():
             found = self.weights.get(name, np.zeros(0))
@@ -165,6 +171,7 @@ class WrenchModel:
             **self.about,
             "design": {"diameter_mm": self.design.diameter_mm, "wall_mm": self.design.wall_mm},
             "digest": self.design.digest,
+            "identity": None if self.identity is None else self.identity.record(),
             "method": self.method,
             "shape": self.shape,
             "range": {"distance": self.range.distance, "rest_px": self.range.rest_px},
@@ -196,11 +203,19 @@ class WrenchModel:
         return np.linalg.pinv(self._doubles["principal"]).astype(np.float64)
 
 
-def load_wrench_model(design: EndcapParams | None = None, path: str | Path | None = None) -> WrenchModel:
-    """Read weights: the ones that ship for a design, or a file; with a design, only those of that design.
+def load_wrench_model(
+    design: EndcapParams | None = None, path: str | Path | None = None, silicone: str | None = DEFAULT_SILICONE
+) -> WrenchModel:
+    """Read weights: the ones that ship for a design, or a file; with a design, only those of that endcap.
+
+    Args:
+        design: the endcap at hand; None takes weights of any.
+        path: file; None for what ships (of D130_T8 without a design).
+        silicone: row of cad/materials.csv that the endcap is cast of; None takes weights of any.
 
     Raises:
-        FileError: no weights ship for this design, or the file is missing, damaged, of another kind or another design.
+        FileError: no weights ship for this design, the file is missing, damaged or of another kind, or its weights are
+            for another design, dot pattern, camera or silicone.
     """
     if path is None:
         wanted = design or EndcapParams(130.0, 8.0)
@@ -217,6 +232,9 @@ def load_wrench_model(design: EndcapParams | None = None, path: str | Path | Non
             f"{path}: weights of {model.design.label}, this endcap is {design.label}: shells of other sizes deform "
             f"otherwise; train with python -m sensing.train on data of {design.label}"
         )
+    if design is not None:
+        fix = "train with python -m sensing.train on data of this endcap"
+        require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
 
 
@@ -235,7 +253,8 @@ def _built(path: Path) -> WrenchModel:
         cells = tensors.pop("range_cells").astype(bool)
         covered = Range(float(about["range"]["distance"]), float(about["range"]["rest_px"]), cells)
         shape = (int(about["shape"][0]), int(about["shape"][1]))
-        return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about)
+        made_of = recorded(about.get("identity"), made_for)
+        return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about, made_of)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise FileError(f"{path}: damaged weights ({' '.join(str(error).split())[:100]}): train again") from error
 

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from cad.errors import FileError, ParameterError
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.records import ShearField, Wrench
 from sensing.wrench.contact import ContactThreshold
@@ -67,20 +68,27 @@ def shipped_weights(name: str, params: EndcapParams) -> Path | None:
     return path if path.is_file() else None
 
 
-def load_model(name: str, params: EndcapParams, weights: Path | None = None, method: str | None = None) -> LiveModel:
+def load_model(
+    name: str,
+    params: EndcapParams,
+    weights: Path | None = None,
+    method: str | None = None,
+    silicone: str = DEFAULT_SILICONE,
+) -> LiveModel:
     """The model of that name for a design.
 
     Args:
         name: ``default`` or ``paper``. params: the design. weights: file; None for what ships.
         method: another field method than the model's own, for comparison.
+        silicone: row of cad/materials.csv that the endcap is cast of.
 
     Raises:
-        ParameterError: unknown name. FileError: no weights, or those of another design.
+        ParameterError: unknown name. FileError: no weights, or those of another endcap.
     """
     if name == "default":
         from sensing.wrench.model import load_wrench_model
 
-        model = load_wrench_model(params, weights)
+        model = load_wrench_model(params, weights, silicone)
         return live_model(name, model, model.shape, method or "dots")
     if name == "paper":
         if weights is None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
 from sensing.live.core.model import shipped_weights
 from sensing.whole_file import replace_file
 
@@ -120,7 +120,7 @@ def _endcap(reported: dict[str, Any], path: Path) -> EndcapConfig:
     unknown = set(reported) - {entry.name for entry in fields(EndcapConfig) if entry.name not in NOT_RECORDED}
     if unknown:
         raise ValueError(f"unknown key {', '.join(sorted(unknown))[:80]}")
-    return EndcapConfig(**{**reported, "source": str(path), "camera": None})
+    return EndcapConfig(**{**OF_BEFORE, **reported, "source": str(path), "camera": None})
 
 
 def _content(path: Path) -> bytes:

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.identity import identity
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Paint, RenderSettings
 from sensing.simulator.robot.scene import ENDCAPS, FILE, PARAMS, RobotScene, load_scene
@@ -137,6 +138,7 @@ def _digest() -> str:
     found = hashlib.sha256(FILE.read_bytes())
     for path in sorted([*FILE.parents[1].glob("render/*.py"), Path(__file__)]):
         found.update(path.read_bytes())
+    found.update(identity(PARAMS).digest.encode())
     return found.hexdigest()[:16]
 
 

@@ -49,6 +49,9 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand(
                 "ring", "fab.led_ring.__main__", "LED ring: board files, budget, light on the dome", takes_design=True
             ),
+            Subcommand(
+                "design", "fab.design_page.__main__", "a page with sliders for D and T, and a button that makes it"
+            ),
             Subcommand("coupons", "fab.coupons.__main__", "fit coupon of the joints, bond specimens"),
             Subcommand("bond-tests", "fab.bond_tests.__main__", "statistics of a testing machine's files"),
         ),

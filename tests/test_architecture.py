@@ -28,14 +28,14 @@ BOTTOM = {
         "lens",
         "materials",
         "identity",
+        "whole_file",
+        "plugins",
     )
 }
 PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part")
 }  # standard library only, too
-SHARED = {
-    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "whole_file")
-}
+SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz")}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),
@@ -74,7 +74,6 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
 SHARED_WITH_SIMULATOR = {
     "sensing.records",
     "sensing.records_labelled",
-    "sensing.whole_file",
 }  # besides the package camera
 PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
@@ -172,6 +171,11 @@ def test_fab_does_not_import_sensing(module):
 @pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("sensing")))
 def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(module):
     assert sensing_violations(module, imports_of(module)) == set()
+
+
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if not m.startswith("endcap")))
+def test_nothing_imports_the_facade(module):
+    assert {name for name in imports_of(module) if name.split(".")[0] == "endcap"} == set()
 
 
 def test_the_runtime_does_not_import_the_verification():

@@ -31,13 +31,14 @@ from typing import Any
 
 import numpy as np
 
+from cad import plugins
 from cad.errors import FileError, ParameterError, printable
 from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.frames import Array, rigid
-from sensing.tracking.methods import METHODS
-from sensing.whole_file import replace_file
+from sensing.tracking.methods import METHODS, known_methods
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
@@ -46,6 +47,11 @@ TEXTS = ("name", "source", "model", "method", "zero", "camera", "weights", "sili
 OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
 MOST_BYTES = 1 << 20  # of endcaps.toml
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
+
+
+def known_models() -> tuple[str, ...]:
+    """Names of the models here and of those that plug-ins add."""
+    return (*MODELS, *(name for name in plugins.names(plugins.Kind.WRENCH_MODEL) if name not in MODELS))
 
 
 @dataclass(frozen=True)
@@ -169,11 +175,13 @@ class LiveConfig:
                 f"endcaps={', '.join(twice) or len(names)}: need 1..{MOST_ENDCAPS} endcaps of different names",
                 name="endcaps",
             )
-        if self.model not in MODELS:
-            raise ParameterError(f"model={self.model!r}: choose {' or '.join(MODELS)}", name="model", value=self.model)
-        if self.method is not None and self.method not in METHODS:
+        if self.model not in MODELS and self.model not in known_models():
             raise ParameterError(
-                f"method={self.method!r}: choose {', '.join(METHODS)}, or leave it out",
+                f"model={self.model!r}: choose {' or '.join(known_models())}", name="model", value=self.model
+            )
+        if self.method not in (None, *METHODS) and self.method not in known_methods():
+            raise ParameterError(
+                f"method={self.method!r}: choose {', '.join(known_methods())}, or leave it out",
                 name="method",
                 value=self.method,
             )

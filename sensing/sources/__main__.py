@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from cad.errors import EndcapError
+from cad.messages import LOG
 from sensing.sources.camera import list_devices, list_modes
 
 
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
             for mode in list_modes(device):
                 print(f"  {mode}")
         except EndcapError as error:
-            print(f"sensing.sources: {error}", file=sys.stderr)
+            LOG.error(f"sensing.sources: {error}")
             status = 2
     return status
 

@@ -93,13 +93,15 @@ class _Printer:
         )
 
     def step(self, step: Step) -> str:
-        """Words at the left, picture at the right, on one page."""
+        """Words at the left, picture at the right if there is one, on one page."""
         lines = ", ".join(f"[#{_text(line)}]" for line in step.lines)
         words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
-        picture = self.image(step.picture, "width: 100%") if step.picture else "[]"
+        body = words
+        if step.picture:
+            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {self.image(step.picture, 'width: 100%')})"
         return (
             '#block(breakable: false, width: 100%, above: 2mm, stroke: (top: 0.5pt + rgb("#d5dade")), '
-            f"inset: (y: 2.5mm), grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {picture}))"
+            f"inset: (y: 2.5mm), {body})"
         )
 
     def image(self, path: Path, size: str) -> str:

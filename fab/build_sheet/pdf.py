@@ -18,7 +18,7 @@ _HEAD = """\
 #set par(leading: 0.62em)
 #show heading.where(level: 1): it => {{ pagebreak(weak: true); text(15pt, it.body); v(-2mm)
   line(length: 100%, stroke: 1.2pt + rgb("#2f6f6a")) }}
-#show heading.where(level: 2): it => {{ v(2mm); text(11.5pt, it.body); v(1mm) }}
+#show heading.where(level: 2): it => block(sticky: true, above: 5mm, below: 3mm, text(11.5pt, it.body))
 #text(24pt, weight: "bold", {title})
 
 #text(fill: rgb("#5a626c"), {subtitle})

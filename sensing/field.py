@@ -27,7 +27,7 @@ from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
-from sensing.tracking.methods import METHODS, DotField, FieldMethod, field_method
+from sensing.tracking.methods import DotField, FieldMethod, field_method, known_methods
 from sensing.tracking.zero import load_zero
 
 
@@ -56,7 +56,7 @@ def compute_fields(
     """Fields of frames against one undeformed reference, one by one.
 
     Args:
-        method: one of :data:`sensing.tracking.methods.METHODS`.
+        method: one of :func:`sensing.tracking.methods.known_methods`.
         reference: the undeformed picture.
         frames: pictures of the same size.
         shape: (H, W) of the field.
@@ -197,7 +197,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Shear field of a picture, or of a video, against the undeformed picture of the same sensor.",
         epilog="Unit of u, v: pixels of the 200x200 centre crop. Bad input: one line on stderr, exit status 2.",
     )
-    parser.add_argument("--method", choices=METHODS, default="dots", help="gelslim: exactly the released pipeline")
+    parser.add_argument("--method", choices=known_methods(), default="dots", help="gelslim: the released pipeline")
     parser.add_argument(
         "--reference", type=Path, required=True, help="picture of the untouched sensor, or its zero (.npz)"
     )

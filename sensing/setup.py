@@ -23,7 +23,7 @@ import numpy as np
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
@@ -249,7 +249,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--camera", metavar="N[,N]", help="only these cameras (default: all that are found)")
     where.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another endcap")
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
-    parser.add_argument("--model", choices=MODELS, default="default")
+    parser.add_argument("--model", choices=known_models(), default="default")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
     parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")

@@ -45,6 +45,8 @@ EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's modu
     "sensing.live": "live",
     "sensing.live.demo": "simulate",
     "sensing.setup": "live",
+    "sensing.weigh": "live",
+    "sensing.dwell": "live",
     "sensing.simulator": "simulate",
     "sensing.train": "train",
     "sensing.evaluate": "train",

@@ -63,9 +63,17 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
         "run it",
         (
             Subcommand("cameras", "sensing.sources.__main__", "cameras of this computer and their modes"),
+            Subcommand(
+                "doctor",
+                "sensing.sources.__main__",
+                "what is wrong with a camera, and the fix",
+                ("check",),
+            ),
             Subcommand("setup", "sensing.setup", "find the cameras, take the zero, write endcaps.toml"),
             Subcommand("calibrate", "sensing.calibrate", "camera from one photo of the dots, or a chessboard"),
             Subcommand("zero", "sensing.zero", "take, check or watch the untouched reference"),
+            Subcommand("weigh", "sensing.weigh", "known weights, or a robot's own, to the gain of each endcap"),
+            Subcommand("dwell", "sensing.dwell", "rate effects of the silicone from one dwell test"),
             Subcommand("live", "sensing.live.cli", "wrench and contact: terminal, page, recording, ROS 2"),
             Subcommand("field", "sensing.field", "shear field of pictures or a video"),
             Subcommand("record", "sensing.record", "frames paired with a force/torque sensor"),

@@ -74,6 +74,9 @@ def _run(options: argparse.Namespace) -> int:
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
         add_outputs(run, options, outputs, lines)
+        for endcap in config.endcaps:
+            if endcap.weighed:
+                lines.write(f"{endcap.name}: {endcap.weighed}\n")
         reduce_pauses()
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]

@@ -74,14 +74,14 @@ def load_model(
     params: EndcapParams,
     weights: Path | None = None,
     method: str | None = None,
-    silicone: str = DEFAULT_SILICONE,
+    silicone: str | None = DEFAULT_SILICONE,
 ) -> LiveModel:
     """The model of that name for a design.
 
     Args:
         name: ``default``, ``paper`` or a plug-in's. params: the design. weights: file; None for what ships.
         method: another field method than the model's own, for comparison.
-        silicone: row of cad/materials.csv that the endcap is cast of.
+        silicone: row of cad/materials.csv that the endcap is cast of; None where a gain makes any weights fit.
 
     Raises:
         ParameterError: unknown name. FileError: no weights, or those of another endcap.

@@ -74,14 +74,14 @@ def load_model(
     params: EndcapParams,
     weights: Path | None = None,
     method: str | None = None,
-    silicone: str = DEFAULT_SILICONE,
+    silicone: str | None = DEFAULT_SILICONE,
 ) -> LiveModel:
     """The model of that name for a design.
 
     Args:
         name: ``default``, ``paper`` or a plug-in's. params: the design. weights: file; None for what ships.
         method: another field method than the model's own, for comparison.
-        silicone: row of cad/materials.csv that the endcap is cast of.
+        silicone: row of cad/materials.csv that the endcap is cast of; None where a gain makes any weights fit.
 
     Raises:
         ParameterError: unknown name. FileError: no weights, or those of another endcap.
@@ -105,5 +105,6 @@ def load_model(
         return live_model(name, PaperEstimator(load_paper_model(weights)), (30, 30), method or "gelslim")
     if name in plugins.names(plugins.Kind.WRENCH_MODEL):
         made = plugins.make(plugins.Kind.WRENCH_MODEL, name, "estimate", params, weights)
-        return live_model(name, made, getattr(made, "shape", (30, 30)), method or getattr(made, "method", "dots"))
+        own = str(getattr(made, "method", "dots"))
+        return live_model(name, made, getattr(made, "shape", (30, 30)), method or own)
     raise ParameterError(f"model={name!r}: choose default or paper, or a plug-in's", name="model", value=name)

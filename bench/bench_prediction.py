@@ -166,7 +166,7 @@ def plot(rows: list[dict[str, object]]) -> None:
         axis.set_yticks(place, [str(row["motion"]) for row in chosen])
         axis.set_title(f"{rate_hz:g} Hz")
         axis.set_xlabel("error over that of holding")
-    axes[0].legend()
+    axes[0].legend(loc="upper left", bbox_to_anchor=(0.0, -0.15), ncols=2)
     figure.savefig(HERE / "prediction.png", dpi=90)
 
 

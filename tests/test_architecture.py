@@ -30,6 +30,7 @@ BOTTOM = {
         "identity",
         "whole_file",
         "plugins",
+        "messages",
     )
 }
 PLAIN = BOTTOM | {

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import EndcapError, ParameterError, printable
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.doctor.examine import Report, examine, take_file, take_live
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
                 if not options.json:
                     print(_text(report, sys.stdout.isatty()), flush=True)
     except EndcapError as error:
-        print(f"sensing.sources: {error}", file=sys.stderr)
+        LOG.error(f"sensing.sources: {error}")
         return 2
     except KeyboardInterrupt:
         return 130

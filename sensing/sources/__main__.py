@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cad.errors import EndcapError
+from cad.messages import LOG
 from sensing.records import Frame
 from sensing.sources.camera import list_devices, list_modes
 
@@ -36,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
             for mode in list_modes(device):
                 print(f"  {mode}")
         except EndcapError as error:
-            print(f"sensing.sources: {error}", file=sys.stderr)
+            LOG.error(f"sensing.sources: {error}")
             status = 2
     return status
 

@@ -55,7 +55,7 @@ def load(kind: Kind, name: str) -> Callable[..., Any]:
         raise _broken(kind, name, f"cannot be imported ({_said(error)})") from error
     if not callable(made):
         raise _broken(kind, name, f"is {type(made).__name__}, not something that can be called")
-    return made  # type: ignore[no-any-return]
+    return made
 
 
 def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
@@ -82,7 +82,7 @@ def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
 
 
 @cache
-def _entries() -> metadata.EntryPoints:
+def _entries() -> Any:
     """Of everything that is installed, read once: some hundredths of a second."""
     return metadata.entry_points()
 

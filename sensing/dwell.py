@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError
+from cad.messages import LOG
 from sensing.live.core.config import chosen_endcap, load_config
 from sensing.live.core.config_entries import change_entries
 from sensing.live.core.warm_up import warm_up
@@ -41,10 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _identify(options)
     except EndcapError as error:
-        print(f"sensing.dwell: {error}", file=sys.stderr)
+        LOG.error(f"sensing.dwell: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.dwell: stopped, nothing stored", file=sys.stderr)
+        LOG.error("\nsensing.dwell: stopped, nothing stored")
         return 130
     return 0
 
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _identify(options: argparse.Namespace) -> None:
     config = load_config(options.config)
     endcap = chosen_endcap(config, options.endcap)
-    warm_up(lambda text: print(text, file=sys.stderr))
+    warm_up(lambda text: LOG.info(text))
     gain = Stiffness(endcap.gain, 0.0)
     rows = []
     for reading in film_readings(endcap, options.source, configured_models(config, any_silicone=True)(endcap)):

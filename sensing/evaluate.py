@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
 from cad.identity import MUST_AGREE, require_same
+from cad.messages import LOG
 from cad.whole_file import replace_file
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
@@ -75,10 +76,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.cells_csv and by_cell:
             replace_file(options.cells_csv, cells_csv(by_cell))
     except EndcapError as error:
-        print(f"sensing.evaluate: {error}", file=sys.stderr)
+        LOG.error(f"sensing.evaluate: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.evaluate: stopped, nothing written", file=sys.stderr)
+        LOG.error("\nsensing.evaluate: stopped, nothing written")
         return 130
     return 0
 

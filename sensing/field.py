@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
+from cad.messages import LOG, transient
 from cad.whole_file import replace_file
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
@@ -86,10 +87,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _run(options)
     except EndcapError as error:
-        print(f"sensing.field: {error}", file=sys.stderr)
+        LOG.error(f"sensing.field: {error}")
         return 2
     except KeyboardInterrupt:
-        print("sensing.field: stopped, nothing written", file=sys.stderr)
+        LOG.error("sensing.field: stopped, nothing written")
         return 130
     return 0
 
@@ -110,10 +111,10 @@ def _run(options: argparse.Namespace) -> None:
     results = []
     for result in compute_fields(options.method, reference, frames, options.shape, channels):
         results.append(result)
-        if options.video is not None and sys.stderr.isatty():
-            print(f"\r{len(results)} frames", end="", file=sys.stderr)
-    if options.video is not None and sys.stderr.isatty():
-        print(file=sys.stderr)
+        if options.video is not None:
+            transient(f"{len(results)} frames")
+    if options.video is not None:
+        transient(f"{len(results)} frames", done=True)
     if options.out is not None:
         _save(options.out, results, single=options.video is None)
     if options.picture is not None:

@@ -22,6 +22,7 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
@@ -226,10 +227,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         set_up(LiveConfig(endcaps, options.model, options.weights, weight_n=options.weight), options.out)
     except EndcapError as error:
-        print(f"sensing.setup: {error}", file=sys.stderr)
+        LOG.error(f"sensing.setup: {error}")
         return 2
     except (KeyboardInterrupt, EOFError):
-        print("\nsensing.setup: stopped, nothing written", file=sys.stderr)
+        LOG.error("\nsensing.setup: stopped, nothing written")
         return 130
     return 0
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap, load_config
 from sensing.live.core.model import LiveModel
@@ -50,10 +51,10 @@ def main(arguments: Sequence[str] | None = None, ask: Ask = input) -> int:
         else:
             _weigh(config, options, ask)
     except EndcapError as error:
-        print(f"sensing.weigh: {error}", file=sys.stderr)
+        LOG.error(f"sensing.weigh: {error}")
         return 2
     except (KeyboardInterrupt, EOFError):
-        print("\nsensing.weigh: stopped, nothing stored", file=sys.stderr)
+        LOG.error("\nsensing.weigh: stopped, nothing stored")
         return 130
     return 0
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, load_config
 from sensing.live.ending import LOST, Stop
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(complete(options))
     except EndcapError as error:
-        print(f"sensing.live: {error}", file=sys.stderr)
+        LOG.error(f"sensing.live: {error}")
         return 2
     except KeyboardInterrupt:  # before the loop runs
         return 130
@@ -68,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
     if any(endcap.pipeline.model.method == "dots" for endcap in endcaps):
         from sensing.live.core.warm_up import warm_up
 
-        warm_up(lambda text: print(text, file=sys.stderr))
+        warm_up(lambda text: LOG.info(text))
     run = LiveRun(config, endcaps, min(options.workers, len(endcaps)))
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
@@ -81,7 +82,7 @@ def _run(options: argparse.Namespace) -> int:
     losses = [said for loss in run.losses if (said := loss())]
     losses += [said for endcap in endcaps if (said := getattr(endcap.feed, "damage", ""))]
     for line in dict.fromkeys(losses):
-        print(f"sensing.live: {printable(line)}", file=sys.stderr)
+        LOG.warning(f"sensing.live: {printable(line)}")
     return LOST if losses else 0
 
 
@@ -94,7 +95,7 @@ def _check(path: Path, config: LiveConfig) -> int:
         raise FileError(f"{path}: no frame in it: record for longer than it takes to zero")
     print(f"{path}: {check.frames} frames computed again, {check.different} differ")
     if check.end is not None:
-        print(f"sensing.live: {check.end}", file=sys.stderr)
+        LOG.error(f"sensing.live: {check.end}")
     return LOST if check.different or isinstance(check.end, DamagedError) or not check.frames else 0
 
 

@@ -11,13 +11,13 @@ Forces in N, torques in N m on the endcap at the origin of its frame, times on t
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.model import LiveModel
@@ -150,7 +150,7 @@ def open_endcap(
     endcap = EndcapConfig("endcap_0", source, taken, diameter_mm, wall_mm, silicone=silicone)
     models = None if model is None else lambda _: model
     opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
-    warm_up(lambda text: print(text, file=sys.stderr))
+    warm_up(lambda text: LOG.info(text))
     return opened
 
 

@@ -7,6 +7,7 @@ import sys
 
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
 from sensing.simulator.contact.indenter import known_kinds
 from sensing.simulator.dataset import cli as data_cli
@@ -21,10 +22,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return int(options.run(options))
     except EndcapError as error:
-        print(error, file=sys.stderr)
+        LOG.error(error)
         return 2
     except KeyboardInterrupt:
-        print("stopped; run the same command again to go on", file=sys.stderr)
+        LOG.error("stopped; run the same command again to go on")
         return 130
 
 

@@ -9,12 +9,12 @@ untouched endcap.
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import FileError
+from cad.messages import transient
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
@@ -48,12 +48,11 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
         if item.zero is not None:
             pipeline.set_zero(item.zero)
         reading = pipeline.update(item.frame)
-        if sys.stderr.isatty() and count % 20 == 0:
-            print(f"\r{Path(source).name}: picture {count}", end="", file=sys.stderr)
+        if count % 20 == 0:
+            transient(f"{Path(source).name}: picture {count}")
         if reading is not None:
             yield reading
-    if sys.stderr.isatty():
-        print("\r\x1b[2K", end="", file=sys.stderr)
+    transient()
     if count < 0:
         raise FileError(f"{source}: no picture of {endcap.name} in it: is it the recording of another endcap?")
 

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cad.errors import EndcapError
+from cad.messages import transient
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.weighing.at_rest import Rest, RestWatch
@@ -152,5 +152,4 @@ def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) ->
 
 
 def _show(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r\x1b[2K{text}", end="", file=sys.stderr, flush=True)
+    transient(text)

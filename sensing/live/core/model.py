@@ -105,5 +105,6 @@ def load_model(
         return live_model(name, PaperEstimator(load_paper_model(weights)), (30, 30), method or "gelslim")
     if name in plugins.names(plugins.Kind.WRENCH_MODEL):
         made = plugins.make(plugins.Kind.WRENCH_MODEL, name, "estimate", params, weights)
-        return live_model(name, made, getattr(made, "shape", (30, 30)), method or getattr(made, "method", "dots"))
+        own = str(getattr(made, "method", "dots"))
+        return live_model(name, made, getattr(made, "shape", (30, 30)), method or own)
     raise ParameterError(f"model={name!r}: choose default or paper, or a plug-in's", name="model", value=name)

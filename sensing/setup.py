@@ -20,15 +20,17 @@ from pathlib import Path
 
 import numpy as np
 
-from cad.errors import EndcapError, FileError, ParameterError
+from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
 from sensing.live.open_endcaps import Models, configured_models, open_endcaps
-from sensing.sources.camera import list_devices
+from sensing.sources.camera import lasting_name, list_devices
+from sensing.sources.choose import is_camera_number
 from sensing.tracking.zero import save_zero
 from sensing.wrench.contact import threshold_from_rest
 
@@ -204,14 +206,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        words = options.url or [str(number) for number, _ in list_devices()]
+        numbers = [str(number) for number, _ in list_devices()]
         if options.camera is not None:
-            words = [word.strip() for word in options.camera.split(",")]
+            numbers = [word.strip() for word in options.camera.split(",")]
+        words = options.url or [lasting_name(int(word)) if is_camera_number(word) else word for word in numbers]
         if not words:
             raise ParameterError("no camera found: plug one in, or give --url", name="camera")
         for number, name in list_devices():
-            if str(number) in words:
-                print(f"camera {number}: {name}")
+            if not options.url and str(number) in numbers:
+                print(f"camera {number}: {name}, {lasting_name(number)}")
         endcaps = tuple(
             EndcapConfig(
                 f"camera_{k}",
@@ -226,16 +229,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         set_up(LiveConfig(endcaps, options.model, options.weights, weight_n=options.weight), options.out)
     except EndcapError as error:
-        print(f"sensing.setup: {error}", file=sys.stderr)
+        LOG.error(f"sensing.setup: {error}")
         return 2
     except (KeyboardInterrupt, EOFError):
-        print("\nsensing.setup: stopped, nothing written", file=sys.stderr)
+        LOG.error("\nsensing.setup: stopped, nothing written")
         return 130
     return 0
 
 
 def _say(text: str) -> str:
-    print(text, flush=True)
+    print(printable(text), flush=True)
     return ""
 
 
@@ -249,7 +252,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--camera", metavar="N[,N]", help="only these cameras (default: all that are found)")
     where.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another endcap")
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
-    parser.add_argument("--model", choices=MODELS, default="default")
+    parser.add_argument("--model", choices=known_models(), default="default")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
     parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")

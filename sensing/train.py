@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
+from cad.messages import LOG, transient
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE
@@ -30,10 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(options)
     except EndcapError as error:
-        print(f"sensing.train: {error}", file=sys.stderr)
+        LOG.error(f"sensing.train: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.train: stopped; the same command goes on from here", file=sys.stderr)
+        LOG.error("\nsensing.train: stopped; the same command goes on from here")
         return 130
 
 
@@ -61,8 +62,7 @@ def _run(options: argparse.Namespace) -> int:
         start = load_wrench_model(samples.design, given, silicone=None)  # fine-tuning fits another stiffness
 
     def progress(part: str, spent: float, error: float) -> None:
-        if sys.stderr.isatty():
-            print(f"\r{part}: {spent:.0f} s, {error:.4f}   ", end="", file=sys.stderr)
+        transient(f"{part}: {spent:.0f} s, {error:.4f}")
 
     kept = options.out.with_name(f".{options.out.name}.checkpoint")
     model = fit(samples, config, start, progress, kept, pictures)

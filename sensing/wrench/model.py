@@ -247,7 +247,7 @@ def load_wrench_model(
             f"otherwise; train with python -m sensing.train on data of {design.label}"
         )
     if design is not None:
-        fix = "train with python -m sensing.train on data of this endcap"
+        fix = "train with python -m sensing.train on data of this endcap; of another silicone, weigh it (docs/weigh.md)"
         require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
 

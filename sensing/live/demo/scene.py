@@ -8,7 +8,6 @@ are. Times in s on the monotonic clock, poses in mm.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Iterator
 from functools import lru_cache
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import ParameterError
+from cad.messages import LOG, transient
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.records import Frame
 
@@ -96,8 +96,6 @@ def scene_number(word: str) -> int | None:
 
 
 def _progress(done: int, total: int) -> None:
-    if sys.stderr.isatty():
-        end = "\n" if done == total else ""
-        print(f"\rrendering the simulated robot, once: {done}/{total} pictures ", end=end, file=sys.stderr)
-    elif done == 1:
-        print(f"rendering the simulated robot, once: {total} pictures", file=sys.stderr)
+    if done == 1:
+        LOG.info(f"rendering the simulated robot, once: {total} pictures")
+    transient(f"{done}/{total} pictures", done=done == total)

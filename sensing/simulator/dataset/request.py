@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -84,7 +85,13 @@ class DataRequest:
                 name="tolerance",
                 value=self.tolerance,
             )
-        choices = {"indenter": KINDS, "density": DENSITIES, "render": RENDERERS, "lamp": LAMPS, "level": PATH_LEVELS}
+        choices: dict[str, Collection[Any]] = {
+            "indenter": KINDS,
+            "density": DENSITIES,
+            "render": RENDERERS,
+            "lamp": LAMPS,
+            "level": PATH_LEVELS,
+        }
         for name, known in choices.items():
             value = getattr(self, name)
             if value not in known:

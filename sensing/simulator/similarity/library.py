@@ -1,0 +1,215 @@
+"""The library of solved states, and the states of any shell from it by interpolation between its nodes.
+
+    library = load_library()
+    states = library.states(ShellRatios.of(geometry))           # in units of R, mu R^2 and mu R^3
+
+A node is a shell; all nodes are pressed along the same paths in units of their own, so state s of one corresponds to
+state s of every other. Between nodes each number is interpolated in (log T/R, clamp/R) by a polyharmonic spline r^3
+with a linear part (Duchon 1977; Wendland 2005, doi:10.1017/CBO9780511617539), as one blend of nodes for all numbers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError, ParameterError
+from sensing.simulator.similarity.node import SolvedNode
+from sensing.simulator.similarity.paths import library_paths, stand_paths
+from sensing.simulator.similarity.ratios import ShellRatios
+from sensing.simulator.solid.element import Array
+
+FILE = Path(__file__).with_name("library.npz")
+CLAMP_SCALE = 2.0  # E: a step of clamp / R counts as twice that of log T / R
+LEAST_COUNT = 0.05  # of the weights: a node that counts less does not end a curve
+REACH = 0.08  # how far beyond the nodes' hull, in those coordinates, a shell may lie
+
+
+@dataclass(frozen=True)
+class ShellStates:
+    """States of one shell in units of R, mu R^2 and mu R^3, contact on azimuth 0, in the order of their paths.
+
+    Attributes:
+        surface: (S, n, 3) displacement of the inner surface at the common points.
+        wrench: (S, 6) on the endcap about the sphere's centre.
+        labels: (S, 4) depth, normal force, patch area, slipping part.
+        known: (S,) False where a node could not be solved.
+    """
+
+    surface: Array
+    wrench: Array
+    labels: Array
+    known: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class StoredStates:
+    """The same states of all nodes; K nodes, S states, M modes.
+
+    Attributes:
+        coefficients: (K, S, M). wrench: (K, S, 6). labels: (K, S, 4); NaN where a node could not be solved.
+    """
+
+    coefficients: NDArray[np.float16]
+    wrench: NDArray[np.float32]
+    labels: NDArray[np.float32]
+
+    def blended(self, weights: Array, modes: Array) -> ShellStates:
+        """States of a shell.
+
+        Args:
+            weights: (K,) of the nodes. modes: (M, n, 3).
+        """
+        known = np.isfinite(self.wrench).all(axis=(0, 2))
+        wrench, labels = (
+            np.einsum("k,ksj->sj", weights, np.nan_to_num(table.astype(float))) for table in (self.wrench, self.labels)
+        )
+        coefficients = np.einsum("k,ksm->sm", weights, self.coefficients.astype(float), optimize=True)
+        return ShellStates(np.tensordot(coefficients, modes, axes=1), wrench, labels, known)
+
+
+@dataclass(frozen=True)
+class Library:
+    """Solved nodes.
+
+    Attributes:
+        ratios: (K, 2) T/R and clamp/R. modes: (M, n, 3) of the surface.
+        travel: states of the library's paths. standing: of the simulated robot's stands.
+        curves: (K, 3, 15, 4) :data:`sensing.simulator.similarity.node.CAPACITY` by tilt and depth.
+        paths: digest of the paths.
+    """
+
+    ratios: Array
+    modes: NDArray[np.float16]
+    travel: StoredStates
+    standing: StoredStates
+    curves: NDArray[np.float32]
+    paths: str
+
+    def blend(self, ratios: ShellRatios) -> Array:
+        """(K,) weights of the nodes for a shell; they sum to 1, and are 1 and 0 at a node.
+
+        Raises:
+            ParameterError: a shell outside the nodes' range.
+        """
+        places = _coordinates(self.ratios)
+        wanted = _coordinates(np.array([[ratios.wall, ratios.clamp]]))
+        low, high = places.min(axis=0) - REACH, places.max(axis=0) + REACH
+        if not ((wanted >= low) & (wanted <= high)).all():
+            span = [f"{a:.3g}..{b:.3g}" for a, b in zip(self.ratios.min(0), self.ratios.max(0), strict=True)]
+            raise ParameterError(
+                f"T/R={ratios.wall:.3g}, clamp/R={ratios.clamp:.3g} outside the library's {span[0]} and {span[1]}: "
+                "choose a design of the valid region (make molds names it)",
+                name="ratios",
+                value=ratios,
+            )
+        return _spline(places, wanted[0])
+
+    def states(self, ratios: ShellRatios) -> ShellStates:
+        """States of a shell along the library's paths."""
+        return self.travel.blended(self.blend(ratios), self.modes.astype(float))
+
+    def stands(self, ratios: ShellRatios) -> ShellStates:
+        """States of a shell in the stands of the simulated robot."""
+        return self.standing.blended(self.blend(ratios), self.modes.astype(float))
+
+    def capacity(self, ratios: ShellRatios) -> Array:
+        """(3, 15, 4) curves of a shell, NaN past the depth at which a node that counts was refused."""
+        weights = self.blend(ratios)
+        found = np.einsum("k,kabj->abj", weights, np.nan_to_num(self.curves.astype(float)))
+        counts = np.abs(weights) > LEAST_COUNT
+        found[~np.isfinite(self.curves[counts]).all(axis=(0, 3))] = np.nan
+        return found
+
+
+def path_digest() -> str:
+    """SHA-256 of the library's loading paths as JSON: states belong to the paths along which they were solved."""
+    paths = [asdict(path) for path in [*library_paths(), *stand_paths()]]
+    return hashlib.sha256(json.dumps(paths, sort_keys=True).encode()).hexdigest()
+
+
+def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> Library:
+    """Library of solved nodes: their surfaces as the leading modes of all together.
+
+    Args:
+        travel, standing: the nodes' states along the two kinds of paths.
+        count: modes.
+    """
+    tables = [
+        np.nan_to_num([node.surface.reshape(len(node.surface), -1) for node in part]) for part in (travel, standing)
+    ]
+    gram = sum(table.reshape(-1, table.shape[2]).T @ table.reshape(-1, table.shape[2]) for table in tables)
+    modes = np.linalg.eigh(gram)[1][:, ::-1][:, :count].T.astype(np.float16)
+    solver = np.linalg.pinv(modes.astype(float).T)
+    return Library(
+        np.array([[node.ratios.wall, node.ratios.clamp] for node in travel]),
+        modes.reshape(count, -1, 3),
+        *(_stored(part, table @ solver.T) for part, table in zip((travel, standing), tables, strict=True)),
+        np.array([node.capacity for node in travel], dtype=np.float32),
+        path_digest(),
+    )
+
+
+def save_library(library: Library, path: Path) -> None:
+    """Write under a temporary name, then rename."""
+    arrays: dict[str, Any] = {name: getattr(library, name) for name in ("ratios", "modes", "curves", "paths")}
+    for name in ("travel", "standing"):
+        arrays |= {f"{name}_{key}": value for key, value in vars(getattr(library, name)).items()}
+    temporary = path.with_name(f".{path.stem}.part.npz")
+    np.savez_compressed(temporary, **arrays)
+    temporary.replace(path)
+
+
+@lru_cache(maxsize=2)
+def load_library(path: Path = FILE) -> Library:
+    """Read the library.
+
+    Raises:
+        FileError: missing, damaged, or solved along other paths.
+    """
+    again = "solve it anew with python -m sensing.simulator.similarity.solve"
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            travel, standing = (
+                StoredStates(*(data[f"{name}_{key}"] for key in StoredStates.__dataclass_fields__))
+                for name in ("travel", "standing")
+            )
+            found = Library(data["ratios"], data["modes"], travel, standing, data["curves"], str(data["paths"]))
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: no library of states ({error}): restore it, or {again}") from None
+    if found.paths != path_digest():
+        raise FileError(f"{path}: its states were solved along other paths than this version's: {again}")
+    return found
+
+
+def _stored(nodes: list[SolvedNode], coefficients: Array) -> StoredStates:
+    return StoredStates(
+        coefficients.astype(np.float16),
+        np.array([node.wrench for node in nodes], dtype=np.float32),
+        np.array([node.labels for node in nodes], dtype=np.float32),
+    )
+
+
+def _coordinates(ratios: Array) -> Array:
+    return np.stack([np.log(ratios[:, 0]), CLAMP_SCALE * ratios[:, 1]], axis=1)
+
+
+def _spline(places: Array, wanted: Array) -> Array:
+    """(K,) cardinal weights of the spline r^3 + linear at one place."""
+    count = len(places)
+
+    def kernel(a: Array, b: Array) -> Array:
+        return np.linalg.norm(a[:, None] - b[None], axis=2) ** 3
+
+    linear = np.concatenate([np.ones((count, 1)), places], axis=1)
+    matrix = np.block([[kernel(places, places), linear], [linear.T, np.zeros((3, 3))]])
+    right = np.concatenate([kernel(places, wanted[None])[:, 0], [1.0], wanted])
+    return np.linalg.solve(matrix, right)[:count]

@@ -16,6 +16,7 @@ import argparse
 import sys
 
 from cad.errors import EndcapError
+from cad.identity import identity
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
@@ -79,7 +80,7 @@ def _from_dots(options: argparse.Namespace) -> int:
     result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
     if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
         _check_design(result, params, radii, size, options)
-    result.mounted.save(options.out)
+    result.mounted.save(options.out, identity(params))
     if options.picture:
         write_image(options.picture, draw_fit(image, result, params))
     print(result.report())

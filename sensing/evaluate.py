@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
+from cad.identity import MUST_AGREE, require_same
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
@@ -94,7 +95,7 @@ def evaluate(
     Raises:
         ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
     """
-    model = load_wrench_model(LabelledSet(tests[0]).params, weights)
+    model = load_wrench_model(LabelledSet(tests[0]).params, weights, silicone=None)
     live = live_model("evaluated", model, model.shape)
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=model.shape) if train else None
@@ -102,6 +103,8 @@ def evaluate(
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
     for folder in tests:
+        fix = "make test frames of the endcap that the weights are for"
+        require_same(folder, "test frames", LabelledSet(folder).identity, model.identity, fix, MUST_AGREE)
         test = read_views([folder], released, markers=False, shape=model.shape)
         _refuse_leaks(model, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)

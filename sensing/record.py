@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.frames import ACTION, REACTION, FtMount
@@ -62,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.netft, options.port, options.counts_n, options.counts_nm, options.ft_rate, options.ft_delay
         )  # fmt: skip
         params = EndcapParams(options.diameter, options.wall)
-        recording = Recording(options.out, params, read_mount(options.mount))
+        recording = Recording(options.out, params, read_mount(options.mount), options.silicone)
         with open_frames(options.source) as frames:
             result = record(frames, stream, recording, options.slop, options.rest, options.frames)
     except EndcapError as error:
@@ -162,6 +163,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; an own one is continued")
     parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the endcap (130)")
     parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the endcap (8)")
+    parser.add_argument(
+        "--silicone",
+        default=DEFAULT_SILICONE,
+        metavar="NAME",
+        help=f"of the endcap, cad/materials.csv ({DEFAULT_SILICONE})",
+    )
     parser.add_argument("--slop", type=float, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
     parser.add_argument("--rest", type=int, default=REST_FRAMES, metavar="N", help=f"untouched frames ({REST_FRAMES})")
     parser.add_argument("--frames", type=int, metavar="N", help="stop after so many")

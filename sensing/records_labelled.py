@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.identity import Identity, recorded
 from cad.params import EndcapParams
 from sensing.npz import read_npz
 from sensing.records import Frame, Wrench
@@ -110,13 +111,16 @@ class LabelledSet:
         Raises:
             FileError: a manifest that does not say it.
         """
-        try:
-            request = self.manifest["request"]
-            return EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileError(
-                f"{self.folder / 'manifest.json'}: no design in it ({error}): write the set again"
-            ) from error
+        return self.identity.design
+
+    @property
+    def identity(self) -> Identity:
+        """Design, dot pattern, camera, silicone and mesh of the endcap in it.
+
+        Raises:
+            FileError: a manifest that does not say it.
+        """
+        return identity_of(self.folder, self.manifest)
 
     @property
     def has_pictures(self) -> bool:
@@ -199,6 +203,29 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileError(f"{path}: cannot read ({error.strerror}): give a folder of labelled frames") from error
     except (ValueError, KeyError, TypeError) as error:
         raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
+
+
+def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
+    """What a manifest says of the endcap; a silicone that it names only among its options counts, too.
+
+    Args:
+        folder: for the message. manifest: of :func:`read_manifest`.
+
+    Raises:
+        FileError: it does not say it, or is damaged.
+    """
+    try:
+        request = manifest["request"]
+        design = EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
+        stated = manifest.get("identity")
+        if stated is None and "c10_mpa" in request:
+            stated = {"silicone": {"name": request["silicone"]} | {k: request[k] for k in ("c10_mpa", "poisson")}}
+        found = recorded(stated, design)
+        if found.design != design:
+            raise ValueError(f"its identity is of {found.design.label}, its options of {design.label}")
+        return found
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"{folder / 'manifest.json'}: no design in it ({error}): write the set again") from error
 
 
 def read_shard(path: Path, names: Collection[str] | None = None) -> dict[str, NDArray]:

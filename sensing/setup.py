@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.materials import DEFAULT_SILICONE
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
@@ -190,7 +191,8 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
     zero = endcap.pipeline.zero
     assert zero is not None
     path = out.parent / f"{name}.npz"
-    save_zero(replace(zero, sensor=name), path)
+    made_of = endcap.pipeline.endcap.identity.without("camera", "silicone")
+    save_zero(replace(zero, sensor=name, made_of=made_of), path)
     threshold = threshold_from_rest(np.array(rest), FALSE_RATE)
     on = max(LEAST_ON_N, MARGIN * threshold.on_n)
     off = min(on, max(0.6 * on, threshold.off_n))
@@ -211,7 +213,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if str(number) in words:
                 print(f"camera {number}: {name}")
         endcaps = tuple(
-            EndcapConfig(f"camera_{k}", word, None, options.diameter, options.wall, exposure=options.exposure)
+            EndcapConfig(
+                f"camera_{k}",
+                word,
+                None,
+                options.diameter,
+                options.wall,
+                exposure=options.exposure,
+                silicone=options.silicone,
+            )
             for k, word in enumerate(words)
         )
         set_up(LiveConfig(endcaps, options.model, options.weights, weight_n=options.weight), options.out)
@@ -243,6 +253,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
     parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")
+    parser.add_argument(
+        "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"it is cast of ({DEFAULT_SILICONE})"
+    )
     parser.add_argument("--exposure", type=float, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
     parser.add_argument("--weight", type=float, default=0.0, metavar="N", help="of the robot, for the force sum")
     return parser

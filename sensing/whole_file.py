@@ -9,6 +9,18 @@ from pathlib import Path
 from cad.errors import FileError
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it, where they are not there.
+
+    Raises:
+        FileError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: give a folder that can be made") from None
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Write under a temporary name, then rename.
 

@@ -13,11 +13,15 @@ import argparse
 import itertools
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cad.errors import EndcapError, ParameterError
+from cad.identity import Identity, identity
+from cad.params import EndcapParams
+from cad.plain_numbers import plain_number
 from sensing.sources.choose import open_frames
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import (
@@ -56,13 +60,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _take(options: argparse.Namespace) -> None:
     with open_frames(options.source) as frames:
         interval = list(itertools.islice(frames, options.frames))
-    zero = take_zero(interval, options.sensor)
+    zero = replace(take_zero(interval, options.sensor), made_of=_made_of(options))
     save_zero(zero, options.out)
     exposure = "unknown" if np.isnan(zero.exposure) else f"{zero.exposure:g}"
     print(
         f"{options.out}: {zero.sensor}, {zero.date}, {zero.frames} frames, {len(zero.noise_px)} dots, "
         f"noise {np.median(zero.noise_px):.3f} px, exposure {exposure}, digest {zero.digest[:12]}"
     )
+
+
+def _made_of(options: argparse.Namespace) -> Identity | None:
+    """The endcap, where it was given."""
+    if (options.diameter is None) != (options.wall is None):
+        raise ParameterError("--diameter and --wall belong together: give both or neither", name="diameter")
+    if options.diameter is None:
+        return None
+    return identity(EndcapParams(options.diameter, options.wall)).without("camera")
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -132,6 +145,10 @@ def _parser() -> argparse.ArgumentParser:
     take = commands.add_parser("take", help="average frames of the untouched sensor and store them (zero, re-zero)")
     take.add_argument("--sensor", default="endcap", help="name of the sensor")
     take.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="replaced when it is there")
+    take.add_argument(
+        "--diameter", type=plain_number, metavar="MM", help="of the endcap, with --wall: live compares it"
+    )
+    take.add_argument("--wall", type=plain_number, metavar="MM", help="of the endcap")
     take.set_defaults(run=_take)
     check = commands.add_parser("check", help="say what has changed: nothing, lamp, mounting or contact")
     check.set_defaults(run=_check)

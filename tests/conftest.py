@@ -3,11 +3,31 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
+
+CACHE_OF_THESE_TESTS = "ENDCAP_TESTS_CACHE"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give the tests a cache folder of their own, the same to all test processes.
+
+    What an earlier run kept must not answer a test, and what tests keep must not reach the user.
+    """
+    if CACHE_OF_THESE_TESTS not in os.environ:
+        folder = tempfile.mkdtemp(prefix="endcap-tests-cache-")
+        os.environ[CACHE_OF_THESE_TESTS] = os.environ["XDG_CACHE_HOME"] = folder
+        config.add_cleanup(lambda: _remove_cache(folder))
+
+
+def _remove_cache(folder: str) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    os.environ.pop(CACHE_OF_THESE_TESTS, None)
 
 
 @pytest.fixture(scope="session")

@@ -17,6 +17,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import trimesh
 
 from cad.assembly import build_assembly, exploded_offsets, write_step
+from cad.identity import identity
 from cad.interface import build_zone
 from cad.materials import DEFAULT_SILICONE
 from cad.part import Part
@@ -146,6 +147,7 @@ def manifest(
         "joint_clearance_mm": design.layout.joint_clearance_mm,
         "silicone": silicone,
         "digest": design.params.digest,
+        "identity": identity(design.params, silicone).record(),
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,
         "checks": [check.record(DIGITS) for check in checks],

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError
+from cad.identity import identity, recorded, require_same
 from cad.params import EndcapParams
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
@@ -68,12 +69,14 @@ def read_export(variant: Variant, exports: Path) -> Export:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         found = manifest["digest"], manifest["joint_clearance_mm"], manifest["silicone"]
         [part["name"] for part in manifest["parts"]]
+        made_of = recorded(manifest.get("identity"), variant.params)
     except OSError as error:
         raise FileError(f"{folder}: no export here ({error.strerror}): {again} first") from error
     except (ValueError, KeyError, TypeError) as error:
         raise FileError(f"{folder / MANIFEST}: not a manifest of ours, or an older one: {again} again") from error
     if found != (variant.params.digest, variant.layout.joint_clearance_mm, variant.silicone):
         raise FileError(f"{folder}: made for other parameters than its name says: {again} again")
+    require_same(folder, "made", made_of, identity(variant.params), f"{again} again", ("dots", "camera"))
     return Export(folder, variant, manifest)
 
 

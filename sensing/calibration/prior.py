@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cad.lens import K
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
-from sensing.camera.nominal import K
 from sensing.camera.parameters import camera_vector
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cad.errors import FileError
+from cad.identity import Identity, recorded, require_same
 from sensing.camera.model import Array, FisheyeCamera, points_array, require
+from sensing.whole_file import replace_file
 
 FILE_FORMAT, OLD_FORMAT = "endcap-camera-2", "endcap-camera-1"  # the old one knows no covariance
 PARAMETERS = 11  # numbers of sensing.camera.parameters
@@ -66,8 +67,12 @@ class MountedCamera:
         """Unit rays (..., 3) of pixels (..., 2) in the endcap frame; they start at :attr:`pupil_endcap_mm`."""
         return self.camera.unproject(pixels) @ self.T_camera_endcap[:3, :3]
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, made_for: Identity | None = None) -> None:
         """Write JSON under a temporary name, then rename.
+
+        Args:
+            path: the file.
+            made_for: the endcap whose dots it was calibrated from; None for a lens alone.
 
         Raises:
             FileError: the folder cannot be written.
@@ -75,21 +80,20 @@ class MountedCamera:
         record: dict[str, Any] = {"format": FILE_FORMAT, "camera": asdict(self.camera)}
         record["T_camera_endcap"] = self.T_camera_endcap.tolist()
         record["covariance"] = None if self.covariance is None else self.covariance.tolist()
-        path = Path(path)
-        temporary = path.with_name(path.name + ".part")
-        try:
-            temporary.write_text(json.dumps(record, indent=1) + "\n")
-            os.replace(temporary, path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
+        record["identity"] = None if made_for is None else made_for.without("camera", "silicone", "mesh").record()
+        replace_file(Path(path), (json.dumps(record, indent=1) + "\n").encode())
 
     @classmethod
-    def load(cls, path: str | Path) -> MountedCamera:
+    def load(cls, path: str | Path, wanted: Identity | None = None) -> MountedCamera:
         """Read what :meth:`save` wrote.
 
+        Args:
+            path: the file.
+            wanted: the endcap at hand; None takes any camera.
+
         Raises:
-            FileError: a file that is missing, is no such JSON, or holds numbers that make no camera.
+            FileError: a file that is missing, is no such JSON, holds numbers that make no camera, or was calibrated
+                from the dots of another endcap.
         """
         try:
             if Path(path).exists() and not Path(path).is_file():
@@ -98,7 +102,8 @@ class MountedCamera:
             if record["format"] not in (FILE_FORMAT, OLD_FORMAT):
                 raise ValueError(f"format={record['format']!r}")
             covariance = record.get("covariance")
-            return cls(
+            made_for = wanted and recorded(record.get("identity"), wanted.design)
+            found = cls(
                 FisheyeCamera(**record["camera"]),
                 np.array(record["T_camera_endcap"], dtype=float),
                 None if covariance is None else np.array(covariance, dtype=float),
@@ -110,6 +115,11 @@ class MountedCamera:
             raise FileError(
                 f"{path}: not a camera file of format {FILE_FORMAT} ({said}); make one with sensing.calibrate"
             ) from error
+        if wanted is not None and made_for is not None:
+            require_same(
+                path, "a camera", made_for, wanted, "calibrate this endcap's own with endcap calibrate", ("dots",)
+            )
+        return found
 
 
 def _checked_covariance(covariance: Array) -> Array:

@@ -7,13 +7,10 @@ and pupil height go together (-3.1 px per mm): with another height, another foca
 
 from __future__ import annotations
 
+from cad.lens import FOCAL_PER_ROW, MAX_HALF_ANGLE_DEG, K
 from cad.params import EndcapParams
 from sensing.camera.model import FisheyeCamera
 from sensing.camera.mount import MountedCamera, mount
-
-FOCAL_PER_ROW = 247.0 / 480  # px per radian and image row, 4:3 frame
-K = (-0.033, -0.007, 0.0, 0.0)
-MAX_HALF_ANGLE_DEG = 95.0  # the image circle ends at 92 degrees (M: the 720p photo)
 
 
 def nominal_lens(width_px: int = 640, height_px: int = 480) -> FisheyeCamera:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
+from cad.identity import MUST_AGREE, require_same
 from sensing.learning.samples import MARKERS, ROW_ARRAYS, SHAPE, Samples, read_samples
 from sensing.wrench.model import WrenchModel
 
@@ -74,6 +75,10 @@ def read_all(folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAP
     designs = {part.design.label for part in parts}
     if len(designs) > 1:
         raise ParameterError(f"data of {', '.join(sorted(designs))}: give folders of one design", name="data")
+    for folder, part in zip(folders[1:], parts[1:], strict=True):
+        require_same(
+            folder, "data", part.identity, parts[0].identity, f"give folders of one endcap ({folders[0]})", MUST_AGREE
+        )
     joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_ARRAYS}
     return replace(parts[0], **joined, source=" ".join(map(str, folders)))
 

@@ -87,7 +87,7 @@ def fit(
     }
     weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
     covered = _covered(weights["principal"].astype(float), rest, config, height, start)
-    return WrenchModel(weights, samples.design, samples.method, (height, width), covered, about)
+    return WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
 
 
 def as_net(model: WrenchModel) -> WrenchNet:

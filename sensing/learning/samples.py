@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.identity import Identity, identity, require_same
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import camera_of_set
@@ -61,6 +63,7 @@ class Samples:
         time_s: (N,) capture time within the path. contact: (N,) bool.
         tilt_deg, azimuth_deg, friction: (N,) pose and plane, NaN where unknown.
         design: the endcap. method: of the field. source: folder it came from.
+        identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
     """
 
     fields: NDArray[np.float32]
@@ -76,11 +79,14 @@ class Samples:
     design: EndcapParams
     method: str
     source: str
+    identity: Identity | None = None
 
     def __len__(self) -> int:
         return len(self.fields)
 
     def __post_init__(self) -> None:
+        if self.identity is None:
+            object.__setattr__(self, "identity", identity(self.design, DEFAULT_SILICONE))
         for name in ROW_ARRAYS:
             if len(getattr(self, name)) != len(self.fields):
                 raise ParameterError(
@@ -147,13 +153,16 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     changes.
 
     Raises:
-        FileError: no such set, or an empty one. ParameterError: unknown method.
+        FileError: no such set, an empty one, or one of another dot pattern or camera than this toolkit's.
+        ParameterError: unknown method.
     """
     data = LabelledSet(folder)
-    design = data.params
+    design, here = data.params, identity(data.params)
+    fix = "write the set again, or use the toolkit that wrote it"
+    require_same(folder, "labelled frames", data.identity, here, fix)
     if not data.shards:
         raise FileError(f"{folder}: a set without shards: let the command that writes it run first")
-    stamp = f"7 {method} {shape} " + " ".join(
+    stamp = f"8 {method} {shape} {here.digest} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
@@ -169,7 +178,8 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
                 print(f"\r{data.folder}: {count} fields", end="", file=sys.stderr)
         rows = {name: np.array(values) for name, values in found.items()}
         _keep(cache, rows, digest)
-    return Samples(**rows, design=design, method="dots" if method == MARKERS else method, source=str(folder))
+    stands_for = "dots" if method == MARKERS else method
+    return Samples(**rows, design=design, method=stands_for, source=str(folder), identity=data.identity)
 
 
 def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:

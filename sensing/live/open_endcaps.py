@@ -34,7 +34,7 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
     endcaps = []
     for number, endcap in enumerate(config.endcaps):
         feed, live = open_feed(endcap, speed)
-        zero = None if endcap.zero is None else load_zero(endcap.zero)
+        zero = None if endcap.zero is None else load_zero(endcap.zero, endcap.identity)
         pipeline = EndcapPipeline(endcap, models(endcap), zero, number, ZERO_FRAMES if live else 1)
         endcaps.append(LiveEndcap(feed, pipeline))
     return endcaps
@@ -45,9 +45,10 @@ def configured_models(config: LiveConfig) -> Models:
     loaded: dict[str, LiveModel] = {}
 
     def of(endcap: EndcapConfig) -> LiveModel:
-        if endcap.params.digest not in loaded:
-            loaded[endcap.params.digest] = load_model(config.model, endcap.params, config.weights, config.method)
-        return loaded[endcap.params.digest]
+        key = endcap.identity.digest
+        if key not in loaded:
+            loaded[key] = load_model(config.model, endcap.params, config.weights, config.method, endcap.silicone)
+        return loaded[key]
 
     return of
 
@@ -60,8 +61,9 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     """
     number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
     if number is not None:
-        SceneSource(number, rate_hz)  # a wrong number or a missing scene is refused at once
-        return CameraFeed(lambda: SceneSource(number, rate_hz)), True
+        of_scene = (endcap.diameter_mm, endcap.wall_mm), endcap.silicone
+        SceneSource(number, rate_hz, None, *of_scene)  # a wrong number or a missing scene is refused at once
+        return CameraFeed(lambda: SceneSource(number, rate_hz, None, *of_scene)), True
     if os.path.isdir(endcap.source):
         folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ)
         return FileFeed(lambda: folder, Pace(speed)), False

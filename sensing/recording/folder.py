@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError
+from cad.identity import Identity, identity, require_same
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.frames import FtMount
 from sensing.records import Frame
-from sensing.records_labelled import COLUMNS, FORMAT, read_manifest, read_shard
+from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest, read_shard
 from sensing.tracking.zero import Zero
 from sensing.whole_file import replace_file
 
@@ -41,12 +43,13 @@ class Recording:
     Args:
         folder: a new one, or one that a recording of the same endcap and mounting began.
         params: the endcap. mount: of the force/torque sensor.
+        silicone: row of cad/materials.csv that the endcap is cast of.
 
     Raises:
         FileError: the folder holds something else, is being written, or cannot be written.
     """
 
-    def __init__(self, folder: Path, params: EndcapParams, mount: FtMount) -> None:
+    def __init__(self, folder: Path, params: EndcapParams, mount: FtMount, silicone: str = DEFAULT_SILICONE) -> None:
         self.folder, self.name, self._mount = folder, folder.name, mount
         self._rows: list[dict[str, Any]] = []
         self._pictures: list[bytes] = []
@@ -66,7 +69,7 @@ class Recording:
         self._shard = int(known[-1].stem) + 1 if known else 0
         self.paths = max((int(read_shard(path, ("path",))["path"].max()) + 1 for path in known), default=0)
         self._path = self.paths
-        self._manifest(params)
+        self._manifest(identity(params, silicone))
 
     def begin(self, zero: Zero, tare: NDArray[np.float64]) -> None:
         """Reference picture and tare of what follows; a new path begins."""
@@ -113,19 +116,23 @@ class Recording:
         self._shard += 1
         self._rows, self._pictures = [], []
 
-    def _manifest(self, params: EndcapParams) -> None:
+    def _manifest(self, made_of: Identity) -> None:
+        params = made_of.design
         wanted = {
             "diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "protocol": "recorded",
             "T_endcap_ft": np.asarray(self._mount.T_endcap_ft).tolist(), "reads": self._mount.reads,
         }  # fmt: skip
         if (self.folder / "manifest.json").exists():
-            found = read_manifest(self.folder).get("request", {})
+            manifest = read_manifest(self.folder)
+            found = manifest.get("request", {})
             other = [name for name, value in wanted.items() if found.get(name) != value]
             if other:
                 said = ", ".join(f"{name}={found.get(name)}" for name in other)
                 raise FileError(f"{self.folder}: holds a set with {said}: choose an empty folder or the same options")
+            held = identity_of(self.folder, manifest)
+            require_same(self.folder, "holds a recording", held, made_of, "choose an empty folder")
             return
-        record = {"format": FORMAT, "phases": ["recorded"], "columns": COLUMNS}
+        record = {"format": FORMAT, "phases": ["recorded"], "columns": COLUMNS, "identity": made_of.record()}
         request = wanted | {"seed": secrets.randbits(32)}  # so that no two recordings share an identity
         text = json.dumps({**record, "request": request}, indent=1)
         replace_file(self.folder / "manifest.json", text.encode())

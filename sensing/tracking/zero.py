@@ -14,7 +14,7 @@ import hashlib
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError
+from cad.identity import Identity, recorded, require_same
+from cad.params import EndcapParams
 from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, working_reduction
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
@@ -55,6 +57,7 @@ class Zero:
         noise_px: (N,) rms motion of each dot within the interval.
         brightness: mean gray of the picture.
         exposure: as the driver stated it; NaN where it did not.
+        made_of: the endcap; None where nobody has said.
     """
 
     image: Image
@@ -64,6 +67,7 @@ class Zero:
     noise_px: NDArray[np.float64]
     brightness: float
     exposure: float = float("nan")
+    made_of: Identity | None = None
 
     @property
     def digest(self) -> str:
@@ -153,18 +157,24 @@ def save_zero(zero: Zero, path: Path | str) -> None:
         FileError: the place cannot be written.
     """
     path = Path(path)
-    about = {k: v for k, v in asdict(zero).items() if k not in ("image", "noise_px")} | {"digest": zero.digest}
+    about = {name: getattr(zero, name) for name in ("sensor", "date", "frames", "brightness", "exposure")}
+    about |= {"digest": zero.digest, "identity": None if zero.made_of is None else zero.made_of.record()}
     png = cv2.imencode(".png", zero.image)[1]
     buffer = io.BytesIO()
     np.savez(buffer, png=png, noise_px=zero.noise_px, about=np.array(json.dumps(about)))
     replace_file(path, buffer.getvalue())
 
 
-def load_zero(path: Path | str) -> Zero:
+def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
     """Read what :func:`save_zero` wrote.
 
+    Args:
+        path: the file.
+        wanted: the endcap at hand; None takes a reference of any.
+
     Raises:
-        FileError: missing, no such file format, or the picture does not match its digest.
+        FileError: missing, no such file format, the picture does not match its digest, or it is a reference of another
+            endcap or dot pattern.
     """
     try:
         data = read_npz(path, ("about", "png", "noise_px"), MOST_FILE_BYTES)
@@ -175,10 +185,16 @@ def load_zero(path: Path | str) -> Zero:
         image = cv2.imdecode(data["png"], cv2.IMREAD_COLOR)
         if image is None:
             raise ValueError("no picture")
-        digest = about.pop("digest")
+        digest, stated = about.pop("digest"), about.pop("identity", {})
+        design = wanted.design if wanted is not None else None
+        made_of: Identity | None = None  # null: nobody has said
+        if stated:
+            made_of = recorded(stated, EndcapParams(**stated["design"]))
+        elif stated is not None and design is not None:
+            made_of = recorded(None, design)  # of before: the released pattern
         for name, kind in (("sensor", str), ("date", str), ("frames", int), ("brightness", float), ("exposure", float)):
             about[name] = kind(about[name])
-        zero = Zero(image=image, noise_px=noise, **about)
+        zero = Zero(image=image, noise_px=noise, made_of=made_of, **about)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, cv2.error) as error:
@@ -186,6 +202,7 @@ def load_zero(path: Path | str) -> Zero:
         raise FileError(f"{path}: no reference file ({said}): zero the sensor again") from None
     if zero.digest != digest:
         raise FileError(f"{path}: the picture does not match its digest: the file is damaged, zero the sensor again")
+    require_same(path, "a reference", zero.made_of, wanted, "zero the sensor again", ("dots",))
     return zero
 
 
@@ -258,7 +275,7 @@ class AutoZero:
         waited = frame.time_s - self._since_s >= self._still_s and len(self._frames) == self._keep
         if drift.cause == "none" or not waited:
             return None
-        self.zero = take_zero(self._frames, self.zero.sensor)
+        self.zero = replace(take_zero(self._frames, self.zero.sensor), made_of=self.zero.made_of)
         self._since_s, self._frames, self._last = None, [], None
         return self.zero
 

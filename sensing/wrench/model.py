@@ -21,14 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.identity import MUST_AGREE, Identity, identity, recorded, require_same
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.records import ShearField, Wrench
 from sensing.whole_file import replace_file
 from sensing.wrench.kernels import answer_one
+from sensing.wrench.weight_files import command_for, find_weights
 
 Array = NDArray[np.float64]
 FORMAT = "endcap-wrench-2"
-SHIPPED = Path(__file__).parents[1] / "weights"
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
 LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
@@ -65,6 +67,7 @@ class WrenchModel:
         weights: tensors by name (:data:`SHAPES`), float32.
         design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
         range: what training covered. about: provenance and metrics (plain JSON).
+        identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
 
     Raises:
         ParameterError: a tensor that is missing, of another shape, or not finite.
@@ -76,8 +79,11 @@ class WrenchModel:
     shape: tuple[int, int]
     range: Range
     about: dict[str, Any]
+    identity: Identity | None = None
 
     def __post_init__(self) -> None:
+        if self.identity is None:
+            object.__setattr__(self, "identity", identity(self.design, DEFAULT_SILICONE))
         sizes = {"6": 6, "21": 21, "D": 2 * self.shape[0] * self.shape[1]}
         for name, letters in SHAPES.items():
             found = self.weights.get(name, np.zeros(0))
@@ -165,6 +171,7 @@ class WrenchModel:
             **self.about,
             "design": {"diameter_mm": self.design.diameter_mm, "wall_mm": self.design.wall_mm},
             "digest": self.design.digest,
+            "identity": None if self.identity is None else self.identity.record(),
             "method": self.method,
             "shape": self.shape,
             "range": {"distance": self.range.distance, "rest_px": self.range.rest_px},
@@ -196,27 +203,36 @@ class WrenchModel:
         return np.linalg.pinv(self._doubles["principal"]).astype(np.float64)
 
 
-def load_wrench_model(design: EndcapParams | None = None, path: str | Path | None = None) -> WrenchModel:
-    """Read weights: the ones that ship for a design, or a file; with a design, only those of that design.
+def load_wrench_model(
+    design: EndcapParams | None = None, path: str | Path | None = None, silicone: str | None = DEFAULT_SILICONE
+) -> WrenchModel:
+    """Read weights: the ones that ship for a design, or a file; with a design, only those of that endcap.
+
+    Args:
+        design: the endcap at hand; None takes weights of any.
+        path: file; None for what ships or this user trained (of D130_T8 without a design).
+        silicone: row of cad/materials.csv that the endcap is cast of; None takes weights of any.
 
     Raises:
-        FileError: no weights ship for this design, or the file is missing, damaged, of another kind or another design.
+        FileError: no weights for this endcap, the file is missing, damaged or of another kind, or its weights are
+            for another design, dot pattern, camera or silicone.
     """
     if path is None:
-        wanted = design or EndcapParams(130.0, 8.0)
-        path = SHIPPED / f"default_{wanted.label}.safetensors"
-        if not path.is_file():
-            known = ", ".join(sorted(p.stem.removeprefix("default_") for p in SHIPPED.glob("default_*.safetensors")))
+        wanted, cast_of = design or EndcapParams(130.0, 8.0), silicone or DEFAULT_SILICONE
+        path = find_weights(wanted, cast_of)
+        if path is None:
             raise FileError(
-                f"no weights ship for {wanted.label} (there are some for {known or 'none'}): make some with "
-                "python -m sensing.train, see docs/wrench.md"
+                f"no weights for {wanted.label} in {cast_of}: make them in minutes with {command_for(wanted, cast_of)}"
             )
     model = _built(Path(path))
     if design is not None and design.digest != model.design.digest:
         raise FileError(
             f"{path}: weights of {model.design.label}, this endcap is {design.label}: shells of other sizes deform "
-            f"otherwise; train with python -m sensing.train on data of {design.label}"
+            f"otherwise; leave the file out, or make one with {command_for(design, silicone or DEFAULT_SILICONE)}"
         )
+    if design is not None:
+        fix = f"make them with {command_for(design, silicone or DEFAULT_SILICONE)}"
+        require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
 
 
@@ -235,7 +251,8 @@ def _built(path: Path) -> WrenchModel:
         cells = tensors.pop("range_cells").astype(bool)
         covered = Range(float(about["range"]["distance"]), float(about["range"]["rest_px"]), cells)
         shape = (int(about["shape"][0]), int(about["shape"][1]))
-        return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about)
+        made_of = recorded(about.get("identity"), made_for)
+        return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about, made_of)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise FileError(f"{path}: damaged weights ({' '.join(str(error).split())[:100]}): train again") from error
 

@@ -136,7 +136,7 @@ def test_molds_command_takes_the_clearance(monkeypatch, tmp_path, capsys):
     seen = []
     monkeypatch.setattr(molds, "load_libraries", lambda _: None)
     monkeypatch.setattr(molds, "make_molds", lambda variant, *_: seen.append(variant.layout) or "made")
-    assert molds.main(["D=130", "T=8", "joint_clearance=0.20", f"exports={tmp_path}"]) == 0
+    assert molds.main(["D=130", "T=8", "joint_clearance=0.20", f"exports={tmp_path}", "cache=no"]) == 0
     assert seen[0].joint_clearance_mm == 0.20
     assert [path.name for path in tmp_path.iterdir()] == ["D130_T8_c0.2"]
     assert molds.main(["joint_clearance=0.5"]) == 2

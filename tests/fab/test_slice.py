@@ -15,6 +15,7 @@ import pytest
 import trimesh
 
 from cad.errors import FileError, GeometryError, ParameterError
+from cad.identity import identity
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.slice import __main__ as command
@@ -305,6 +306,14 @@ def test_a_changed_or_foreign_export_is_refused(tmp_path):
         read_export(SMALL_MOLD, tmp_path)
     (folder / "manifest.json").write_text(json.dumps(OTHER))
     with pytest.raises(FileError, match="other parameters"):
+        read_export(SMALL_MOLD, tmp_path)
+    ours = {"digest": SMALL.digest, "joint_clearance_mm": SMALL_MOLD.layout.joint_clearance_mm, "parts": []}
+    made_of = identity(SMALL, SMALL_MOLD.silicone)
+    (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone}))
+    assert read_export(SMALL_MOLD, tmp_path).manifest["parts"] == []  # of before: the released pattern
+    record = dataclasses.replace(made_of, aspects={**made_of.aspects, "dots": {"rings": "1-4"}}).record()
+    (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone, "identity": record}))
+    with pytest.raises(FileError, match=r"made for the dot pattern [0-9a-f]{8}, this endcap has the released"):
         read_export(SMALL_MOLD, tmp_path)
     (folder / "base.stl").write_bytes(b"changed")
     manifest = {"parts": [{"name": "base", "files": {"base.stl": "0" * 64}}]}

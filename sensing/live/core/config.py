@@ -10,6 +10,9 @@
     source = "0"                        # camera number, http address, folder, video; "scene:0" for the simulated robot
     zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
     camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
+    silicone = "Smooth-Sil 950"         # row of cad/materials.csv
+    dots = "released"                   # dot pattern and lens for which this was set up: checked, not chosen here
+    lens = "released"
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
     T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
@@ -29,6 +32,8 @@ from typing import Any
 import numpy as np
 
 from cad.errors import FileError, ParameterError, printable
+from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.frames import Array, rigid
 from sensing.tracking.methods import METHODS
@@ -37,6 +42,8 @@ from sensing.whole_file import replace_file
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
+TEXTS = ("name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens")
+OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
 MOST_BYTES = 1 << 20  # of endcaps.toml
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
@@ -56,9 +63,12 @@ class EndcapConfig:
         camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None
             for the nominal one.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
+        silicone: row of cad/materials.csv.
+        dots, lens: dot pattern and lens for which it was set up (:func:`cad.identity.label_of`); empty for those of
+            this toolkit.
 
     Raises:
-        ParameterError: a value of the wrong form.
+        ParameterError: a value of the wrong form, or a dot pattern or lens that this toolkit does not have.
     """
 
     name: str
@@ -72,6 +82,9 @@ class EndcapConfig:
     rate_hz: float = 0.0
     camera: Path | None = None
     T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
+    silicone: str = DEFAULT_SILICONE
+    dots: str = ""
+    lens: str = ""
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
@@ -101,7 +114,25 @@ class EndcapConfig:
                         value=getattr(self, name),
                     )
         object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
-        _ = self.params
+        self._check_identity()
+
+    def _check_identity(self) -> None:
+        """Fill dot pattern and lens in, or refuse those of another toolkit."""
+        for name, aspect in (("dots", "dots"), ("lens", "camera")):
+            here, stated = label_of(self.identity, aspect), getattr(self, name)
+            if stated not in ("", here):
+                raise ParameterError(
+                    f"{name}={stated!r} of {self.name}: it was set up for that {WORDS[aspect]}, this toolkit has "
+                    f"{here!r}: set it up again with endcap setup",
+                    name=name,
+                    value=stated,
+                )
+            object.__setattr__(self, name, here)
+
+    @property
+    def identity(self) -> Identity:
+        """Design, dot pattern, camera and silicone."""
+        return identity(self.params, self.silicone)
 
     @property
     def params(self) -> EndcapParams:
@@ -170,7 +201,7 @@ def load_config(path: Path) -> LiveConfig:
     endcaps = reported.pop("endcap", [])
     if not isinstance(endcaps, list) or not all(isinstance(endcap, dict) for endcap in endcaps):
         raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
-    made = tuple(EndcapConfig(**_checked(path, EndcapConfig, endcap)) for endcap in endcaps)
+    made = tuple(EndcapConfig(**(OF_BEFORE | _checked(path, EndcapConfig, endcap))) for endcap in endcaps)
     return LiveConfig(made, **_checked(path, LiveConfig, reported))
 
 
@@ -215,7 +246,7 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
         raise FileError(f"{path}: a [[endcap]] without name or source: give both")
     values: dict[str, Any] = {}
     for key, value in reported.items():
-        if key in ("name", "source", "model", "method", "zero", "camera", "weights"):
+        if key in TEXTS:
             good = isinstance(value, str)
         elif key == "T_robot_endcap":
             good = _is_matrix(value)

@@ -66,7 +66,7 @@ def scene_config(
     endcaps = tuple(
         EndcapConfig(
             f"endcap_{number}", f"{WORD}{number}", diameter_mm=design[0], wall_mm=design[1],
-            T_robot_endcap=film.scene.T_robot_endcap[number],
+            silicone=silicone, T_robot_endcap=film.scene.T_robot_endcap[number],
         )
         for number in range(ENDCAPS)
     )  # fmt: skip

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError
-from sensing.live.core.config import EndcapConfig, LiveConfig
-from sensing.live.core.model import shipped_weights
+from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
+from sensing.live.core.model import known_weights
 from sensing.whole_file import replace_file
 
 METADATA = "endcap_live"
@@ -46,8 +46,8 @@ def carried_files(config: LiveConfig) -> list[CarriedFile]:
         FileError: one cannot be read, or is too large to be carried.
     """
     weights = config.weights
-    if weights is None and len({endcap.params.digest for endcap in config.endcaps}) == 1:
-        weights = shipped_weights(config.model, config.endcaps[0].params)
+    if weights is None and len({endcap.identity.digest for endcap in config.endcaps}) == 1:
+        weights = known_weights(config.model, config.endcaps[0].params, config.endcaps[0].silicone)
     paths = {} if weights is None else {WEIGHTS: weights}
     paths |= {f"camera/{endcap.name}": endcap.camera for endcap in config.endcaps if endcap.camera is not None}
     return [CarriedFile(name, _content(path)) for name, path in paths.items()]
@@ -120,7 +120,7 @@ def _endcap(reported: dict[str, Any], path: Path) -> EndcapConfig:
     unknown = set(reported) - {entry.name for entry in fields(EndcapConfig) if entry.name not in NOT_RECORDED}
     if unknown:
         raise ValueError(f"unknown key {', '.join(sorted(unknown))[:80]}")
-    return EndcapConfig(**{**reported, "source": str(path), "camera": None})
+    return EndcapConfig(**{**OF_BEFORE, **reported, "source": str(path), "camera": None})
 
 
 def _content(path: Path) -> bytes:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cad.errors import ParameterError
+from cad.identity import Identity, identity
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
@@ -98,6 +99,12 @@ class DataRequest:
     def params(self) -> EndcapParams:
         """The design."""
         return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @property
+    def identity(self) -> Identity:
+        """Design, dot pattern, camera, silicone and mesh."""
+        mesh = DENSITIES[self.density]
+        return identity(self.params, self.silicone, (mesh.core, mesh.rings, mesh.layers))
 
     @property
     def prony(self) -> tuple[tuple[float, float], ...]:

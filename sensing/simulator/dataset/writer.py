@@ -23,7 +23,8 @@ import joblib
 import numpy as np
 
 from cad.errors import FileError, ParameterError
-from sensing.records_labelled import COLUMNS, FORMAT, read_manifest
+from cad.identity import require_same
+from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.frames import rest_arrays, shard_bytes
 from sensing.simulator.dataset.request import DataRequest
@@ -145,18 +146,20 @@ def _locked(folder: Path) -> Iterator[None]:
 def _begin(request: DataRequest, folder: Path) -> None:
     """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left."""
     wanted = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": request.record()}
-    wanted = json.loads(json.dumps(wanted))
+    wanted = json.loads(json.dumps(wanted | {"identity": request.identity.record()}))
     if (folder / "manifest.json").exists():
-        found = ADDED_SINCE | read_manifest(folder).get("request", {})
+        manifest = read_manifest(folder)
+        found = ADDED_SINCE | manifest.get("request", {})
         other = [name for name, value in wanted["request"].items() if found.get(name) != value and name != "frames"]
         if other:
             said = ", ".join(f"{name}={found.get(name)}" for name in other)
             raise FileError(f"{folder}: holds a set made with {said}: choose an empty folder or the same options")
+        require_same(folder, "holds a set", identity_of(folder, manifest), request.identity, "choose an empty folder")
     for litter in folder.rglob("*.part"):
         litter.unlink()
     with _replacing(folder / "dots.npz") as stream:
         np.savez(stream, **cast(dict[str, Any], rest_arrays(request)))
-    request.mounted.save(folder / "camera.json")
+    request.mounted.save(folder / "camera.json", request.identity)
     with _replacing(folder / "manifest.json") as stream:
         stream.write((json.dumps(wanted, indent=1) + "\n").encode())
 

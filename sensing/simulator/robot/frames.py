@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.simulator.render.dome import DomeRenderer
@@ -138,7 +139,7 @@ def load_film(
     keys = sorted(
         {_key(scene, endcap, moment, tick) for tick, moment in enumerate(moments) for endcap in range(ENDCAPS)}
     )
-    kept = None if folder is None else folder / f"robot_scene_{robot.label}_{_digest()}.npz"
+    kept = None if folder is None else folder / f"robot_scene_{robot.label}_{_digest(robot)}.npz"
     pictures = None if kept is None else _read(kept, keys)
     if pictures is None:
         pictures = _render(scene, robot.params, keys, progress or (lambda done, total: None))
@@ -169,12 +170,13 @@ def _render(
     return pictures
 
 
-def _digest() -> str:
+def _digest(robot: RobotDesign) -> str:
     """Of everything that the pictures depend on."""
     found = hashlib.sha256(FILE.read_bytes())
     library = FILE.parents[1] / "similarity"
     for path in sorted([*FILE.parents[1].glob("render/*.py"), *library.glob("*.py"), Path(__file__)]):
         found.update(path.read_bytes())
+    found.update(identity(robot.params, robot.silicone).digest.encode())
     return found.hexdigest()[:16]
 
 

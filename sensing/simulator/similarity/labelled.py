@@ -143,12 +143,13 @@ def write_labelled(
 def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int) -> None:
     record = request.record() | {"protocol": PROTOCOL, "level": LEVEL}
     manifest = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": record, "shards": shards}
+    manifest["identity"] = request.identity.record()
     geometry = simulator.geometry
     dots = geometry.inner_radius_mm * dot_directions(geometry) + np.array(geometry.centre_mm)
     buffer = io.BytesIO()
     np.savez(buffer, dots_mm=dots, surface_mm=simulator.surface.position)
     _write(folder / "dots.npz", buffer.getvalue())
-    request.mounted.save(folder / "camera.json")
+    request.mounted.save(folder / "camera.json", request.identity)
     _write(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
 
 

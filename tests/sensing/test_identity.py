@@ -1,0 +1,174 @@
+"""What was made for one endcap is refused for another, by the name of what differs: every kind of file."""
+
+import json
+
+import numpy as np
+import pytest
+
+import cad.dots
+from cad.errors import FileError, ParameterError
+from cad.identity import identity
+from cad.params import EndcapParams
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
+from sensing.frames import FtMount
+from sensing.learning.contenders import read_all
+from sensing.learning.samples import read_samples
+from sensing.live.core.config import EndcapConfig, LiveConfig, load_config, save_config
+from sensing.live.open_endcaps import configured_models
+from sensing.live.outputs.recorded_config import about, parsed
+from sensing.recording.folder import Recording
+from sensing.records_labelled import LabelledSet
+from sensing.simulator.dataset import writer
+from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.robot import frames as film
+from sensing.tracking.zero import Zero, load_zero, save_zero
+from sensing.wrench.model import load_wrench_model
+
+PARAMS = EndcapParams(130, 8)
+PATTERN = "for the released dot pattern, this endcap has the dot pattern "
+
+
+@pytest.fixture
+def other_dots(monkeypatch):
+    """Call it, and the toolkit has another dot pattern."""
+    return lambda: monkeypatch.setattr(cad.dots, "DOT_RADIUS_MM", 1.8)
+
+
+@pytest.fixture
+def begun(tmp_path, monkeypatch):
+    """A data set that has been begun, without the cost of its mesh."""
+    monkeypatch.setattr(writer, "rest_arrays", lambda request: {"dots_mm": np.zeros((1, 3))})
+    folder = tmp_path / "set"
+    folder.mkdir()
+    writer._begin(DataRequest(3), folder)
+    return folder
+
+
+def test_weights_that_ship_are_refused_for_another_pattern_and_another_silicone(other_dots):
+    assert load_wrench_model(PARAMS).design == PARAMS
+    with pytest.raises(FileError, match=r"weights for the silicone Smooth-Sil 950, this endcap has .* Dragon Skin 30"):
+        configured_models(LiveConfig((one(silicone="Dragon Skin 30"),)))(one(silicone="Dragon Skin 30"))
+    other_dots()
+    with pytest.raises(FileError, match="weights " + PATTERN):
+        load_wrench_model(PARAMS)
+
+
+def test_weights_carry_what_they_are_for(tmp_path, other_dots, monkeypatch):
+    model = load_wrench_model(PARAMS)
+    model.save(tmp_path / "released.safetensors")
+    assert load_wrench_model(PARAMS, tmp_path / "released.safetensors").identity == model.identity
+    other_dots()
+    changed = type(model)(model.weights, PARAMS, "dots", model.shape, model.range, model.about)
+    changed.save(tmp_path / "changed.safetensors")
+    assert load_wrench_model(PARAMS, tmp_path / "changed.safetensors").identity == identity(PARAMS, "Smooth-Sil 950")
+    monkeypatch.undo()
+    with pytest.raises(FileError, match=r"weights for the dot pattern [0-9a-f]{8}, this endcap has the released dot"):
+        load_wrench_model(PARAMS, tmp_path / "changed.safetensors")
+
+
+def test_a_data_set_is_not_extended_with_another_pattern_or_mesh(begun, other_dots, monkeypatch):
+    writer._begin(DataRequest(30), begun)  # the same, and larger
+    assert LabelledSet(begun).identity == DataRequest(3).identity
+    with monkeypatch.context() as patch, pytest.raises(FileError, match=r"core_rings_layers=\[6, 9, 1\], here \[6, 10"):
+        patch.setattr("sensing.simulator.dataset.request.DENSITIES", {"data": finer()})
+        writer._begin(DataRequest(3), begun)
+    other_dots()
+    with pytest.raises(FileError, match="holds a set " + PATTERN):
+        writer._begin(DataRequest(3), begun)
+    with pytest.raises(FileError, match="labelled frames " + PATTERN):
+        read_samples(begun)
+
+
+def finer():
+    from sensing.simulator.solid.mesh import MeshDensity
+
+    return MeshDensity(6, 10, 1)
+
+
+def test_a_set_of_before_is_of_the_silicone_that_it_names(begun):
+    manifest = json.loads((begun / "manifest.json").read_text())
+    del manifest["identity"]
+    (begun / "manifest.json").write_text(json.dumps(manifest))
+    assert LabelledSet(begun).identity.aspects["silicone"] == identity(PARAMS, "Smooth-Sil 950").aspects["silicone"]
+    manifest["request"] |= {"silicone": "Dragon Skin 30", "c10_mpa": 0.169}
+    (begun / "manifest.json").write_text(json.dumps(manifest))
+    assert LabelledSet(begun).identity.aspects["silicone"] == identity(PARAMS, "Dragon Skin 30").aspects["silicone"]
+
+
+def test_folders_of_different_silicones_are_not_trained_together(monkeypatch):
+    class Part:
+        design = PARAMS
+
+        def __init__(self, silicone):
+            self.identity = identity(PARAMS, silicone)
+
+    monkeypatch.setattr("sensing.learning.contenders.read_samples", lambda folder, *_: Part(folder))
+    with pytest.raises(FileError, match=r"Dragon Skin 30: data for the silicone Dragon Skin 30"):
+        read_all(["Smooth-Sil 950", "Dragon Skin 30"], "dots")
+
+
+def test_an_own_recording_is_not_continued_with_another_silicone(tmp_path):
+    mount = FtMount(np.eye(4), 1)
+    first = Recording(tmp_path / "own", PARAMS, mount)
+    first._lock.close()
+    with pytest.raises(FileError, match="holds a recording for the silicone Smooth-Sil 950"):
+        Recording(tmp_path / "own", PARAMS, mount, "Dragon Skin 30")
+
+
+def test_a_camera_is_refused_for_another_design_or_pattern(tmp_path, other_dots):
+    path = tmp_path / "camera.json"
+    nominal_mount(PARAMS).save(path, identity(PARAMS))
+    assert MountedCamera.load(path, identity(PARAMS)).camera == nominal_mount(PARAMS).camera
+    with pytest.raises(FileError, match="a camera for the design D130_T8, this endcap has the design D150_T8"):
+        MountedCamera.load(path, identity(EndcapParams(150, 8)))
+    nominal_mount(PARAMS).save(tmp_path / "old.json")
+    other_dots()
+    for name in ("camera.json", "old.json"):
+        with pytest.raises(FileError, match="a camera " + PATTERN):
+            MountedCamera.load(tmp_path / name, identity(PARAMS))
+        MountedCamera.load(tmp_path / name)  # of any endcap
+
+
+def test_a_reference_is_refused_for_another_design_or_pattern(tmp_path, other_dots):
+    zero = Zero(np.full((48, 64, 3), 90, np.uint8), "a", "2026-01-01", 3, np.zeros(2), 90.0)
+    stated = Zero(zero.image, "a", zero.date, 3, zero.noise_px, 90.0, made_of=identity(PARAMS))
+    save_zero(zero, tmp_path / "unstated.npz")
+    save_zero(stated, tmp_path / "stated.npz")
+    assert load_zero(tmp_path / "stated.npz", identity(PARAMS)).made_of == identity(PARAMS)
+    with pytest.raises(FileError, match="a reference for the design D130_T8"):
+        load_zero(tmp_path / "stated.npz", identity(EndcapParams(150, 8)))
+    other_dots()
+    with pytest.raises(FileError, match="a reference " + PATTERN):
+        load_zero(tmp_path / "stated.npz", identity(PARAMS))
+    assert load_zero(tmp_path / "unstated.npz", identity(PARAMS)).made_of is None
+
+
+def one(**more) -> EndcapConfig:
+    return EndcapConfig("endcap_0", "0", **more)
+
+
+def test_a_configuration_and_a_recording_are_refused_for_another_pattern(tmp_path, other_dots):
+    config, path = LiveConfig((one(silicone="Dragon Skin 30"),)), tmp_path / "endcaps.toml"
+    save_config(config, path)
+    assert load_config(path).endcaps[0].identity == config.endcaps[0].identity
+    recording = about(config, [])
+    assert parsed(recording, path).config.endcaps[0].silicone == "Dragon Skin 30"
+    old = tmp_path / "old.toml"
+    old.write_text('[[endcap]]\nname = "endcap_0"\nsource = "0"\n')
+    assert load_config(old).endcaps[0].silicone == "Smooth-Sil 950"
+    other_dots()
+    for file in (path, old):
+        with pytest.raises(ParameterError, match="dots='released' of endcap_0: it was set up for that dot pattern"):
+            load_config(file)
+    with pytest.raises(FileError, match="dots='released' of endcap_0"):
+        parsed(recording, path)
+    with pytest.raises(ParameterError, match=r"silicone='Jelly' is not in cad/materials.csv"):
+        one(silicone="Jelly")
+
+
+def test_kept_pictures_of_the_robot_are_not_used_for_another_pattern(other_dots):
+    before = film._digest()
+    assert film._digest() == before
+    other_dots()
+    assert film._digest() != before

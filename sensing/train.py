@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
@@ -23,7 +23,7 @@ from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE
 from sensing.records_labelled import LabelledSet
-from sensing.whole_file import make_folder
+from sensing.whole_file import make_folder, replace_file
 
 DEFAULT = "default"
 
@@ -94,7 +94,7 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         if value:
             raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
     from sensing.design.weights import DesignRequest, design_weights
-    from sensing.wrench.weight_files import weights_folder, weights_name
+    from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
     request = DesignRequest(EndcapParams(*options.design), options.silicone)
     _ = request.scale  # an unknown silicone is refused before torch loads
@@ -103,6 +103,10 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         make_folder(out.parent)
     elif not out.parent.is_dir():
         raise ParameterError(f"--out {out}: its folder is not there: make it first", name="out")
+    known = find_weights(request.params, request.silicone) if options.unless_there and options.out is None else None
+    if known is not None:
+        print(f"{known}: weights of {request.params.label} in {request.silicone} are there")
+        return _copied(known, options.copy_to)
     begin = time.monotonic()
     model = design_weights(request, config, lambda text: print(f"{text} ...", file=sys.stderr))
     model.save(out)
@@ -112,6 +116,16 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         f"{out}: {request.params.label} in {request.silicone}, loads to {top:.3g} N; RMSE on paths held out: "
         f"{force:.3g} N an axis ({100 * force / top:.2f} % of that load); {time.monotonic() - begin:.0f} s"
     )
+    return _copied(out, options.copy_to)
+
+
+def _copied(weights: Path, folder: Path | None) -> int:
+    """Leave a copy in a folder, where one was asked for; 0."""
+    if folder is not None:
+        try:
+            replace_file(folder / weights.name, weights.read_bytes())
+        except OSError as error:
+            raise FileError(f"{weights}: {error.strerror}: train again") from None
     return 0
 
 
@@ -134,6 +148,8 @@ def _parser() -> argparse.ArgumentParser:
         "--out", type=Path, metavar="FILE",
         help="weights.safetensors to write; with --design by default where live finds it",
     )  # fmt: skip
+    parser.add_argument("--unless-there", action="store_true", help="with --design: only where live finds none yet")
+    parser.add_argument("--copy-to", type=Path, metavar="DIR", help="with --design: leave a copy in this folder, too")
     parser.add_argument("--start", type=Path, metavar="FILE", help=f"weights to fine-tune; {DEFAULT}: those that ship")
     parser.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
     parser.add_argument(

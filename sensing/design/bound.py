@@ -84,13 +84,12 @@ class DesignBound:
 
     def __init__(self, params: EndcapParams, geometry: ShellGeometry, shear_mpa: float) -> None:
         library = load_library()
-        weights = library.blend(ShellRatios.of(geometry))
+        weights, known = library.state_weights(library.travel, ShellRatios.of(geometry))
         self.scale = LoadScale.of(geometry, shear_mpa)
         self._camera, self._radius = nominal_mount(params, *SIZE_PX), geometry.outer_radius_mm
-        self._coefficients = np.einsum("k,ksm->sm", weights, library.travel.coefficients.astype(float), optimize=True)
-        travel = np.einsum("k,ksj->sj", weights, np.nan_to_num(library.travel.wrench.astype(float)))
+        self._coefficients = library.travel.mixed(weights, "coefficients")
+        travel = library.travel.mixed(weights, "wrench") * ShellRatios.of(geometry).wall ** 2
         self._wrench = travel * wrench_units(self._radius, shear_mpa) / np.repeat([1.0, 1000.0], 3)
-        known = np.isfinite(library.travel.wrench).all(axis=(0, 2))
         self._places = _places(self._wrench, self.scale, known)
         directions = np.array([dot.direction for dot in dot_pattern(params)])
         self._rest = np.array(geometry.centre_mm) + geometry.inner_radius_mm * directions

@@ -22,14 +22,15 @@ def load_curves(study: Study) -> str:
     for curve in study.curves:
         label = f"{curve.tilt_deg:g}°"
         for axis, column in zip(axes, (curve.normal_n, curve.patch_mm2, 100 * curve.strain), strict=True):
-            axis.plot(curve.depth_mm, column, label=label)
+            axis.plot([0, *curve.depth_mm], [0, *column], label=label)
     safe_n, why = study.safe
     axes[0].axhline(safe_n, color="0.4", lw=1, ls="--")
-    axes[0].annotate(f"safe: {safe_n:.3g} N ({why})", (0.03, safe_n), xycoords=("axes fraction", "data"), va="bottom")
+    axes[0].annotate(f"safe: {safe_n:.3g} N ({why})", (0.98, safe_n), xycoords=("axes fraction", "data"),
+                     va="top", ha="right", fontsize=8)  # fmt: skip
     for axis, text in zip(axes, ("normal force, N", "patch, mm²", "largest strain, %"), strict=True):
         axis.set(xlabel="depth, mm", ylabel=text)
         axis.set_ylim(bottom=0)
-    axes[0].legend(title="tilt", loc="lower right")
+    axes[0].legend(title="tilt", loc="upper left")
     return _png(figure)
 
 

@@ -29,7 +29,7 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.protocols.loading import PHASES, LoadPath, Waypoint
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.scene import SceneState
-from sensing.simulator.similarity.library import ShellStates, load_library
+from sensing.simulator.similarity.library import Library, ShellStates, load_library
 from sensing.simulator.similarity.paths import library_paths, scaled, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
 from sensing.simulator.solid.element import Array
@@ -54,10 +54,14 @@ def shell_of(request: DataRequest) -> tuple[Simulator, LoadScale]:
     return simulator, LoadScale.of(geometry, law.shear_mpa)
 
 
-def library_source(simulator: Simulator) -> StateSource:
-    """States of a shell by similarity, for the library's own paths."""
+def library_source(simulator: Simulator, library: Library | None = None) -> StateSource:
+    """States of a shell by similarity, for the library's own paths.
+
+    Args:
+        simulator: of the shell. library: None for the one that ships.
+    """
     geometry, units = simulator.geometry, wrench_units(simulator.geometry.outer_radius_mm, simulator.law.shear_mpa)
-    states = load_library().states(ShellRatios.of(geometry))
+    states = (library or load_library()).states(ShellRatios.of(geometry))
     first, count = {}, 0
     for path in library_paths():
         first[path.number] = count

@@ -22,14 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
-from sensing.simulator.similarity.node import SolvedNode
+from sensing.simulator.similarity.node import CAPACITY, LABELS, SolvedNode
 from sensing.simulator.similarity.paths import library_paths, stand_paths
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
 FILE = Path(__file__).with_name("library.npz")
 CLAMP_SCALE = 2.0  # E: a step of clamp / R counts as twice that of log T / R
-LEAST_COUNT = 0.05  # of the weights: a node that counts less does not end a curve
+LEAST_COUNT = 0.15  # of the weights: a node that counts less can be done without
+LEAST_NODES = 4  # that a state needs to be interpolated
 REACH = 0.08  # how far beyond the nodes' hull, in those coordinates, a shell may lie
 
 
@@ -55,25 +56,26 @@ class StoredStates:
     """The same states of all nodes; K nodes, S states, M modes.
 
     Attributes:
-        coefficients: (K, S, M). wrench: (K, S, 6). labels: (K, S, 4); NaN where a node could not be solved.
+        coefficients: (K, S, M). wrench: (K, S, 6) and labels: (K, S, 4) with forces in mu T^2 and torques in mu T^2 R,
+            in which they hardly change from node to node; NaN where a node could not be solved.
     """
 
     coefficients: NDArray[np.float16]
     wrench: NDArray[np.float32]
     labels: NDArray[np.float32]
 
-    def blended(self, weights: Array, modes: Array) -> ShellStates:
-        """States of a shell.
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """(K, S) which states each node has."""
+        return np.asarray(np.isfinite(self.wrench).all(axis=2))
+
+    def mixed(self, weights: Array, name: str) -> Array:
+        """(S, ...) a table of the nodes, mixed.
 
         Args:
-            weights: (K,) of the nodes. modes: (M, n, 3).
+            weights: (K, S), 0 where a node has no state. name: of the table.
         """
-        known = np.isfinite(self.wrench).all(axis=(0, 2))
-        wrench, labels = (
-            np.einsum("k,ksj->sj", weights, np.nan_to_num(table.astype(float))) for table in (self.wrench, self.labels)
-        )
-        coefficients = np.einsum("k,ksm->sm", weights, self.coefficients.astype(float), optimize=True)
-        return ShellStates(np.tensordot(coefficients, modes, axes=1), wrench, labels, known)
+        return np.einsum("ks,ksm->sm", weights, np.nan_to_num(getattr(self, name).astype(float)), optimize=True)
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class Library:
     Attributes:
         ratios: (K, 2) T/R and clamp/R. modes: (M, n, 3) of the surface.
         travel: states of the library's paths. standing: of the simulated robot's stands.
-        curves: (K, 3, 15, 4) :data:`sensing.simulator.similarity.node.CAPACITY` by tilt and depth.
+        curves: (K, 3, 15, 4) :data:`sensing.simulator.similarity.node.CAPACITY` by tilt and depth, forces in mu T^2.
         paths: digest of the paths.
     """
 
@@ -94,8 +96,11 @@ class Library:
     curves: NDArray[np.float32]
     paths: str
 
-    def blend(self, ratios: ShellRatios) -> Array:
+    def blend(self, ratios: ShellRatios, nodes: NDArray[np.bool_] | None = None) -> Array:
         """(K,) weights of the nodes for a shell; they sum to 1, and are 1 and 0 at a node.
+
+        Args:
+            ratios: of the shell. nodes: (K,) which may be used; all by default.
 
         Raises:
             ParameterError: a shell outside the nodes' range.
@@ -111,20 +116,49 @@ class Library:
                 name="ratios",
                 value=ratios,
             )
-        return _spline(places, wanted[0])
+        use = np.ones(len(places), dtype=bool) if nodes is None else nodes
+        weights = np.zeros(len(places))
+        weights[use] = _spline(places[use], wanted[0])
+        return weights
 
     def states(self, ratios: ShellRatios) -> ShellStates:
         """States of a shell along the library's paths."""
-        return self.travel.blended(self.blend(ratios), self.modes.astype(float))
+        return self._states(self.travel, ratios)
 
     def stands(self, ratios: ShellRatios) -> ShellStates:
         """States of a shell in the stands of the simulated robot."""
-        return self.standing.blended(self.blend(ratios), self.modes.astype(float))
+        return self._states(self.standing, ratios)
+
+    def state_weights(self, stored: StoredStates, ratios: ShellRatios) -> tuple[Array, NDArray[np.bool_]]:
+        """((K, S) weights of the nodes for each state, (S,) which states are known).
+
+        The thinnest node has some of the paths only. Where such a node hardly counts for a shell, the others make up
+        for it; where it counts, the state is left out.
+
+        Args:
+            stored: the states. ratios: of the shell.
+        """
+        solved, weights = stored.solved, self.blend(ratios)
+        found, known = np.zeros(solved.shape), np.zeros(solved.shape[1], dtype=bool)
+        for pattern in np.unique(solved, axis=1).T:
+            if np.abs(weights[~pattern]).max(initial=0.0) > LEAST_COUNT or pattern.sum() < LEAST_NODES:
+                continue
+            same = (solved == pattern[:, None]).all(axis=0)
+            found[:, same] = (weights if pattern.all() else self.blend(ratios, pattern))[:, None]
+            known |= same
+        return found, known
+
+    def _states(self, stored: StoredStates, ratios: ShellRatios) -> ShellStates:
+        weights, known = self.state_weights(stored, ratios)
+        surface = np.tensordot(stored.mixed(weights, "coefficients"), self.modes.astype(float), axes=1)
+        wrench = stored.mixed(weights, "wrench") * ratios.wall**2
+        return ShellStates(surface, wrench, stored.mixed(weights, "labels") * _units(LABELS, ratios.wall), known)
 
     def capacity(self, ratios: ShellRatios) -> Array:
         """(3, 15, 4) curves of a shell, NaN past the depth at which a node that counts was refused."""
         weights = self.blend(ratios)
         found = np.einsum("k,kabj->abj", weights, np.nan_to_num(self.curves.astype(float)))
+        found *= _units(CAPACITY, ratios.wall)
         counts = np.abs(weights) > LEAST_COUNT
         found[~np.isfinite(self.curves[counts]).all(axis=(0, 3))] = np.nan
         return found
@@ -153,7 +187,7 @@ def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> 
         np.array([[node.ratios.wall, node.ratios.clamp] for node in travel]),
         modes.reshape(count, -1, 3),
         *(_stored(part, table @ solver.T) for part, table in zip((travel, standing), tables, strict=True)),
-        np.array([node.capacity for node in travel], dtype=np.float32),
+        np.array([node.capacity / _units(CAPACITY, node.ratios.wall) for node in travel], dtype=np.float32),
         path_digest(),
     )
 
@@ -193,9 +227,14 @@ def load_library(path: Path = FILE) -> Library:
 def _stored(nodes: list[SolvedNode], coefficients: Array) -> StoredStates:
     return StoredStates(
         coefficients.astype(np.float16),
-        np.array([node.wrench for node in nodes], dtype=np.float32),
-        np.array([node.labels for node in nodes], dtype=np.float32),
+        np.array([node.wrench / node.ratios.wall**2 for node in nodes], dtype=np.float32),
+        np.array([node.labels / _units(LABELS, node.ratios.wall) for node in nodes], dtype=np.float32),
     )
+
+
+def _units(columns: tuple[str, ...], wall: float) -> Array:
+    """(columns,) from mu T^2 to mu R^2 for the forces among them, 1 for the others."""
+    return np.array([wall**2 if column == "normal" else 1.0 for column in columns])
 
 
 def _coordinates(ratios: Array) -> Array:

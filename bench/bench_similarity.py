@@ -1,0 +1,206 @@
+"""Weights by similarity against weights of a design's own full simulation: ``python bench/bench_similarity.py``.
+
+For each design: the library without the node of that design predicts its states (so the shipped library, which has the
+node, is no worse); the node's own solved states are the full simulation of the same paths. Both are trained alike and
+tested on frames rendered from paths of the static protocol, solved directly, through the live pipeline. Writes
+bench/similarity.csv and bench/similarity.png. Needs the nodes (``python -m sensing.simulator.similarity.solve``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from cad.materials import DEFAULT_SILICONE
+from cad.params import EndcapParams
+from sensing.design.weights import DesignRequest, design_weights
+from sensing.evaluation.live_answers import live_answers
+from sensing.learning.fit_config import FitConfig
+from sensing.live.core.model import live_model
+from sensing.records_labelled import LabelledSet
+from sensing.simulator.protocols.static import static_path
+from sensing.simulator.similarity.labelled import library_source, shell_of, solved_source, write_labelled
+from sensing.simulator.similarity.library import Library, ShellStates, joined, load_library
+from sensing.simulator.similarity.node import read_node
+from sensing.simulator.similarity.nodes import NODES
+from sensing.simulator.similarity.ratios import ShellRatios
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.wrench.model import WrenchModel
+
+HERE = Path(__file__).parent
+TEST_SEED, TEST_NUMBERS = 9_001, (0, 3, 6, 9, 12)  # one path at each of the five tilts, none of the library's
+MODES = 64
+COLUMNS = (
+    "diameter_mm", "wall_mm", "nodes", "states_error_percent", "library_force_n", "own_force_n", "library_percent",
+    "own_percent", "ratio", "torque_ratio", "library_coverage", "own_coverage", "train_cpu_s",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a model on a test set: root mean square force and torque an axis, and coverage of 95 %."""
+
+    force_n: float
+    torque_nm: float
+    coverage: float
+
+
+def test_set(design: tuple[float, float], folder: Path) -> Path:
+    """Frames of a design, solved and rendered once."""
+    place = folder / f"test_D{design[0]:g}_T{design[1]:g}"
+    if not (place / "done").exists():
+        request = replace(DesignRequest(EndcapParams(*design)).data("data", 1), seed=TEST_SEED)
+        shell = shell_of(request)
+        paths = [static_path(TEST_SEED, number, 1) for number in TEST_NUMBERS]
+        write_labelled(request, paths, solved_source(shell[0]), place, shell, _say)
+        (place / "done").write_text("")
+    return place
+
+
+def errors(model: WrenchModel, place: Path) -> Errors:
+    """Through the live pipeline, frames in contact."""
+    found = live_answers(LabelledSet(place), live_model("bench", model, model.shape), None)
+    found = found.take(found.contact)
+    off = found.value - found.truth
+    sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+    covered = float((np.abs(off) < 1.96 * sigma).mean())
+    force, torque = (float(np.sqrt((off[:, part] ** 2).mean())) for part in (slice(0, 3), slice(3, 6)))
+    return Errors(force, torque, covered)
+
+
+def without(library: Library, node: int) -> Library:
+    """The library less one of its nodes."""
+    keep = np.arange(len(library.ratios)) != node
+
+    def part(states):
+        return replace(states, **{name: getattr(states, name)[keep] for name in states.__dataclass_fields__})
+
+    return replace(
+        library, ratios=library.ratios[keep], curves=library.curves[keep], travel=part(library.travel),
+        standing=part(library.standing),
+    )  # fmt: skip
+
+
+def only(folder: Path, number: int) -> Library:
+    """A library of one node alone: a design's own full simulation, exactly as it was solved."""
+    nodes = [[read_node(folder / f"{part}_{number:02d}.npz")] for part in ("node", "stands")]
+    return joined(nodes[0], nodes[1], 3 * MODES)
+
+
+class _Alone:
+    """A library that gives its only node's states whatever is asked."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def states(self, ratios: ShellRatios):
+        """States of the node."""
+        stored, modes = self._library.travel, self._library.modes.astype(float)
+        weights = stored.solved.astype(float)
+        surface = np.tensordot(stored.mixed(weights, "coefficients"), modes, axes=1)
+        wrench = stored.mixed(weights, "wrench") * ratios.wall**2
+        return ShellStates(surface, wrench, stored.mixed(weights, "labels"), stored.solved[0])
+
+
+def compare(design: tuple[float, float], nodes: Path, folder: Path, config: FitConfig) -> dict[str, float]:
+    """One row of the table."""
+    number = NODES.index(design)
+    library, ratios = load_library(), ShellRatios.of(shell_geometry(*design))
+    left = without(library, number)
+    own = _Alone(only(nodes, number))
+    a, b = left.states(ratios), own.states(ratios)
+    known = a.known & b.known
+    apart = np.linalg.norm((a.surface - b.surface)[known], axis=(1, 2)) / np.linalg.norm(b.surface[known], axis=(1, 2))
+    place, request = test_set(design, folder), DesignRequest(EndcapParams(*design))
+    simulator = shell_of(request.data("off", 1))[0]
+    made, spent = {}, 0.0
+    for name, source in (("library", left), ("own", own)):
+        begin = time.process_time()
+        model = design_weights(request, config, _line, library_source(simulator, source))
+        spent = time.process_time() - begin if name == "library" else spent
+        made[name] = errors(model, place)
+    top = request.scale.top_n
+    return {
+        "diameter_mm": design[0], "wall_mm": design[1], "nodes": len(left.ratios),
+        "states_error_percent": 100 * float(np.median(apart)), "library_force_n": made["library"].force_n,
+        "own_force_n": made["own"].force_n, "library_percent": 100 * made["library"].force_n / top,
+        "own_percent": 100 * made["own"].force_n / top, "ratio": made["library"].force_n / made["own"].force_n,
+        "torque_ratio": made["library"].torque_nm / made["own"].torque_nm,
+        "library_coverage": made["library"].coverage, "own_coverage": made["own"].coverage, "train_cpu_s": spent,
+    }  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description="Weights by similarity against a design's own simulation.")
+    parser.add_argument("--designs", type=int, nargs="+", default=[4, 7, 3], help="numbers of nodes")
+    parser.add_argument("--nodes", type=Path, default=Path("build/similarity"), help="folder of the solved nodes")
+    parser.add_argument("--folder", type=Path, default=Path("build/similarity_bench"), help="where test sets are kept")
+    parser.add_argument("--tests-only", action="store_true", help="make the test sets, train nothing")
+    parser.add_argument("--epochs", type=int, default=FitConfig().epochs)
+    options = parser.parse_args(arguments)
+    for number in options.designs:
+        print(f"D={NODES[number][0]:g} T={NODES[number][1]:g} in {DEFAULT_SILICONE}", flush=True)
+        if options.tests_only:
+            test_set(NODES[number], options.folder)
+            continue
+        row = compare(NODES[number], options.nodes, options.folder, FitConfig(epochs=options.epochs))
+        _add(row)
+        print({name: round(value, 4) for name, value in row.items()}, flush=True)
+    if not options.tests_only:
+        _plot()
+    return 0
+
+
+def _add(row: dict[str, float]) -> None:
+    """Put a row in place of that of the same design."""
+    path = HERE / "similarity.csv"
+    rows: list[dict[str, str]] = []
+    if path.exists():
+        with path.open(newline="") as stream:
+            rows = list(csv.DictReader(stream))
+    new = {name: f"{row[name]:.5g}" for name in COLUMNS}
+    rows = [r for r in rows if (r["diameter_mm"], r["wall_mm"]) != (new["diameter_mm"], new["wall_mm"])] + [new]
+    with path.open("w", newline="") as stream:
+        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+
+
+def _plot() -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with (HERE / "similarity.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    figure = Figure(figsize=(6, 3.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.subplots()
+    x = np.arange(len(rows))
+    for k, (name, label) in enumerate((("own_percent", "own full simulation"), ("library_percent", "by similarity"))):
+        axis.bar(x + 0.4 * k - 0.2, [float(row[name]) for row in rows], 0.38, label=label)
+    axis.set_xticks(x, [f"D={row['diameter_mm']} T={row['wall_mm']}" for row in rows])
+    axis.set_ylabel("force error an axis, % of the range")
+    axis.legend()
+    figure.savefig(HERE / "similarity.png", dpi=120)
+
+
+def _line(text: str) -> None:
+    print(f"  {text}", file=sys.stderr, flush=True)
+
+
+_say: Callable[[int, int], None] = lambda done, total: print(f"  {done}/{total} paths", file=sys.stderr, flush=True)  # noqa: E731
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -22,6 +22,7 @@ from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE, Samples
 from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.similarity.labelled import (
     StateSource,
     library_source,
@@ -45,12 +46,22 @@ class DesignRequest:
     Attributes:
         params: the design. silicone: row of cad/materials.csv.
         azimuths: at which every state is seen. pictures: render and track the states once, to scale the covariance.
+        path_count: how many of the library's paths, spread over the tilts; None for all.
     """
 
     params: EndcapParams
     silicone: str = DEFAULT_SILICONE
     azimuths: int = AZIMUTHS
     pictures: bool = True
+    path_count: int | None = None
+
+    @property
+    def paths(self) -> list[LoadPath]:
+        """The paths that are used."""
+        known = library_paths()
+        if self.path_count is None:
+            return known
+        return [known[k] for k in np.unique(np.linspace(0, len(known) - 1, self.path_count).round().astype(int))]
 
     @property
     def scale(self) -> LoadScale:
@@ -97,7 +108,7 @@ def design_weights(
         folder = Path(place)
         shell = shell_of(request.data("off", request.azimuths))
         source = solved or library_source(shell[0])
-        paths = library_paths()
+        paths = request.paths
         say(f"states of {request.params.label} from the library")
         states = request.data("off", request.azimuths)
         write_labelled(states, with_azimuths(paths, request.azimuths), source, folder / "states", shell)

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 from pathlib import Path
 
 from cad.errors import FileError, ParameterError
@@ -57,11 +58,37 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant, exports = parse_variant(options), Path(options["exports"])
     if options["cache"] not in ("yes", "no"):
         raise ParameterError(f"cache={options['cache']} is neither yes nor no", name="cache")
-    require_writable(exports)
-    with Progress() as progress, whole_folder(exports / variant.label, RECORD) as folder:
-        summary = cached_molds(variant, folder, interrupts, progress, options["cache"] == "yes")
-    print(f"{exports / variant.label}: {summary}, {progress.seconds:.1f} s")
+    written = export(variant, exports, options["cache"] == "yes", interrupts)
+    print(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")
     return 0
+
+
+@dataclass(frozen=True)
+class Written:
+    """What an export wrote: its folder, what lies there in words, and the time it took."""
+
+    folder: Path
+    summary: str
+    seconds: float
+
+
+def export(variant: Variant, exports: Path, use_cache: bool = True, interrupts: Interrupts | None = None) -> Written:
+    """Make, check and write all files of a variant, whole or not at all.
+
+    Args:
+        variant: the two numbers, the joint clearance and the silicone.
+        exports: folder that receives the variant's own.
+        use_cache: whether the cache is read and written.
+        interrupts: what has been heard of signals; None where Python's own handling does.
+
+    Raises:
+        ChecksFailedError: a check failed. FileError: the place cannot be written.
+    """
+    require_writable(exports)
+    final = exports / variant.label
+    with Progress() as progress, whole_folder(final, RECORD) as folder:
+        summary = cached_molds(variant, folder, interrupts or Interrupts(), progress, use_cache)
+    return Written(final, summary, progress.seconds)
 
 
 def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progress: Progress, use_cache: bool) -> str:

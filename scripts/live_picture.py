@@ -29,6 +29,7 @@ from websockets.sync.client import ClientConnection, connect
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SIZE = (1400, 1080)
+PATIENCE_S = 180.0  # for what must come
 STANDING = (
     "window.drawn > 20 && document.querySelectorAll('.lamp.touch').length === 3"
     " && document.getElementById('robot').textContent.includes('weight')"
@@ -49,7 +50,7 @@ class Tab:
         number = next(self._numbers)
         self._connection.send(json.dumps({"id": number, "method": method, "params": options}))
         while True:
-            answer = json.loads(self._connection.recv(30))
+            answer = json.loads(self._connection.recv(PATIENCE_S))
             if answer.get("id") == number:
                 return answer["result"]
 
@@ -61,12 +62,13 @@ class Tab:
         """What a script gives."""
         return self.call("Runtime.evaluate", expression=script, returnByValue=True)["result"].get("value")
 
-    def until(self, script: str, patience_s: float = 60) -> None:
-        """Wait until a script gives a true value."""
+    def until(self, condition: str, script: str = "true", patience_s: float = PATIENCE_S) -> Any:
+        """Wait until a script gives a true value; returns what another one gives at that same moment."""
         end = time.monotonic() + patience_s
-        while not self.value(script):
-            assert time.monotonic() < end, f"the page never came to: {script}"
+        while not (found := self.value(f"({condition}) ? [{script}] : null")):
+            assert time.monotonic() < end, f"the page never came to: {condition}"
             time.sleep(0.05)
+        return found[0]
 
     def picture(self) -> bytes:
         """PNG of what is seen."""
@@ -100,18 +102,18 @@ class Browser:
         with connect(page["webSocketDebuggerUrl"], max_size=None) as connection:
             yield Tab(connection, self.size)
 
-    def look(self, url: str, until: str, script: str, patience_s: float = 60, settle_s: float = 0) -> tuple[Any, bytes]:
-        """(value of a script, PNG) of a page, ``settle_s`` after ``until`` is true."""
+    def look(self, url: str, until: str, script: str, settle_s: float = 0) -> tuple[Any, bytes]:
+        """(value of a script when ``until`` is true, PNG ``settle_s`` later) of a page."""
         with self.tab() as tab:
             tab.open(url)
-            tab.until(until, patience_s)
+            found = tab.until(until, script)
             time.sleep(settle_s)
-            return tab.value(script), tab.picture()
+            return found, tab.picture()
 
     def close(self) -> None:
         """End the browser."""
         self.process.terminate()
-        self.process.wait(30)
+        self.process.wait(PATIENCE_S)
 
 
 def main() -> int:
@@ -135,7 +137,7 @@ def main() -> int:
         browser = Browser(Path(folder), SIZE)
         try:
             time.sleep(4)
-            _, png = browser.look(url, STANDING, "0", 90, settle_s=1.5)
+            _, png = browser.look(url, STANDING, "0", settle_s=1.5)
         finally:
             browser.close()
             live.send_signal(signal.SIGINT)

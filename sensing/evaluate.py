@@ -80,43 +80,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def evaluate(
-    tests: Sequence[Path],
-    weights: Path | None,
+    tests: Sequence[Path | str],
+    weights: Path | None = None,
     train: Sequence[Path] = (),
     paper_epochs: int = 100,
     true_camera: bool = False,
+    model: LiveModel | None = None,
 ) -> tuple[dict[str, Score], dict[str, list[Cell]]]:
     """(scores by "model, what" on test folders, ours also by tilt and load); comparisons only with training data.
 
     Args:
         tests: folders. weights: file, or None for those that ship. train: folders the comparisons are fitted to.
         paper_epochs: of the paper's recipe. true_camera: also with the camera that lies beside simulated frames.
+        model: one of your own instead of the weights (:func:`sensing.live.core.model.live_model`); which paths it has
+            learned from is not known, so that only ``train`` guards against testing on them.
 
     Raises:
         ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
     """
-    model = load_wrench_model(LabelledSet(tests[0]).params, weights, silicone=None)
-    live = live_model("evaluated", model, model.shape)
+    network = None if model else load_wrench_model(LabelledSet(tests[0]).params, weights, silicone=None)
+    live = model if network is None else live_model("evaluated", network, network.shape)
+    assert live is not None
     released = bool(train) and paper_epochs > 0
-    training = read_views(train, released, markers=True, shape=model.shape) if train else None
-    comparisons = {} if training is None else fitted(training, model, paper_epochs)
+    training = read_views(train, released, markers=True, shape=live.shape) if train else None
+    comparisons = {} if training is None else fitted(training, network, paper_epochs)
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
     for folder in tests:
         fix = "make test frames of the endcap that the weights are for"
-        require_same(folder, "test frames", LabelledSet(folder).identity, model.identity, fix, MUST_AGREE)
-        test = read_views([folder], released, markers=False, shape=model.shape)
-        _refuse_leaks(model, None if training is None else training.dots, test.dots)
+        made_for = None if network is None else network.identity
+        require_same(folder, "test frames", LabelledSet(folder).identity, made_for, fix, MUST_AGREE)
+        test = read_views([Path(folder)], released, markers=False, shape=live.shape)
+        _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
         tables |= {f"{name}, {Path(folder).name}": cells(given) for name, given in ours.items()}
         answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
         answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
         found |= _scores(answers, test, Path(folder).name)
-        if np.isin(test.dots.phase, MOVING).any():
-            for name, latency, predict in (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False)):
-                reported = filtered_score(model, test.dots, latency, predict=predict)
-                found[f"ours + {name}, {Path(folder).name}"] = reported
+        found |= {} if network is None else _filtered(network, test, Path(folder).name)
     return found, tables
+
+
+def _filtered(network: WrenchModel, test: Views, name: str) -> dict[str, Score]:
+    """What the filter makes of motion, where there is some."""
+    if not np.isin(test.dots.phase, MOVING).any():
+        return {}
+    cases = (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False))
+    return {
+        f"ours + {case}, {name}": filtered_score(network, test.dots, latency, predict=predict)
+        for case, latency, predict in cases
+    }
 
 
 def cross_validate(
@@ -177,8 +190,9 @@ def _subsets(test: Samples) -> dict[str, NDArray[np.bool_]]:
     return parts
 
 
-def _refuse_leaks(model: WrenchModel, training: Samples | None, test: Samples) -> None:
-    shared = [f"path {name}" for name in sorted(set(model.about["training"]["paths"]) & set(test.path))]
+def _refuse_leaks(model: WrenchModel | None, training: Samples | None, test: Samples) -> None:
+    learned = set() if model is None else set(model.about["training"]["paths"])
+    shared = [f"path {name}" for name in sorted(learned & set(test.path))]
     if training is not None:
         shared += shared_between(training, test)
     if shared:

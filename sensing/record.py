@@ -63,8 +63,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.netft, options.port, options.counts_n, options.counts_nm, options.ft_rate, options.ft_delay
         )  # fmt: skip
         params = EndcapParams(options.diameter, options.wall)
-        recording = Recording(options.out, params, read_mount(options.mount), options.silicone)
-        with open_frames(options.source) as frames:
+        mount = read_mount(options.mount)
+        with (
+            Recording(options.out, params, mount, options.silicone) as recording,
+            open_frames(options.source) as frames,
+        ):
             result = record(frames, stream, recording, options.slop, options.rest, options.frames)
     except EndcapError as error:
         print(f"sensing.record: {error}", file=sys.stderr)

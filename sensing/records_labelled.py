@@ -14,8 +14,10 @@ in the names (N, N m, mm, px, s, degrees). Wrenches act on the endcap, at the or
 from __future__ import annotations
 
 import json
+import operator
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +105,7 @@ class LabelledSet:
         self.manifest = read_manifest(self.folder)
         self.phases: tuple[str, ...] = tuple(self.manifest["phases"])
         self.shards = sorted((self.folder / "shards").glob("[0-9]*.npz"))
+        self._kept: tuple[int, dict[str, NDArray]] | None = None
 
     @property
     def params(self) -> EndcapParams:
@@ -126,6 +129,30 @@ class LabelledSet:
     def has_pictures(self) -> bool:
         """False for a set that was written with ``--render off``."""
         return self.manifest.get("request", {}).get("render") != "off"
+
+    def __len__(self) -> int:
+        """Number of frames that are there."""
+        return int(self._ends[-1]) if self.shards else 0
+
+    def __getitem__(self, index: int) -> LabelledFrame:
+        """One frame, in the order of :meth:`frames`; a negative index counts from the end.
+
+        Raises:
+            IndexError: no such frame. FileError: a corrupt shard, or a set without pictures.
+        """
+        row = operator.index(index)
+        row = row + len(self) if row < 0 else row
+        if not 0 <= row < len(self):
+            raise IndexError(f"index={index} outside the {len(self)} frames of {self.folder}")
+        shard = int(np.searchsorted(self._ends, row, side="right"))
+        if self._kept is None or self._kept[0] != shard:  # neighbours lie in one shard: it is unpacked once
+            self._kept = shard, read_shard(self.shards[shard])
+        return self._frame_of(self.shards[shard], self._kept[1], row - (int(self._ends[shard - 1]) if shard else 0))
+
+    @cached_property
+    def _ends(self) -> NDArray[np.int64]:
+        """Number of frames up to the end of each shard."""
+        return np.cumsum([len(read_shard(path, ("path",))["path"]) for path in self.shards])
 
     def column(self, name: str) -> NDArray:
         """One column over all shards, in the order of :meth:`frames`.
@@ -162,14 +189,18 @@ class LabelledSet:
         """
         for file in self.shards:
             arrays = read_shard(file)
-            if "jpeg" not in arrays:
-                raise FileError(f"{file}: holds no pictures (written with --render off): use column() for its labels")
-            pictures = _pictures(arrays["jpeg"], arrays["jpeg_end"])
-            references = _pictures(arrays["reference_jpeg"], arrays["reference_jpeg_end"])
             for row in range(len(arrays["path"])):
                 if paths is None or int(arrays["path"][row]) in paths:
-                    labels = {name: arrays[name][row] for name in COLUMNS}
-                    yield self._frame(file, labels, pictures[row], references[int(labels["reference"])])
+                    yield self._frame_of(file, arrays, row)
+
+    def _frame_of(self, file: Path, arrays: dict[str, NDArray], row: int) -> LabelledFrame:
+        """A row of a shard."""
+        if "jpeg" not in arrays:
+            raise FileError(f"{file}: holds no pictures (written with --render off): use column() for its labels")
+        labels = {name: arrays[name][row] for name in COLUMNS}
+        picture = _picture(arrays["jpeg"], arrays["jpeg_end"], row)
+        reference = _picture(arrays["reference_jpeg"], arrays["reference_jpeg_end"], int(labels["reference"]))
+        return self._frame(file, labels, picture, reference)
 
     def _frame(self, file: Path, labels: dict[str, Any], picture: bytes, reference: bytes) -> LabelledFrame:
         time_s, source = float(labels["time_s"]), f"{file} path {labels['path']}"
@@ -242,6 +273,6 @@ def read_shard(path: Path, names: Collection[str] | None = None) -> dict[str, ND
         ) from error
 
 
-def _pictures(data: NDArray[np.uint8], ends: NDArray[np.int64]) -> list[bytes]:
-    starts = [0, *ends[:-1].tolist()]
-    return [data[start:end].tobytes() for start, end in zip(starts, ends.tolist(), strict=True)]
+def _picture(data: NDArray[np.uint8], ends: NDArray[np.int64], number: int) -> bytes:
+    """One of the pictures that lie end to end."""
+    return data[ends[number - 1] if number else 0 : ends[number]].tobytes()

@@ -176,6 +176,11 @@ def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(mo
     assert sensing_violations(module, imports_of(module)) == set()
 
 
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if not m.startswith("endcap")))
+def test_nothing_imports_the_facade(module):
+    assert {name for name in imports_of(module) if name.split(".")[0] == "endcap"} == set()
+
+
 def test_the_runtime_does_not_import_the_verification():
     runtime = {m for m in MODULES if m.startswith("sensing") and "verification" not in m}
     found = {m: {n for n in imports_of(m) if "simulator.verification" in n} for m in runtime}

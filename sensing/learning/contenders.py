@@ -114,15 +114,12 @@ def frame_keys(samples: Samples) -> NDArray[np.str_]:
     return np.array([f"{path} {azimuth:.6f} {time:.6f}" for path, azimuth, time in rows])
 
 
-def fitted(train: Views, ours: WrenchModel, paper_epochs: int, seed: int = 0) -> dict[str, Answer]:
-    """Every model by name, fitted to the training views; ours as given."""
+def fitted(train: Views, ours: WrenchModel | None, paper_epochs: int, seed: int = 0) -> dict[str, Answer]:
+    """Every model by name, fitted to the training views; ours as given, where it is."""
     from sensing.learning.compliance import fit_compliance
     from sensing.learning.ridge import fit_ridge
 
-    def our_answer(test: Views) -> tuple[Array, Array | None, NDArray[np.bool_] | None]:
-        return *ours.predict(test.dots.inputs), ours.out_of_range(test.dots.inputs)
-
-    answers: dict[str, Answer] = {"ours": our_answer}
+    answers: dict[str, Answer] = {} if ours is None else {"ours": _network(ours)}
     known = train.markers or train.dots
     weights, _ = fit_ridge(known.inputs, known.wrenches, known.path, known.fields.shape[2])
     answers["ridge"] = lambda test: (test.dots.inputs @ weights.T, None, None)
@@ -132,6 +129,10 @@ def fitted(train: Views, ours: WrenchModel, paper_epochs: int, seed: int = 0) ->
     if train.gelslim is not None:
         answers["paper"] = _paper(train.gelslim, paper_epochs, seed)
     return answers
+
+
+def _network(ours: WrenchModel) -> Answer:
+    return lambda test: (*ours.predict(test.dots.inputs), ours.out_of_range(test.dots.inputs))
 
 
 def _part(names: NDArray, seed: int) -> NDArray:

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from cad.materials import DEFAULT_SILICONE
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.model import LiveModel
@@ -118,6 +119,7 @@ def open_endcap(
     *,
     diameter_mm: float = 130.0,
     wall_mm: float = 8.0,
+    silicone: str = DEFAULT_SILICONE,
     model: LiveModel | None = None,
 ) -> Endcap:
     """An endcap by the word for its source.
@@ -125,12 +127,14 @@ def open_endcap(
     Args:
         source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
         zero: reference file; None to take the first frames (for a file: the first picture).
-        diameter_mm, wall_mm: the design. model: what estimates the wrench; None for the one that ships.
+        diameter_mm, wall_mm: the design. silicone: row of cad/materials.csv that it is cast of.
+        model: what estimates the wrench; None for the one that ships.
 
     Raises:
         EndcapError: a source, file or design that cannot be used.
     """
-    endcap = EndcapConfig("endcap_0", source, None if zero is None else Path(zero), diameter_mm, wall_mm)
+    taken = None if zero is None else Path(zero)
+    endcap = EndcapConfig("endcap_0", source, taken, diameter_mm, wall_mm, silicone=silicone)
     models = None if model is None else lambda _: model
     opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
     warm_up(lambda text: print(text, file=sys.stderr))

@@ -19,7 +19,7 @@ import threading
 from types import FrameType
 from typing import Any, NoReturn
 
-FLUSH_S = 0.5  # a pipe that nobody reads must not hold up the end
+FLUSH_S = 0.25  # a pipe that nobody reads must not hold up the end
 LOST = 1  # exit status: the run ended, but something that was asked for is not whole
 
 

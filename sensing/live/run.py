@@ -18,7 +18,9 @@ from sensing.live.ending import Stop
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.terminal import REFRESH_S, Terminal, summary
 
-HURRY_S = 0.3  # for cameras and readings under way, and after a signal for each output (a recording: LEAST_S there)
+END_S = 1.5  # from a signal to the summary, whatever hangs; lines and pipes may take what is left of two seconds
+HURRY_S = 0.3  # of that for cameras and readings under way, at most
+LEAST_S = 0.05  # for an output whose turn comes last
 PATIENCE_S = 30.0  # for a slow disk or reader, at an end that nobody asked for
 SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
 
@@ -29,7 +31,7 @@ class LiveRun:
     Attributes:
         config: what runs. engine: the loop. latest: newest readings.
         notes: lines for the terminal beside those of the endcaps. losses: what was asked for and is not whole; each
-            says so in a line, or nothing. patience_s: for how long an output may finish.
+            says so in a line, or nothing.
     """
 
     def __init__(self, config: LiveConfig, endcaps: Sequence[LiveEndcap], workers: int = 1) -> None:
@@ -38,9 +40,9 @@ class LiveRun:
         self.engine = Engine(endcaps, [self.latest], workers)
         self.notes: list[Callable[[], str]] = []
         self.losses: list[Callable[[], str]] = []
-        self.patience_s = PATIENCE_S
         self.begin_s = time.monotonic()
         self._reasons: list[Callable[[], bool]] = []
+        self._end_s: float | None = None
 
     def stop_when(self, reason: Callable[[], bool]) -> None:
         """One more reason to end: a reader of the numbers that has left, for example."""
@@ -50,6 +52,15 @@ class LiveRun:
     def done(self) -> bool:
         """Whether there is a reason to end."""
         return any(reason() for reason in self._reasons)
+
+    @property
+    def patience_s(self) -> float:
+        """For how long an output may finish: what is left of the time after a signal; without one, long."""
+        return PATIENCE_S if self._end_s is None else max(LEAST_S, self._end_s - time.monotonic())
+
+    def hurry(self) -> None:
+        """A signal came: everything shares :data:`END_S` from now on."""
+        self._end_s = time.monotonic() + END_S
 
     def robot(self) -> RobotState:
         """What the endcaps say together, now."""
@@ -107,11 +118,12 @@ def run_until_stopped(
                     break
                 asked.wait(REFRESH_S if end_s is None else max(0.0, min(REFRESH_S, end_s - time.monotonic())))
         finally:
-            run.patience_s = HURRY_S if asked.is_set() else PATIENCE_S
+            if asked.is_set():
+                run.hurry()
             run.engine.halt(HURRY_S)
             if more is not None:
                 more.close()
-            run.engine.close(HURRY_S)
+            run.engine.close(min(HURRY_S, run.patience_s))
     terminal.show(run.engine.health(), run.latest.all(), run.robot(), [])
     for line in summary(run.engine.health(fresh=True), time.monotonic() - run.begin_s) + _notes(run):
         lines.write(printable(line) + "\n")

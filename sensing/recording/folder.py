@@ -38,7 +38,7 @@ UNKNOWN: dict[str, Any] = {
 
 
 class Recording:
-    """One folder.
+    """One folder, locked against other programs until it is closed; use as a context manager.
 
     Args:
         folder: a new one, or one that a recording of the same endcap and mounting began.
@@ -69,7 +69,21 @@ class Recording:
         self._shard = int(known[-1].stem) + 1 if known else 0
         self.paths = max((int(read_shard(path, ("path",))["path"].max()) + 1 for path in known), default=0)
         self._path = self.paths
-        self._manifest(identity(params, silicone))
+        try:
+            self._manifest(identity(params, silicone))
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let the folder go; nothing can be added any more."""
+        self._lock.close()
 
     def begin(self, zero: Zero, tare: NDArray[np.float64]) -> None:
         """Reference picture and tare of what follows; a new path begins."""

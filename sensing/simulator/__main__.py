@@ -5,18 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 
-import numpy as np
-
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.plain_numbers import plain_number
-from sensing.simulator.contact.indenter import KINDS, Indenter
+from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset import cli as data_cli
-from sensing.simulator.press.press import Press, Target
-from sensing.simulator.press.state import contact_patch
+from sensing.simulator.levels import Simulator
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import DENSITIES
-from sensing.simulator.solid.shell import shell_model
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -33,26 +29,18 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _press(options: argparse.Namespace) -> int:
-    model = shell_model(
-        shell_geometry(options.diameter, options.wall),
-        silicone(options.silicone).neo_hooke(),
-        options.density,
-        half=options.lateral == 0,
-    )
-    press = Press(model, Indenter(options.tilt, options.body, options.radius), options.friction)
-    state = press.start()
-    for share in np.linspace(0, 1, max(1, round(options.normal / 5)) + 1)[1:]:
-        state = press.advance(state, Target(normal_n=float(share * options.normal)))
-    if options.meridian or options.lateral:
-        state = press.advance(state, Target(normal_n=options.normal, shift_mm=(options.meridian, options.lateral)))
-    patch, certificate = contact_patch(model, state), state.certificate
+    geometry, law = shell_geometry(options.diameter, options.wall), silicone(options.silicone).neo_hooke()
+    state = Simulator(geometry, law, options.density, level=1).press(
+        options.normal, options.tilt, (options.meridian, options.lateral),
+        friction=options.friction, kind=options.body, radius_mm=options.radius,
+    )  # fmt: skip
+    certificate = state.certificate
     assert certificate is not None
-    force, torque = state.wrench[:3], state.wrench[3:] / 1000
-    area = patch.area_mm2 / model.force_share
     print(f"depth       {state.depth_mm:.3f} mm at a normal force of {state.normal_n:.3f} N")
-    print("force       " + " ".join(f"{v:9.4f}" for v in force) + " N   (on the endcap, endcap frame)")
-    print("torque      " + " ".join(f"{v:9.4f}" for v in torque) + " N m (about the centre of the mating plane)")
-    print(f"patch       {area:.0f} mm2, {100 * patch.slip_share:.0f} % of the load slipping")
+    force, torque = (" ".join(f"{value:9.4f}" for value in values) for values in (state.force_n, state.torque_nm))
+    print(f"force       {force} N   (on the endcap, endcap frame)")
+    print(f"torque      {torque} N m (about the centre of the mating plane)")
+    print(f"patch       {state.patch_mm2:.0f} mm2, {100 * state.slip_share:.0f} % of the load slipping")
     print(
         f"certificate residual {certificate.residual:.1e}, clamp against tractions {certificate.wrench_gap:.1e}, "
         f"penetration {certificate.penetration_mm:.4f} mm, negative pivots {certificate.negative_pivots}, "

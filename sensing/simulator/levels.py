@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,7 @@ LEVELS = (1, 2, 3, 4)
 RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted to elastic states
 TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
+STEP_N = 5.0  # of one press
 
 
 class Simulator:
@@ -121,6 +123,28 @@ class Simulator:
         for target in targets:
             found = self._library.answer(scene, target) if self._library else None
             yield found if found is not None else walk(target)
+
+    def press(
+        self, normal_n: float, tilt_deg: float = 0.0, shift_mm: tuple[float, float] = (0.0, 0.0), **scene: Any
+    ) -> SceneState:
+        """One press from the untouched shell, in steps of about 5 N.
+
+        Args:
+            normal_n: force along the inward normal at first touch, N.
+            tilt_deg: polar angle of first contact from the tip.
+            shift_mm: tangential travel along (meridian, lateral) at that force.
+            scene: friction (0.5), and kind, radius_mm, axis_deg of the :class:`Indenter` (a plane).
+
+        Raises:
+            Refusal: the state has no trustworthy answer.
+        """
+        friction = float(scene.pop("friction", 0.5))
+        steps = max(1, round(normal_n / STEP_N))
+        targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
+        if any(shift_mm):
+            targets.append(Target(normal_n=normal_n, shift_mm=shift_mm))
+        *_, last = self.follow(Scene(Indenter(tilt_deg, **scene), friction), targets)
+        return last
 
     def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Callable[[Target], SceneState]:
         """A function that goes from state to state, for a path that is not known beforehand; never from the library.

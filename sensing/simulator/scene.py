@@ -49,6 +49,16 @@ class SceneState:
     patch: Patch | None
     certificate: Certificate | None
 
+    @property
+    def force_n(self) -> Array:
+        """(3,) force on the endcap, N."""
+        return self.wrench[:3]
+
+    @property
+    def torque_nm(self) -> Array:
+        """(3,) torque on the endcap about its origin, N m."""
+        return self.wrench[3:] / 1000
+
 
 @dataclass(frozen=True)
 class BulkStates:

@@ -43,7 +43,7 @@ class Lines:
     def flush(self) -> None:
         """Nothing: every text is flushed when it is written."""
 
-    def close(self, wait_s: float = 0.5) -> None:
+    def close(self, wait_s: float = 0.25) -> None:
         """Write what is queued; gives up after ``wait_s``."""
         try:
             self._texts.put_nowait(None)

@@ -13,7 +13,7 @@ from sensing.live.outputs.recorder import Recorder
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
 
-LEAST_S = 0.8  # for the file, also in a hurry: readings that wait for the disk
+OTHERS_S = 0.5  # of the time that is left after a signal: for other outputs and the cameras; the file has the rest
 
 
 class Recording:
@@ -95,7 +95,7 @@ class Recording:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             self._run.engine.remove_sink(recorder)
-            recorder.close(max(self._run.patience_s, LEAST_S))
+            recorder.close(max(0.0, self._run.patience_s - OTHERS_S))
             self._said = recorder.note
             if recorder.failed or recorder.dropped:
                 self._ended.append(recorder)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import signal
 import threading
 import zipfile
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -10,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from live_program import program
-from live_stand_in import film, frames, stand_in
+from live_stand_in import PATIENCE_S, film, frames, stand_in
 
 from cad.errors import FileError, ParameterError, printable
 from sensing.live.cli import main
@@ -154,12 +155,14 @@ def test_control_characters_of_a_server_do_not_reach_the_terminal():
     server = HTTPServer(("127.0.0.1", 0), Hostile)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        with program("--url", f"http://127.0.0.1:{server.server_port}/", "--no-page", "--seconds", "1.5") as process:
-            reported, errors = process.communicate(timeout=120)
+        with program("--url", f"http://127.0.0.1:{server.server_port}/", "--no-page") as process:
+            said = next(line for line in process.stdout if "gone" in line)
+            process.send_signal(signal.SIGTERM)
+            rest, errors = process.communicate(timeout=PATIENCE_S)
     finally:
         server.shutdown()
-    assert "gone" in reported and "\\x1b[2J" in reported and process.returncode == 0
-    assert not any(ord(c) < 32 and c != "\n" for c in reported + errors)
+    assert "\\x1b[2J" in said and process.returncode == 0
+    assert not any(ord(c) < 32 and c != "\n" for c in said + rest + errors)
 
 
 def test_a_camera_file_that_nests_too_deep_is_one_line(tmp_path, capsys):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from live_program import program
-from live_stand_in import Shown, stand_in, wait_for
+from live_stand_in import PATIENCE_S, Shown, stand_in, wait_for
 
 from sensing.live.demo.scene_server import mjpeg_server
 from sensing.live.replay import read_config, verify
@@ -24,6 +24,7 @@ TOUCHED = RUNNING + " && latest.endcaps[0].contact"
 CARD = "document.querySelector('.endcap .{}').textContent"
 BUTTONS_OFF = "['zero','undo','zero_all','record'].every((id) => $(id).disabled)"
 PLOTS = "[...$('plots').children].map((c) => c.getAttribute('aria-label'))"
+ASKED = "$('ask').classList.contains('open')"
 STALE = "document.body.classList.contains('stale')"
 COLOURS = """(() => { const c = $("image"), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data,
   s = new Set(); for (let k = 0; k < d.length; k += 388) s.add(d[k] << 16 | d[k + 1] << 8 | d[k + 2]);
@@ -54,8 +55,13 @@ class Stage:
         self.process.send_signal(signal.SIGCONT)
         self.outputs.close()
 
-    def click(self, name: str) -> None:
-        self.tab.value(f"document.getElementById('{name}').click()")
+    def click(self, name: str, condition: str = "live()") -> None:
+        """Press a button as soon as it can be pressed and what is shown is as a user waits for."""
+        self.tab.until(f"({condition}) && !$('{name}').disabled && ($('{name}').click(), true)")
+
+    def drawn(self, condition: str, script: str = "true"):
+        """Value of a script as soon as a condition holds for the state that is drawn at that moment."""
+        return self.tab.until(f"window.shown && ({condition.replace('latest', 'window.shown')})", script)
 
     def free(self) -> None:
         """The endcap untouched, running, no question open."""
@@ -85,12 +91,12 @@ def stage(tab, tmp_path_factory):
 
 def test_a_recording_is_started_and_stopped_by_the_button_that_says_so(stage):
     stage.free()
-    assert stage.tab.value("$('record').textContent") == "Start recording"
-    stage.tab.value("press('record_start'); press('record_start')")  # twice is no stop
+    stage.tab.until("live() && $('record').textContent === 'Start recording'")
+    stage.tab.until("live() && (press('record_start'), press('record_start'), true)")  # twice is no stop
     stage.tab.until("live() && latest.recording && $('record').textContent === 'Stop recording'")
     (path,) = stage.recordings()
     wait_for(lambda: path.stat().st_size > 500_000)
-    stage.click("record")
+    stage.click("record", "latest.recording")
     stage.tab.until("live() && !latest.recording && $('record').textContent === 'Start recording'")
     assert "frames recorded" in stage.tab.value("latest.note")
     check = verify(path, read_config(path), lambda _: stand_in())
@@ -102,57 +108,50 @@ def test_a_zero_under_load_asks_first_and_can_be_undone(stage):
     stage.free()
     before = stage.tab.value("latest.endcaps[0].zeroed")
     stage.shown.now = "pressed"
-    stage.tab.until(TOUCHED)
-    force_n = stage.tab.value("latest.endcaps[0].force_norm_n")
-    stage.click("zero")
-    assert stage.tab.value("$('ask').classList.contains('open')")
+    force_n = stage.tab.until(TOUCHED, "latest.endcaps[0].force_norm_n")
+    stage.tab.until(f"{TOUCHED} && ($('zero').click(), {ASKED})")
     assert "is touched" in stage.tab.value("$('question').textContent")
     stage.click("cancel")
     drawn = stage.tab.value("window.drawn")
     stage.tab.until(f"window.drawn > {drawn + 20}")  # more frames than a reference needs
-    assert not stage.tab.value("$('ask').classList.contains('open')")
-    assert stage.tab.value("latest.endcaps[0].zeroed") == before and stage.tab.value(TOUCHED)
-    stage.click("zero")
-    stage.click("confirm")
+    assert not stage.tab.value(ASKED)
+    assert stage.tab.until(TOUCHED, "latest.endcaps[0].zeroed") == before
+    stage.tab.until(f"{TOUCHED} && ($('zero').click(), {ASKED}) && ($('confirm').click(), !{ASKED})")
     stage.tab.until(f"{FREE} && latest.endcaps[0].zeroed !== '{before}'")
-    stage.tab.until("!$('undo').disabled")
     stage.click("undo")
-    stage.tab.until(f"{TOUCHED} && latest.endcaps[0].zeroed === '{before}'")
-    assert stage.tab.value("latest.endcaps[0].force_norm_n") == pytest.approx(force_n, rel=0.2)
+    undone = f"{TOUCHED} && latest.endcaps[0].zeroed === '{before}'"
+    assert stage.tab.until(undone, "latest.endcaps[0].force_norm_n") == pytest.approx(force_n, rel=0.2)
 
 
 def test_a_black_picture_shows_a_dash_and_the_reason(stage):
     stage.free()
     stage.shown.now = "black"
-    stage.tab.until("live() && latest.endcaps[0].status === 'blind'")
-    drawn = stage.tab.value("window.drawn")
-    stage.tab.until(f"window.drawn > {drawn + 2}")
-    card = stage.tab.value("document.querySelector('.endcap').innerText")
-    assert stage.tab.value(CARD.format("n")) == "–" and not re.search(r"\d N\b", card)
-    assert re.search(r"blind: \d+ of \d+ dots are seen", stage.tab.value(CARD.format("h")))
-    assert stage.tab.value("document.querySelectorAll('.lamp.touch').length") == 0
-    assert "blind" in stage.tab.value("$('health').rows[0].innerText")
-    assert stage.tab.value(PLOTS) == ["Fx – N", "Fy – N", "Fz – N", "Tx – N m", "Ty – N m", "Tz – N m"]
-    stage.free()
-    assert re.fullmatch(r"0\.\d N", stage.tab.value(CARD.format("n")))
-    assert re.fullmatch(r"Fx -?0\.\d N", stage.tab.value(PLOTS)[0])
+    card, force, reason, lamps, state, plots = stage.drawn(
+        "live() && latest.endcaps[0].status === 'blind'",
+        f"[document.querySelector('.endcap').innerText, {CARD.format('n')}, {CARD.format('h')},"
+        f" document.querySelectorAll('.lamp.touch').length, $('health').rows[0].innerText, {PLOTS}]",
+    )
+    assert force == "–" and not re.search(r"\d N\b", card)
+    assert re.search(r"blind: \d+ of \d+ dots are seen", reason) and lamps == 0 and "blind" in state
+    assert plots == ["Fx – N", "Fy – N", "Fz – N", "Tx – N m", "Ty – N m", "Tz – N m"]
+    stage.shown.now = "free"
+    force, plots = stage.drawn(FREE, f"[{CARD.format('n')}, {PLOTS}]")
+    assert re.fullmatch(r"0\.\d N", force) and re.fullmatch(r"Fx -?0\.\d N", plots[0])
 
 
 def test_a_run_that_stops_is_grey_with_its_age_and_its_buttons_do_nothing_then_or_later(stage):
     stage.free()
     stage.process.send_signal(signal.SIGSTOP)
-    stage.click("record")  # the page cannot know yet: the message waits for the run
+    stage.tab.value("$('record').click()")  # the page cannot know yet: the message waits for the run
     stage.tab.until(STALE)
     assert re.search(r"No answer from sensing.live for \d+ s", stage.tab.value("$('lost').textContent"))
-    stage.tab.until("/[3-9] s ago/.test(" + CARD.format("h") + ")")
-    assert stage.tab.value(CARD.format("n")) == "–" and re.match(
-        r"0\.\d N, \d s ago", stage.tab.value(CARD.format("h"))
-    )
+    stage.tab.until("parseInt(/(\\d+) s ago/.exec(" + CARD.format("h") + ")[1]) >= 3")
+    assert stage.tab.value(CARD.format("n")) == "–"
+    assert re.match(r"0\.\d N, \d+ s ago", stage.tab.value(CARD.format("h")))
     assert stage.tab.value(BUTTONS_OFF)
-    assert re.search(r"unknown; running \d s ago", stage.tab.value("$('health').rows[0].innerText"))
+    assert re.search(r"unknown; running \d+ s ago", stage.tab.value("$('health').rows[0].innerText"))
     assert "grayscale" in stage.tab.value("getComputedStyle(document.querySelector('main')).filter")
-    stage.click("record")
-    stage.tab.value("press('record_start')")
+    stage.tab.value("$('record').click(); press('record_start')")
     stage.process.send_signal(signal.SIGCONT)
     settled(stage)
 
@@ -167,20 +166,23 @@ def test_a_button_pressed_while_disconnected_does_nothing_after_reconnecting(sta
 def settled(stage: Stage) -> None:
     """The page lives again, and nothing was begun by what was pressed before."""
     drawn = stage.tab.value("window.drawn")
-    stage.tab.until(f"{RUNNING} && window.drawn > {drawn + 10} && !{STALE} && !$('record').disabled")
-    assert stage.tab.value("$('record').textContent") == "Start recording" and stage.recordings() == []
+    shown = "$('record').textContent"
+    shown = stage.tab.until(f"{RUNNING} && window.drawn > {drawn + 10} && !{STALE} && !$('record').disabled", shown)
+    assert shown == "Start recording" and stage.recordings() == []
 
 
 def test_without_a_reference_the_picture_is_shown_with_its_dots_and_the_reason_then_the_server_goes(tab, tmp_path):
     with Stage(tmp_path, tab, Shown("disturbed")) as stage:
-        tab.until("live() && latest.endcaps[0].status === 'waiting for a reference' && latest.selected")
-        assert re.search(r"waiting for a reference: \S+", tab.value(CARD.format("h")))
-        assert tab.value(CARD.format("n")) == "–" and "not yet" in tab.value("$('health').innerText")
-        tab.until("/^\\d+ dots found, mean brightness \\d+ of 255/.test($('image_note').textContent)")
-        assert int(tab.value("$('image_note').textContent").split()[0]) > 50
-        assert tab.value("latest.selected.dots.length") > 50
+        reason, force, health = stage.drawn(
+            "live() && latest.endcaps[0].status === 'waiting for a reference' && latest.selected",
+            f"[{CARD.format('h')}, {CARD.format('n')}, $('health').innerText]",
+        )
+        assert re.search(r"waiting for a reference: \S+", reason) and force == "–" and "not yet" in health
+        found = "/^\\d+ dots found, mean brightness \\d+ of 255/.test($('image_note').textContent)"
+        note, dots = tab.until(found, "[$('image_note').textContent, latest.selected.dots.length]")
+        assert int(note.split()[0]) > 50 and dots > 50
         tab.until(COLOURS + " > 50")
         stage.process.send_signal(signal.SIGTERM)
-        stage.process.wait(60)
+        stage.process.wait(PATIENCE_S)
         tab.until(STALE)
         assert tab.value(BUTTONS_OFF) and "No answer" in tab.value("$('lost').textContent")

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from live_program import camera, program
-from live_stand_in import film, stand_in, wait_for
+from live_stand_in import PATIENCE_S, film, stand_in, wait_for
 
 from sensing.live.cli import main
 from sensing.live.replay import read_config, verify
@@ -32,10 +32,10 @@ def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
         said = []
         reading = threading.Thread(target=lambda: said.extend(process.stdout), daemon=True)
         reading.start()
-        wait_for(lambda: path.exists() and path.stat().st_size > 1_000_000, 120)
+        wait_for(lambda: path.exists() and path.stat().st_size > 1_000_000)
         process.send_signal(number)
-        assert process.wait(15) == 0
-        reading.join(5)
+        assert process.wait(PATIENCE_S) == 0
+        reading.join(PATIENCE_S)
         assert [line for line in process.stderr if not line.startswith("compiling the dot tracker")] == []
     assert any("frames recorded" in line for line in said)
     assert re.search(r"page: http://127\.0\.0\.1:\d+/", said[0])
@@ -51,7 +51,7 @@ def test_json_goes_to_the_pipe_alone_and_a_closed_pipe_ends_the_run(address):
         assert [line["endcap"] for line in lines] == ["endcap_0"] * 5
         assert sorted(line["time_s"] for line in lines) == [line["time_s"] for line in lines]
         process.stdout.close()
-        assert process.wait(15) == 0
+        assert process.wait(PATIENCE_S) == 0
         assert "Traceback" not in process.stderr.read()
 
 

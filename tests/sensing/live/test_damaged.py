@@ -15,7 +15,7 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
-from live_stand_in import film, frames, pipeline, stand_in
+from live_stand_in import PATIENCE_S, film, frames, pipeline, stand_in
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Metadata
@@ -46,7 +46,7 @@ def record(path: Path, config: LiveConfig, count: int = FRAMES) -> None:
         if k % 6 == 5:
             recorder._flush()  # four chunks, however slow this computer is
             recorder._flushed_s = math.inf
-    recorder.close()
+    recorder.close(PATIENCE_S)
 
 
 @pytest.fixture(scope="module")
@@ -252,6 +252,6 @@ def test_random_damage_is_borne():
     )
     environment = {**os.environ, "PYTHONPATH": f"{bench}{os.pathsep}{bench.parent}"}
     reported = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=3 * PATIENCE_S
     )
     assert reported.stdout.splitlines()[-1:] == ["[]"], reported.stdout + reported.stderr

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from live_program import camera, program
-from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
 from mcap.records import ChunkIndex
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
@@ -37,18 +37,23 @@ def address():
 
 
 def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
-    began, ended = threading.Event(), []
+    began, halted, ended = threading.Event(), threading.Event(), []
 
     def slow(collected, name):
         began.set()
-        time.sleep(0.4)
+        assert halted.wait(PATIENCE_S)
         ended.append(len(collected))
         raise ZeroError("moved")
 
     monkeypatch.setattr("sensing.live.core.reference.take_zero", slow)
     endcaps = [LiveEndcap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k, zero_frames=3)) for k in range(2)]
-    with Engine(endcaps):
-        assert began.wait(30)
+    engine = Engine(endcaps)
+    engine.start()
+    assert began.wait(PATIENCE_S)
+    engine.halt(PATIENCE_S)
+    assert ended == []
+    halted.set()
+    engine.close(PATIENCE_S)
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
     makers = [endcap.pipeline._taker._thread for endcap in endcaps]
     assert not any(maker is not None and maker.is_alive() for maker in makers)
@@ -71,9 +76,8 @@ def test_an_end_while_zeroing_is_clean(address):
         for line in process.stdout:
             if any(word in line for word in ("untouched", "running", "calibrated")):  # asked for, or already done
                 break
-        time.sleep(0.3)  # ten frames are there: the reference is being prepared
         process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == 0  # the interpreter's own end gave 134 in every ninth run
+        assert process.wait(PATIENCE_S) == 0  # the interpreter's own end gave 134 in every ninth run
         assert "Traceback" not in process.stderr.read()
 
 
@@ -82,7 +86,7 @@ class HungSource:
 
     def __iter__(self):
         yield Frame(0.0, 0, "hung", jpeg=film([0])[0], size=(640, 480))
-        time.sleep(60)
+        threading.Event().wait()
 
 
 def test_cameras_that_hang_are_left_behind_together():
@@ -102,9 +106,9 @@ def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
         hung = [word for _ in range(4) for word in ("--url", f"http://127.0.0.1:{silent.getsockname()[1]}/")]
         path = tmp_path / "run.mcap"
         with program("--url", address, *hung, "--no-page", "--record", str(path)) as process:
-            wait_for(lambda: path.exists() and path.stat().st_size > 600_000, 120)
+            wait_for(lambda: path.exists() and path.stat().st_size > 600_000)
             process.send_signal(signal.SIGHUP)
-            assert process.wait(9) == 0  # of five cameras that took two seconds each before
+            assert process.wait(PATIENCE_S) == 0  # of five cameras that took two seconds each before
     check = verify(path, read_config(path), lambda _: stand_in())
     assert check.frames > 3 and check.end is None
 
@@ -113,10 +117,9 @@ def test_a_full_disk_while_recording_is_reported_and_gives_status_1(address, tmp
     path = tmp_path / "run.mcap"
     room = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, 1_500_000))}
     with program("--url", address, "--no-page", "--record", str(path), **room) as process:
-        wait_for(lambda: path.exists() and path.stat().st_size > 1_400_000, 120)
-        time.sleep(1.5)
+        wait_for(lambda: path.exists() and path.stat().st_size == 1_500_000)  # the write behind that is refused
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 1
+        assert process.wait(PATIENCE_S) == 1
         said = process.stderr.read()
     assert f"sensing.live: {path}: recording stopped (File too large); " in said and "Traceback" not in said
     check = verify(path, read_config(path), lambda _: stand_in())
@@ -125,7 +128,7 @@ def test_a_full_disk_while_recording_is_reported_and_gives_status_1(address, tmp
 
 def test_json_to_a_full_disk_is_reported_and_gives_status_1(address):
     with open("/dev/full", "w") as full, program("--url", address, "--no-page", "--json", stdout=full) as process:
-        assert process.wait(60) == 1
+        assert process.wait(PATIENCE_S) == 1
         assert "sensing.live: --json: stopped after 0 lines (No space left on device)" in process.stderr.read()
 
 
@@ -134,7 +137,7 @@ def test_a_closed_pipe_ends_the_run_quietly(address):
         process.stdout.readline()
         process.stdout.close()
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE_S) == 0
         assert "Traceback" not in process.stderr.read()
 
 
@@ -147,7 +150,7 @@ def test_a_terminal_that_has_stopped_holds_nothing_up():
         lines.close(0.1)
         assert lines._thread.is_alive() and not lines.failed
         os.close(out)
-        wait_for(lambda: lines.gone, 10)
+        wait_for(lambda: lines.gone)
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +162,7 @@ def recording(tmp_path_factory):
     pipe = pipeline()
     for frame in frames(film([0, 0, 0.5, 1.0] * 15)):
         recorder.put(pipe.update(frame))
-    recorder.close()
+    recorder.close(PATIENCE_S)
     assert recorder.frames == recorder.kept == 60
     return path
 
@@ -176,7 +179,7 @@ def test_a_replay_keeps_no_frames_and_is_not_zeroing(recording):
     endcaps = replay_endcaps(recording, read_config(recording), 0, lambda _: stand_in())
     before = sum(type(each) is Frame for each in gc.get_objects())
     with Engine(endcaps, [Sink()]) as engine:
-        assert engine.wait(60)
+        assert engine.wait(PATIENCE_S)
     assert endcaps[0].stats.frames == 60 and most - before < 15  # some wait for the loop
     assert "zeroing" not in seen and endcaps[0].health.message.startswith("camera not calibrated")
 
@@ -190,7 +193,7 @@ def test_the_index_of_a_recording_does_not_grow_in_memory(tmp_path):
         recorder.write(pipe.update(frame))
         recorder._flush()
     kept = [each for each in gc.get_objects() if isinstance(each, ChunkIndex)]
-    recorder.close()
+    recorder.close(PATIENCE_S)
     assert kept == []
     from mcap.reader import make_reader
 
@@ -206,6 +209,6 @@ def test_random_ends_are_clean():
     code = "from bench_robust_ends import ends; print([fault for *_, fault in ends(6, 2, 7) if fault])"
     environment = {**os.environ, "PYTHONPATH": f"{bench}{os.pathsep}{bench.parent}"}
     reported = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=3 * PATIENCE_S
     )
     assert reported.stdout.splitlines()[-1:] == ["[]"], reported.stdout + reported.stderr

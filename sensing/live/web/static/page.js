@@ -7,7 +7,7 @@ const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
 const QUIET_MS = 1000; // no answer for so long: what is shown is old
 let socket = null, chosen = 0, history = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null;
 const declined = new Set(); // endcaps whose refusal was read
-window.drawn = 0; // states drawn, for tests
+window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
 function connect() {
   socket = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/ws");
@@ -117,7 +117,7 @@ function draw(shown) {
   Scene.draw($("scene"), shown.endcaps, chosen);
   AXES.forEach((_, k) => plot($("plots").children[k], k, shown.time_s, shown.endcaps[chosen]));
   health(shown.endcaps[chosen]);
-  window.drawn += 1;
+  window.drawn += 1; window.shown = shown;
 }
 
 function card(element, endcap, k) {

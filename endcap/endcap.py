@@ -1,0 +1,147 @@
+"""One endcap by its two numbers: its solids, its files, its simulator, and the running sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cad.identity import Identity, identity
+from cad.materials import DEFAULT_SILICONE, silicone
+from cad.params import EndcapParams
+
+if TYPE_CHECKING:
+    from cad.mold_layout import MoldLayout
+    from endcap.simulator import Simulator
+    from endcap.solid import TwoKernelSolid
+    from sensing.live.core.model import LiveModel
+    from sensing.live.endcap import Endcap as RunningEndcap
+
+
+@dataclass(frozen=True)
+class Endcap:
+    """An endcap of outer diameter D and wall T; solids are built when first asked for (seconds each), and kept.
+
+    Args:
+        diameter_mm: D.
+        wall_mm: T.
+        silicone: row of cad/materials.csv that it is cast of.
+        joint_clearance_mm: gap of the mold's joints on your printer; None for the default.
+
+    Raises:
+        ParameterError: a size that cannot be made, or an unknown silicone.
+    """
+
+    diameter_mm: float = 130.0
+    wall_mm: float = 8.0
+    silicone: str = DEFAULT_SILICONE
+    joint_clearance_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        silicone(self.silicone)
+        _ = self.layout
+
+    @cached_property
+    def params(self) -> EndcapParams:
+        """Every derived size, mm."""
+        return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @cached_property
+    def layout(self) -> MoldLayout:
+        """Sizes of the mold, mm."""
+        from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
+
+        gap = self.joint_clearance_mm
+        return MoldLayout(self.params, JOINT_CLEARANCE_MM if gap is None else gap)
+
+    @property
+    def identity(self) -> Identity:
+        """What files made for it carry."""
+        return identity(self.params, self.silicone)
+
+    @cached_property
+    def shell(self) -> TwoKernelSolid:
+        """The silicone shell as the mold makes it, without the gyroid's imprint."""
+        from cad.shell import shell_part
+
+        return _solid(shell_part(self.layout, self._core))
+
+    @cached_property
+    def mold(self) -> dict[str, TwoKernelSolid]:
+        """Cup, core and hanger, piece by piece in their casting positions; names are those of the files."""
+        from cad.hanger import hanger_part
+        from cad.mold_core import core_parts
+        from cad.mold_cup import cup_parts
+
+        parts = [*cup_parts(self.layout), *core_parts(self.layout, self._core), hanger_part(self.layout)]
+        return {part.name: _solid(part) for part in parts}
+
+    @cached_property
+    def interface(self) -> TwoKernelSolid:
+        """The TPU interface's flange; its gyroid exists as a mesh only (:meth:`export`)."""
+        from cad.interface import build_interface
+
+        return _solid(build_interface(self.params))
+
+    @cached_property
+    def base(self) -> TwoKernelSolid:
+        """The rigid base with camera pocket and lugs."""
+        from cad.base import base_part
+
+        return _solid(base_part(self.params))
+
+    def export(self, exports: str | Path = "exports", use_cache: bool = True) -> Path:
+        """Make, check and write all files, as ``endcap molds`` does; nothing is written where a check fails.
+
+        Args:
+            exports: folder that receives ``D130_T8/`` or alike.
+            use_cache: whether unchanged files of earlier runs are taken.
+
+        Returns:
+            The folder that was written.
+
+        Raises:
+            ChecksFailedError: a check failed. FileError: the place cannot be written.
+        """
+        from fab.molds import export
+        from fab.variant import Variant
+
+        return export(Variant(self.layout, self.silicone), Path(exports), use_cache).folder
+
+    def simulator(self, density: str = "data", level: int = 2) -> Simulator:
+        """Its simulator (:class:`endcap.simulator.Simulator`)."""
+        from endcap.simulator import Simulator
+
+        return Simulator(self, density, level)
+
+    def live(
+        self, source: str = "scene:0", zero: str | Path | None = None, model: LiveModel | None = None
+    ) -> RunningEndcap:
+        """The running sensor; use as a context manager (:class:`sensing.live.endcap.Endcap`).
+
+        Args:
+            source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
+            zero: reference file; None to take the first frames, untouched.
+            model: estimates the wrench (:func:`sensing.live.core.model.live_model`); None for the weights that ship.
+
+        Raises:
+            EndcapError: a source, file or design that cannot be used.
+        """
+        from sensing.live.endcap import open_endcap
+
+        return open_endcap(
+            source, zero, diameter_mm=self.diameter_mm, wall_mm=self.wall_mm, silicone=self.silicone, model=model
+        )
+
+    @cached_property
+    def _core(self) -> Any:
+        from cad.mold_core import core_body
+
+        return core_body(self.layout)
+
+
+def _solid(part: Any) -> TwoKernelSolid:
+    from endcap.solid import TwoKernelSolid
+
+    return TwoKernelSolid.of(part)

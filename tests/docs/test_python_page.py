@@ -1,0 +1,104 @@
+"""docs/python.md: its blocks run, and what they call is what the commands call."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pictured_set import write_set
+
+import endcap
+from endcap import Endcap
+from endcap.command import main
+from sensing.records_labelled import LabelledSet
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+BLOCKS = {
+    title: re.findall(r"```python\n(.*?)```", part, re.S)
+    for title, part in re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", TEXT, re.M | re.S)
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(title: str) -> dict[str, object]:
+    (block,) = BLOCKS[title]
+    names: dict[str, object] = {}
+    exec(compile(block, title, "exec"), names)
+    return names
+
+
+def test_every_block_is_run_below():
+    assert list(BLOCKS) == ["An endcap", "Press it", "A data set", "Your own model, live and evaluated"]
+    assert len(re.findall(r"```python", TEXT)) == 4
+
+
+def test_an_endcap():
+    run("An endcap")
+
+
+def test_press_it():
+    run("Press it")
+
+
+def test_a_data_set(folder):
+    write_set(folder / "exports" / "data", 2, 1)
+    names = run("A data set")
+    frames, data = names["frames"], LabelledSet("exports/data")
+    walked = list(data.frames())
+    assert len(frames) == len(walked) == len(data) == 8
+    for row in (0, 3, 4, 7, -1):
+        assert frames[row].frame == walked[row].frame and frames[row].path == walked[row].path
+    with pytest.raises(IndexError, match="index=8 outside the 8 frames"):
+        frames[8]
+    assert float(names["wrench"][2]) == pytest.approx(float(frames.samples().wrenches[0, 2]))
+
+
+def test_an_own_model_is_evaluated_and_runs_live(folder):
+    write_set(folder / "exports" / "data", 1, 1)
+    photos = folder / "exports" / "photos"
+    photos.mkdir()
+    for number, item in enumerate(LabelledSet(folder / "exports" / "data").frames({0})):
+        (photos / f"{number}.jpg").write_bytes(item.frame.jpeg)
+    scores = run("Your own model, live and evaluated")["scores"]
+    ours = scores["ours, data"]
+    assert ours.count == 4 and 0.5 < ours.rmse[2] < 20  # says -1 N along z, whatever is pressed
+
+
+def test_the_command_and_the_api_export_through_one_function(folder, monkeypatch, capsys):
+    calls = []
+
+    def made(variant, folder, interrupts, progress, use_cache):
+        calls.append((variant, use_cache))
+        (folder / "manifest.json").write_text("{}")
+        return "1 file"
+
+    monkeypatch.setattr("fab.molds.cached_molds", made)
+    assert Endcap(150, 10, "Dragon Skin 30", 0.2).export("out") == Path("out/D150_T10_c0.2_Dragon-Skin-30")
+    words = ["150", "10", "material=Dragon Skin 30", "joint_clearance=0.2", "exports=out", "cache=no"]
+    assert main(["molds", *words]) == 0
+    assert [made[0] for made in calls] == [calls[0][0]] * 2 and [made[1] for made in calls] == [True, False]
+    assert "out/D150_T10_c0.2_Dragon-Skin-30: 1 file" in capsys.readouterr().out
+
+
+def test_importing_the_api_loads_the_standard_library_only():
+    code = "import sys, endcap; dir(endcap); print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not {"numpy", "cad", "fab", "sensing", "OCP"} & set(done.stdout.split())
+    with pytest.raises(AttributeError, match="it has DataSet, Endcap, Simulator"):
+        endcap.Sphere  # noqa: B018
+
+
+def test_bad_endcaps_are_refused_at_once():
+    with pytest.raises(ValueError, match="wall_mm=3"):
+        Endcap(130, 3)
+    with pytest.raises(ValueError, match="silicone='Jelly'"):
+        Endcap(130, 8, "Jelly")

@@ -87,8 +87,9 @@ def _number(name: str, text: str) -> float:
 
 
 def _design(options: dict[str, str]) -> int:
-    from sensing.design.figures import Study, as_csv, as_record, blind_direction, figures
+    from sensing.design.figures import as_csv, as_record, blind_direction, figures
     from sensing.design.page import study_page
+    from sensing.design.pressed import Study
 
     params = EndcapParams(_number("D", options["D"]), _number("T", options["T"]))
     study = Study(params, silicone(options["material"]).name)

@@ -7,8 +7,9 @@ from html import escape
 
 from cad.materials import silicones
 from cad.plain_numbers import plain
-from sensing.design.figures import Figure, Study, blind_direction
+from sensing.design.figures import Figure, blind_direction
 from sensing.design.plots import bound_bars, dots_picture, load_curves, map_panels
+from sensing.design.pressed import Study
 from sensing.design.region import Choice, Place
 from sensing.wrench.weight_files import command_for, find_weights
 

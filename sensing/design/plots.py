@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sensing.design.figures import PARTS, TILTS_DEG, Study
+from sensing.design.pressed import PARTS, TILTS_DEG, Study
 from sensing.design.region import Place
 
 AXES = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -18,7 +18,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
-from sensing.design.figures import MEASURED_SHARE, Study
+from sensing.design.pressed import MEASURED_SHARE, Study
 
 Progress = Callable[[int, int], None]
 DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike

@@ -120,12 +120,7 @@ def write_labelled(
         FileError: the folder cannot be written.
     """
     simulator, scale = shell
-    renderer = None
-    if request.render != "off":
-        surface = simulator.surface
-        settings = request.settings
-        renderer = DomeRenderer(request.params, request.mounted, settings, surface.position, surface.interpolation)
-    frames = 0
+    renderer, frames = _renderer(request, simulator), 0
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         for old in (folder / "shards").glob("*.npz"):
@@ -142,6 +137,13 @@ def write_labelled(
     except OSError as error:
         raise FileError(f"{folder}: cannot be written ({error.strerror or error}): choose another folder") from error
     return frames
+
+
+def _renderer(request: DataRequest, simulator: Simulator) -> DomeRenderer | None:
+    if request.render == "off":
+        return None
+    surface = simulator.surface
+    return DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
 
 
 def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int) -> None:

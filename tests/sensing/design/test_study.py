@@ -13,7 +13,8 @@ from cad.errors import ParameterError
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing import study as command
-from sensing.design.figures import GYROID_FRACTION, Source, Study, as_csv, figures
+from sensing.design.figures import Source, as_csv, figures
+from sensing.design.pressed import GYROID_FRACTION, Study
 from sensing.design.region import Place, choose, grid, in_silicone, pareto, place_of
 
 RELEASED = Study(EndcapParams(130, 8))
@@ -47,11 +48,11 @@ def test_a_softer_silicone_scales_loads_and_bounds_and_nothing_else():
     ratio = silicone("Ecoflex 00-30").neo_hooke().shear_mpa / silicone().neo_hooke().shear_mpa
     assert soft.range_n == pytest.approx(ratio * RELEASED.range_n)
     assert soft.stiffness_n_mm(25.0) == pytest.approx(ratio * RELEASED.stiffness_n_mm(25.0))
-    assert soft.bound_n == pytest.approx(ratio * RELEASED.bound_n, rel=1e-6)
+    assert soft.bound_n == pytest.approx(ratio * RELEASED.bound_n, rel=1e-4)
     quick = in_silicone(place_of(RELEASED), "Ecoflex 00-30")
     direct = place_of(soft)
     for name in ("range_n", "safe_n", "stiffness_n_mm", "bound_n", "mass_g", "cost_usd"):
-        assert getattr(quick, name) == pytest.approx(getattr(direct, name), rel=1e-6)
+        assert getattr(quick, name) == pytest.approx(getattr(direct, name), rel=1e-4)
 
 
 def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypatch):
@@ -69,7 +70,7 @@ def test_the_front_holds_what_nothing_beats():
     def place(range_n: float, bound_n: float, mass_g: float) -> Place:
         return Place(130, 8, "Smooth-Sil 950", range_n, range_n, "", 1.0, bound_n, mass_g, 1.0)
 
-    places = [place(10, 0.1, 100), place(10, 0.1, 90), place(20, 0.1, 200), place(10, 0.05, 300)]
+    places = [place(10, 0.1, 100), place(10, 0.1, 90), place(20, 0.1, 200), place(10, 0.04, 300)]
     assert pareto(places).tolist() == [False, True, True, True]
 
 

@@ -1,9 +1,9 @@
 """Weights by similarity against weights of a design's own full simulation: ``python bench/bench_similarity.py``.
 
-For each design: the library without the node of that design predicts its states (so the shipped library, which has the
-node, is no worse); the node's own solved states are the full simulation of the same paths. Both are trained alike and
-tested on frames rendered from paths of the static protocol, solved directly, through the live pipeline. Writes
-bench/similarity.csv and bench/similarity.png. Needs the nodes (``python -m sensing.simulator.similarity.solve``).
+A design's own full simulation solves the library's paths directly on its shell. The library predicts the same states;
+of a design that is one of its nodes it does so without that node, so the one that ships is better there. Both are
+trained alike and tested on frames rendered from paths of the static protocol, solved directly, through the live
+pipeline. Writes bench/similarity.csv and .png. Minutes a design; solved states are kept in build/similarity.
 """
 
 from __future__ import annotations
@@ -32,9 +32,11 @@ from sensing.records_labelled import LabelledSet
 from sensing.simulator.protocols.static import static_path
 from sensing.simulator.similarity.labelled import library_source, shell_of, solved_source, write_labelled
 from sensing.simulator.similarity.library import Library, ShellStates, joined, load_library
-from sensing.simulator.similarity.node import read_node
+from sensing.simulator.similarity.node import read_node, save_node
 from sensing.simulator.similarity.nodes import NODES
+from sensing.simulator.similarity.paths import library_paths
 from sensing.simulator.similarity.ratios import ShellRatios
+from sensing.simulator.similarity.solve import solve_node
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.wrench.model import WrenchModel
 
@@ -92,10 +94,15 @@ def without(library: Library, node: int) -> Library:
     )  # fmt: skip
 
 
-def only(folder: Path, number: int) -> Library:
-    """A library of one node alone: a design's own full simulation, exactly as it was solved."""
-    nodes = [[read_node(folder / f"{part}_{number:02d}.npz")] for part in ("node", "stands")]
-    return joined(nodes[0], nodes[1], 3 * MODES)
+def only(design: tuple[float, float], folder: Path) -> Library:
+    """A library of one shell alone: a design's own full simulation, solved once."""
+    name = f"node_{NODES.index(design):02d}.npz" if design in NODES else f"own_D{design[0]:g}_T{design[1]:g}.npz"
+    if not (folder / name).exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        shell = ShellRatios.of(shell_geometry(*design)).shell()
+        save_node(solve_node(shell, library_paths(), False), folder / name)
+    node = read_node(folder / name)
+    return joined([node], [node], 3 * MODES)
 
 
 class _Alone:
@@ -115,10 +122,9 @@ class _Alone:
 
 def compare(design: tuple[float, float], nodes: Path, folder: Path, config: FitConfig) -> dict[str, float]:
     """One row of the table."""
-    number = NODES.index(design)
     library, ratios = load_library(), ShellRatios.of(shell_geometry(*design))
-    left = without(library, number)
-    own = _Alone(only(nodes, number))
+    left = without(library, NODES.index(design)) if design in NODES else library
+    own = _Alone(only(design, nodes))
     a, b = left.states(ratios), own.states(ratios)
     known = a.known & b.known
     apart = np.linalg.norm((a.surface - b.surface)[known], axis=(1, 2)) / np.linalg.norm(b.surface[known], axis=(1, 2))
@@ -144,22 +150,18 @@ def compare(design: tuple[float, float], nodes: Path, folder: Path, config: FitC
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description="Weights by similarity against a design's own simulation.")
-    parser.add_argument("--designs", type=int, nargs="+", default=[4, 7, 3], help="numbers of nodes")
+    parser.add_argument("--designs", nargs="+", default=["130/8", "121/6.5", "180/10"], metavar="D/T", help="D/T, mm")
     parser.add_argument("--nodes", type=Path, default=Path("build/similarity"), help="folder of the solved nodes")
     parser.add_argument("--folder", type=Path, default=Path("build/similarity_bench"), help="where test sets are kept")
-    parser.add_argument("--tests-only", action="store_true", help="make the test sets, train nothing")
     parser.add_argument("--epochs", type=int, default=FitConfig().epochs)
     options = parser.parse_args(arguments)
-    for number in options.designs:
-        print(f"D={NODES[number][0]:g} T={NODES[number][1]:g} in {DEFAULT_SILICONE}", flush=True)
-        if options.tests_only:
-            test_set(NODES[number], options.folder)
-            continue
-        row = compare(NODES[number], options.nodes, options.folder, FitConfig(epochs=options.epochs))
+    for word in options.designs:
+        design = tuple(float(number) for number in word.split("/"))
+        print(f"D={design[0]:g} T={design[1]:g} in {DEFAULT_SILICONE}", flush=True)
+        row = compare(design, options.nodes, options.folder, FitConfig(epochs=options.epochs))
         _add(row)
         print({name: round(value, 4) for name, value in row.items()}, flush=True)
-    if not options.tests_only:
-        _plot()
+    _plot()
     return 0
 
 

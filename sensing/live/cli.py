@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -65,7 +65,8 @@ def _run(options: argparse.Namespace) -> int:
         return _check(options.replay, config)
     if options.replay is None:
         endcaps = open_endcaps(config, options.speed)
-        _say_weights(config, lambda text: print(text, file=sys.stderr))
+        if not options.json:
+            _say_weights(config)
     else:
         from sensing.live.replay import replay_endcaps
 
@@ -149,14 +150,14 @@ def _require_weights(model: str, options: argparse.Namespace) -> None:
         )
 
 
-def _say_weights(config: LiveConfig, say: Callable[[str], None]) -> None:
+def _say_weights(config: LiveConfig) -> None:
     """One line for each kind of endcap: which file answers."""
     if config.model != "default":
         return
     for endcap in {endcap.identity.digest: endcap for endcap in config.endcaps}.values():
         path = config.weights or known_weights(config.model, endcap.params, endcap.silicone)
         if path is not None:
-            say(f"{endcap.params.label}: weights {path}")
+            print(f"{endcap.params.label}: weights {path}", flush=True)
 
 
 def _sources(options: argparse.Namespace) -> list[str]:

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
-FAB := molds molds-help slice sheet ring coupons
+FAB := molds molds-help slice sheet ring coupons design
 GOALS := help setup $(FAB) endcap study data train evaluate live test quick check docs bench clean clean-all
 .PHONY: $(GOALS)
 
@@ -53,6 +53,9 @@ molds-help: $(VENV)/fab.stamp
 
 ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light on the dome
 	@$(BIN)/python -m fab.led_ring $(ASKED)
+
+design: $(VENV)/fab.stamp ## a page with sliders for D and T: preview, mass, cost, and a button that makes the files
+	@$(BIN)/python -m fab.design_page $(ASKED)
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
 	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(DESIGN) $(OPTIONS)

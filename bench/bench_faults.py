@@ -1,10 +1,11 @@
 """Fault injector: damaged, black, noisy, glaring, dirty, wrong-size frames of untouched endcaps through the pipeline.
 
-python bench/bench_faults.py [--frames 10000] [--seed 1] [--out bench/faults.csv]
+python bench/bench_faults.py [--frames 10000] [--seed 1] [--out bench/faults.csv] [--resume]
 
 Each fault lasts for one, two or ten frames between good ones: damage is made anew for every frame, light and dirt stay
-where they are. A force over 0.5 N on a frame that is neither flagged nor invalid is a miss, and the last line counts
-them. The pictures are those of the simulated robot at rest (rendered once on a computer).
+where they are. Every fault has its own seed, so that ``--resume`` goes on where a table ends. A force over 0.5 N on
+a frame that is neither flagged nor invalid is a miss, and the last line counts them. The pictures are those of the
+simulated robot at rest (rendered once on a computer).
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ from sensing.records import Frame
 ENDCAPS, LEAD, STEP_S = 6, 3, 1 / 30
 LIMIT_N = 0.5
 LENGTHS = (1, 2, 10)  # frames that a fault lasts
+COLUMNS = {  # of the table: attribute of the counts
+    "frames": "frames", "invalid": "invalid", "flagged": "flagged", "unflagged": "unflagged", "misses": "misses",
+    "largest_unflagged_n": "largest_n", "largest_after_n": "after_n",
+}  # fmt: skip
 Rng = np.random.Generator
 Fault = Callable[[np.ndarray, bytes, Rng], bytes]  # (picture, its JPEG) -> what the camera sends
 
@@ -237,37 +242,71 @@ class Bench:
         count.behind(self.send(endcap, self.jpegs[endcap][0]))
 
 
+def table(counts: dict[str, Count]) -> list[dict[str, object]]:
+    """Rows of the CSV."""
+    return [{"fault": name.replace("_", " ")} | {key: getattr(c, field) for key, field in COLUMNS.items()}
+            for name, c in counts.items()]  # fmt: skip
+
+
+def read_table(path: Path) -> dict[str, Count]:
+    """Counts of a table that was written before."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        return {
+            row["fault"].replace(" ", "_"): Count(
+                **{field: (float if key.endswith("_n") else int)(row[key]) for key, field in COLUMNS.items()}
+            )
+            for row in csv.DictReader(stream)
+        }
+
+
+def write_table(path: Path, counts: dict[str, Count]) -> None:
+    """Whole or not at all: a bench that is stopped can be resumed."""
+    rows = [
+        {key: f"{value:.3f}" if isinstance(value, float) else value for key, value in row.items()}
+        for row in table(counts)
+    ]
+    with path.with_suffix(".part").open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    path.with_suffix(".part").replace(path)
+
+
+def turns(frames: int) -> int:
+    """How many faults so many frames are."""
+    done = turn = 0
+    while done < frames:
+        done, turn = done + LENGTHS[turn // len(FAULTS) % len(LENGTHS)], turn + 1
+    return turn
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run and write the table; status 1 if there are misses."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=10_000, metavar="N", help="faulty frames in all (10000)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all faults (1)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="table as CSV")
+    parser.add_argument("--resume", action="store_true", help="go on with the table of --out")
     options = parser.parse_args(arguments)
-    bench, rng = Bench(), np.random.default_rng(options.seed)
     counts = {fault.__name__: Count() for fault in FAULTS}
-    done = turn = 0
-    while done < options.frames:
+    if options.resume and options.out is not None and options.out.exists():
+        counts = read_table(options.out)
+    bench, done = Bench(), sum(c.frames for c in counts.values())
+    for turn in range(turns(done), turns(options.frames)):
         fault, length = FAULTS[turn % len(FAULTS)], LENGTHS[turn // len(FAULTS) % len(LENGTHS)]
-        bench.run(fault, length, rng, counts[fault.__name__])
-        done, turn = done + length, turn + 1
+        misses = counts[fault.__name__].misses
+        bench.run(fault, length, np.random.default_rng([options.seed, turn]), counts[fault.__name__])
+        done += length
+        if counts[fault.__name__].misses > misses:
+            print(f"turn {turn}: {fault.__name__} for {length} frames: a miss", file=sys.stderr)
         if sys.stderr.isatty():
             print(f"\r{done}/{options.frames} frames ", end="", file=sys.stderr)
-    rows = [
-        {
-            "fault": name.replace("_", " "), "frames": c.frames, "invalid": c.invalid, "flagged": c.flagged,
-            "unflagged": c.unflagged, "misses": c.misses, "largest_unflagged_n": f"{c.largest_n:.3f}",
-            "largest_after_n": f"{c.after_n:.3f}",
-        }
-        for name, c in counts.items()
-    ]  # fmt: skip
-    for row in rows:
-        print("  ".join(f"{value!s:>{max(len(key), 14)}}" for key, value in row.items()))
+        if options.out is not None and (turn + 1) % len(FAULTS) == 0:
+            write_table(options.out, counts)
     if options.out is not None:
-        with options.out.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        write_table(options.out, counts)
+    for row in table(counts):
+        print("  ".join(f"{value!s:>{max(len(key), 14)}}" for key, value in row.items()))
     misses = sum(c.misses for c in counts.values())
     print(f"{done} frames with faults, seed {options.seed}: {misses} with a force over {LIMIT_N} N and no flag")
     return 1 if misses else 0

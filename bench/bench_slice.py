@@ -26,7 +26,7 @@ from fab.meshing.gyroid import interface_mesh
 from fab.meshing.mesh import tessellate
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import print_figures, zone_figures
-from fab.slice.project_3mf import Project, Volume, write_prusa
+from fab.slice.project_3mf import Project, Volume, single, write_prusa
 from fab.slice.run import find_slicer, slice_to_gcode
 from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
 
@@ -58,7 +58,7 @@ def explicit_rows() -> list[dict[str, object]]:
         made_s = time.process_time() - start
         for form, grow in GROWN.items():
             settings = replace(part_settings("interface", "TPU 95A"), grow_mm=round(grow, 4))
-            project = Project("interface", settings, (Volume("interface", mesh),))
+            project = single("interface", settings, (Volume("interface", mesh),))
             rows.append(measured(project, form, f"step {step:g} mm", made_s))
     return rows
 
@@ -75,7 +75,7 @@ def native_rows() -> list[dict[str, object]]:
         flange, zone = (tessellate(solid, tolerance) for solid in (build_flange(PARAMS), build_zone(PARAMS)))
         made_s = time.process_time() - start
         volumes = (Volume("flange", flange), Volume("zone", zone, region))
-        rows.append(measured(Project("interface", settings, volumes), "infill", knob, made_s))
+        rows.append(measured(single("interface", settings, volumes), "infill", knob, made_s))
     return rows
 
 

@@ -9,7 +9,6 @@ Notes:
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING
 from cad.errors import FileError, GeometryError
 from cad.part import Part
 from cad.step_file import canonical_step
+from cad.whole_file import drafted
 
 if TYPE_CHECKING:
     import cadquery
@@ -80,13 +80,11 @@ def write_step(assembly: cadquery.Assembly, path: Path) -> None:
         FileError: the file could not be written.
     """
     try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".assembly-") as folder:
-            draft = Path(folder) / path.name
+        with drafted(path) as draft:
             assembly.export(str(draft), exportType="STEP")
             text = draft.read_text()
             _require_whole(path, text.rstrip().endswith("END-ISO-10303-21;"))
             draft.write_text(canonical_step(text))
-            draft.replace(path)
     except OSError as error:
         raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
 

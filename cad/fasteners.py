@@ -58,6 +58,8 @@ class BomLine:
         use: what it is for.
         price_usd: for all of them; ``None`` where we do not know.
         provenance: letter of docs/provenance.md.
+        order_as: what to type into a shop's search field: standard or part number, pack.
+        kind: ``made``, ``part``, ``silicone``, ``consumable`` or ``tool``.
     """
 
     item: str
@@ -67,3 +69,5 @@ class BomLine:
     use: str
     price_usd: float | None = None
     provenance: str = "E"
+    order_as: str = ""
+    kind: str = "part"

@@ -48,4 +48,4 @@ def ring_spacer_part(params: EndcapParams) -> Part:
         Pos((low_x + NOTCH_OUTER_RADIUS_MM) / 2, 0, (NOTCH_FLOOR_Z_MM + top_z) / 2)
         * Box(NOTCH_OUTER_RADIUS_MM - low_x, NOTCH_WIDTH_MM, top_z - NOTCH_FLOOR_Z_MM)
     )
-    return Part("ring_spacer", "printed", "PLA", one_solid(ring - notch, "ring_spacer"), (0.96, 0.84, 0.36))
+    return Part("ring_spacer", "printed", "PETG", one_solid(ring - notch, "ring_spacer"), (0.96, 0.84, 0.36))

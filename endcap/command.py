@@ -61,6 +61,9 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
                 "what a design will feel: endcap study 130 8; the map: endcap study",
                 takes_design=True,
             ),
+            Subcommand(
+                "design", "fab.design_page.__main__", "a page with sliders for D and T, and a button that makes it"
+            ),
             Subcommand("coupons", "fab.coupons.__main__", "fit coupon of the joints, bond specimens"),
             Subcommand("bond-tests", "fab.bond_tests.__main__", "statistics of a testing machine's files"),
         ),

@@ -10,10 +10,8 @@ import csv
 import json
 import os
 import shlex
-import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -23,6 +21,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from cad.plain_numbers import is_plain, plain
+from cad.whole_file import replace_file
 
 FROM_MAKE = "--make-variables"
 OPTIONS = {"D": "130", "T": "8", "material": DEFAULT_SILICONE, "joint_clearance": "", "exports": "exports"}
@@ -210,7 +209,7 @@ STYLE = (
 
 
 def write_page(wanted: Wanted, folder: Path, skipped: Sequence[str]) -> None:
-    """Write the page that lists everything, under a temporary name, then rename.
+    """Write the page that lists everything.
 
     Args:
         wanted: what was made. folder: where. skipped: titles of what was left out.
@@ -229,14 +228,7 @@ def write_page(wanted: Wanted, folder: Path, skipped: Sequence[str]) -> None:
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{STYLE}</style></head><body>{body}</body></html>\n"
     )
-    try:
-        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(page)
-        os.chmod(temporary, 0o644)
-        shutil.move(temporary, folder / PAGE)
-    except OSError as error:
-        raise FileError(f"{folder / PAGE}: {error.strerror}: give a folder that may be written") from None
+    replace_file(folder / PAGE, page.encode())
 
 
 def _checks(folder: Path) -> str:

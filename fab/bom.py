@@ -15,14 +15,12 @@ from cad.fasteners import BomLine, ScrewJoint
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
 from fab.checks.screw_fit import ScrewFit, fitted
-from fab.recipe import RELEASE_AGENT, Recipe
+from fab.recipe import Recipe
+from fab.supplies import bag, camera_supply, silicone_line, supply_lines
 
-BOUGHT = {  # manifest's bought parts: what to ask for, price
-    "camera": ("USB camera ELP-USBFHD01M, OV2710, 180 degree fisheye (P)", 45.0),
-    "led_ring": ("LED ring board, nine JB3030AWT and TPS61165 (P; made from its own files)", 12.0),
-}
 SCREW_USD = {"screw_m2": 0.05, "screw_m3": 0.06, "screw_m4": 0.10}
-SILICONE_USD_KG = 40.0  # E: Smooth-Sil 950, small kit
+RING_USD = 12.0  # E: one of a batch of five, fitted by the board house
+STEEL = "A2 or 8.8"  # what to ask for besides standard and size
 
 
 def all_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
@@ -54,24 +52,43 @@ def bom_lines(
         recipe: of the cast.
         sliced: ``slice.json``, for grams and cost of the printed parts; ``None`` if it was not made.
     """
-    prints = {project["name"]: project for project in sliced["projects"]} if sliced else {}
+    prints = printed_figures(sliced)
     lines = []
     for part in manifest["parts"]:
         name, quantity = part["name"], part["quantity"]
         if part["role"] == "printed":
-            project = prints.get("interface_infill" if name == "interface" else name)
-            use = f"print, {project['grams']:.0f} g" if project else "print"
-            cost = quantity * project["cost_usd"] if project else None
-            lines.append(BomLine(f"{name} ({part['material']})", quantity, "pc", name, use, cost))
+            found = prints.get(name)
+            use = f"print, {found[0]:.0f} g" if found else "print"
+            cost = quantity * found[1] if found else None
+            order = f"spool of {part['material']}, 1.75 mm"
+            lines.append(BomLine(f"{name} ({part['material']})", quantity, "pc", name, use, cost, "E", order, "made"))
         elif part["role"] == "bought":
-            item, price = BOUGHT.get(name, (name, None))
-            lines.append(BomLine(item, quantity, "pc", name, "buy", price, "P"))
+            lines.append(_bought_line(name, quantity))
         else:
-            grams = recipe.part_a_g + recipe.part_b_g
-            price = grams / 1000 * SILICONE_USD_KG
-            item = f"{recipe.silicone.name} ({recipe.part_a_g:.1f} g A, {recipe.part_b_g:.1f} g B)"
-            lines.append(BomLine(item, round(grams, 1), "g", name, "cast", price))
-    return [*lines, *_fastener_lines(fits), *_small_lines()]
+            lines.append(silicone_line(recipe))
+    return [*lines, *_fastener_lines(fits), *supply_lines(recipe)]
+
+
+def printed_figures(sliced: Mapping[str, Any] | None) -> dict[str, tuple[float, float]]:
+    """Grams and US dollars of every printed part, by its name; the interface as the slicer's infill makes it."""
+    figures = {}
+    for project in sliced["projects"] if sliced else ():
+        for piece in project["pieces"]:
+            if project["name"] != "interface_gyroid":
+                name = "interface" if project["name"] == "interface_infill" else piece["name"]
+                figures[name] = (piece["grams"], piece["cost_usd"])
+    return figures
+
+
+def _bought_line(name: str, quantity: int) -> BomLine:
+    """Camera or ring."""
+    if name == "camera":
+        camera = camera_supply()
+        return BomLine("USB camera", quantity, "pc", name, "buy", camera.price_usd, "P", camera.order_as)
+    if name == "led_ring":
+        order = "files of make ring to a board house, or the table in chapter LED ring to solder it yourself"
+        return BomLine("LED ring board", quantity, "pc", name, "order", RING_USD, "P", order)
+    return BomLine(name, quantity, "pc", name, "buy")
 
 
 def bom_checks(
@@ -97,10 +114,13 @@ def bom_csv(lines: Sequence[BomLine]) -> str:
     """The bill as CSV."""
     stream = io.StringIO()
     table = csv.writer(stream, lineterminator="\n")
-    table.writerow(["item", "quantity", "unit", "owner", "use", "price_usd", "provenance"])
+    table.writerow(["item", "order_as", "quantity", "unit", "kind", "owner", "use", "price_usd", "provenance"])
     for line in lines:
         price = "" if line.price_usd is None else f"{line.price_usd:.2f}"
-        table.writerow([line.item, f"{line.quantity:g}", line.unit, line.owner, line.use, price, line.provenance])
+        amount = f"{line.quantity:g}"
+        table.writerow(
+            [line.item, line.order_as, amount, line.unit, line.kind, line.owner, line.use, price, line.provenance]
+        )
     return stream.getvalue()
 
 
@@ -119,33 +139,39 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
         count = sum(len(fit.joint.places) for fit in members)
         uses = ", ".join(sorted({_use(fit.joint) for fit in members}))
         price = count * SCREW_USD[members[0].joint.thread]
-        lines.append(BomLine(f"{name} {standard}", count, "pc", "screws", uses, price, "S"))
+        lines.append(_fastener(f"{name} {standard}", count, "screws", uses, price, _order(name, standard)))
     captured = max((len(f.joint.places) for f in fits if f.joint.holder == "captured nut"), default=0)
     loose = [f for f in fits if f.joint.holder == "loose nut"]
     count = sum(len(f.joint.places) for f in loose)
+    square = "DIN 562 M3, zinc-plated or A2"
     lines.append(
-        BomLine("M3 square nut DIN 562", captured, "pc", "nuts", "captured in the interface", 0.05 * captured, "S")
+        _fastener("M3 square nut DIN 562", captured, "nuts", "captured in the interface", 0.05 * captured, square)
     )
-    lines.append(BomLine("M4 hexagon nut ISO 4032", count, "pc", "nuts", "closes the mold", 0.05 * count, "S"))
+    order = f"ISO 4032 M4, {STEEL}"
+    lines.append(_fastener("M4 hexagon nut ISO 4032", count, "nuts", "closes the mold", 0.05 * count, order))
     small = sum(f.joint.washers * len(f.joint.places) for f in fits if f.joint.holder == "captured nut")
     if small:
+        order = "ISO 7092 M3 (6 mm outside, 0.5 mm)"
         lines.append(
-            BomLine("M3 washer ISO 7092 (small)", small, "pc", "washers", "base to interface", 0.02 * small, "S")
+            _fastener("M3 washer ISO 7092 (small)", small, "washers", "base to interface", 0.02 * small, order)
         )
-    washers = sum(2 * f.joint.washers * len(f.joint.places) for f in loose)
-    lines.append(BomLine("M4 washer ISO 7089", washers, "pc", "washers", "closes the mold", 0.02 * washers, "S"))
+    count = sum(2 * f.joint.washers * len(f.joint.places) for f in loose)
+    order = "ISO 7089 M4 (9 mm outside)"
+    lines.append(_fastener("M4 washer ISO 7089", count, "washers", "closes the mold", 0.02 * count, order))
     return lines
+
+
+def _fastener(item: str, count: int, owner: str, use: str, price_usd: float, order: str) -> BomLine:
+    return BomLine(item, count, "pc", owner, use, price_usd, "S", f"{order}, {bag(count)}")
+
+
+def _order(name: str, standard: str) -> str:
+    """What to ask for: ``ISO 4762 M3 x 16, A2 or 8.8``; for plastic, thread and length of a thread-forming screw."""
+    if standard.startswith("ISO"):
+        return f"{' '.join(standard.split()[:2])} {name}, {STEEL}"
+    thread, length = name.split(" x ")
+    return f"thread-forming pan-head screw for plastic {thread.replace('M', '')} x {length} (EJOT PT or equivalent)"
 
 
 def _use(joint: ScrewJoint) -> str:
     return joint.name.replace("_", " ").rstrip("0123456789 ") if joint.owner == "hanger" else f"{joint.owner}"
-
-
-def _small_lines() -> list[BomLine]:
-    return [
-        BomLine("M4 threaded insert, 5.6 mm hole, at most 8.1 mm long", 5, "pc", "base", "robot arm", 1.5, "M"),
-        BomLine(RELEASE_AGENT, 1, "set", "casting", "all PLA that touches silicone, never the TPU", 20.0, "P"),
-        BomLine("permanent marker, black", 1, "pc", "painting", "dots", 2.0, "P"),
-        BomLine("cyanoacrylate glue, two drops", 1, "set", "ring_spacer", "spacer to base, ring to spacer", 2.0),
-        BomLine("mixing cup of five times the volume, stick, gloves", 1, "set", "casting", "mixing and degassing", 2.0),
-    ]

@@ -21,6 +21,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from cad.whole_file import put_file
+
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT_BYTES = 2_000_000_000  # some 25 designs
 SOURCES = ("cad", "fab")
@@ -162,9 +164,4 @@ def _digest(content: Any) -> str:
 def _write(path: Path, data: bytes) -> None:
     """Write under a temporary name, then rename."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        draft.write_bytes(data)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    put_file(path, data)

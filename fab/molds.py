@@ -148,6 +148,8 @@ def make_molds(
     from fab.checks.gates import run_gates
     from fab.design import build_design
     from fab.exports import writer as files
+    from fab.exports.index_page import write_index
+    from fab.exports.preview_parts import preview_glb
 
     design = build_design(variant.layout, workers, progress, cache=cache)
     progress("files")
@@ -163,6 +165,9 @@ def make_molds(
     files.write_assemblies(design, folder)
     for job in pending:
         job.result()
+    progress("page")
+    preview = preview_glb(design, files.exploded_offsets_mm(design))
+    write_index(variant, files.manifest(design, checks, folder, variant.silicone), checks, preview, folder)
     files.write_manifest(files.manifest(design, checks, folder, variant.silicone), folder)
     return f"{len(list(folder.iterdir()))} files, {len(design.parts)} parts, all {len(checks)} checks passed"
 

@@ -50,7 +50,7 @@ class Tab:
         number = next(self._numbers)
         self._connection.send(json.dumps({"id": number, "method": method, "params": options}))
         while True:
-            answer = json.loads(self._connection.recv(PATIENCE_S))
+            answer = json.loads(self._connection.recv(PATIENCE_S + 10))
             if answer.get("id") == number:
                 return answer["result"]
 
@@ -61,6 +61,18 @@ class Tab:
     def value(self, script: str) -> Any:
         """What a script gives."""
         return self.call("Runtime.evaluate", expression=script, returnByValue=True)["result"].get("value")
+
+    def after(self, event: str, script: str, patience_s: float = PATIENCE_S) -> Any:
+        """What a script gives once it is true, looked at whenever the page sends its document an event; no polling."""
+        wait = (
+            f"new Promise((done, late) => {{ const look = () => {{ const value = ({script}); if (value) {{ "
+            f"document.removeEventListener('{event}', look); done(value); }} }}; "
+            f"document.addEventListener('{event}', look); setTimeout(() => late('never came to: ' + "
+            f"{json.dumps(script)}), {1000 * patience_s:g}); look(); }})"
+        )
+        answer = self.call("Runtime.evaluate", expression=wait, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer["result"]
+        return answer["result"].get("value")
 
     def until(self, condition: str, script: str = "true", patience_s: float = PATIENCE_S) -> Any:
         """Wait until a script gives a true value; returns what another one gives at that same moment."""

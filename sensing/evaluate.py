@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
 from cad.identity import MUST_AGREE, require_same
+from cad.whole_file import replace_file
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
@@ -38,7 +39,6 @@ from sensing.learning.scores import Score, score, table
 from sensing.learning.timeliness import LATENCY_S, filtered_score
 from sensing.live.core.model import LiveModel, live_model
 from sensing.records_labelled import LabelledSet
-from sensing.whole_file import replace_file
 from sensing.wrench.model import WrenchModel, load_wrench_model
 
 MOVING = ("circle", "drag", "impact")  # phases of motion, in the dynamic protocol

@@ -13,16 +13,14 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
-import shutil
 import sys
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.whole_file import new_folder
 from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
 from sensing.records import Wrench
 from sensing.records_labelled import LabelledFrame, LabelledSet
@@ -42,7 +40,7 @@ def export_dataset(data: LabelledSet, folder: Path, paths: Collection[int] | Non
     """
     to_sphere = T_sphere_endcap(data.params)
     try:
-        with _whole(folder) as place, (place / "index.csv").open("w", newline="", encoding="utf-8") as stream:
+        with new_folder(folder) as place, (place / "index.csv").open("w", newline="", encoding="utf-8") as stream:
             (place / "shear_fields").mkdir()
             writer = csv.writer(stream)
             writer.writerow(COLUMNS)
@@ -79,21 +77,6 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
     print(f"{options.out}: {count} fields and index.csv")
     return 0
-
-
-@contextmanager
-def _whole(folder: Path) -> Iterator[Path]:
-    """A temporary folder that takes the name at the end; without a trace after an error."""
-    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise FileError(f"{folder}: is there and not an empty folder: choose a new one")
-    part = folder.with_name(folder.name + ".part")
-    try:
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        yield part
-        os.replace(part, folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
 
 
 def _fields(data: LabelledSet, paths: Collection[int] | None) -> Iterator[tuple[LabelledFrame, np.ndarray]]:

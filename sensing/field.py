@@ -10,11 +10,9 @@ in pixels of the 200 x 200 centre crop. ``.npz`` adds names, valid, time_s and, 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import os
+import io
 import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +20,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.errors import EndcapError, FileError, ParameterError
+from cad.errors import EndcapError, ParameterError
+from cad.whole_file import replace_file
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
@@ -145,7 +144,8 @@ def _save(path: Path, results: list[FieldResult], single: bool) -> None:
     fields = [r.field for r in results]
     channels = fields[0].channels if single else np.stack([f.channels for f in fields])
     if path.suffix == ".npy":
-        _write(path, lambda temporary: np.save(temporary, channels))
+        np.save(buffer := io.BytesIO(), channels)
+        replace_file(path, buffer.getvalue())
         return
     content: dict[str, NDArray] = {
         "channels": channels,
@@ -157,7 +157,8 @@ def _save(path: Path, results: list[FieldResult], single: bool) -> None:
     if tracks:
         content |= {name: np.stack([getattr(t, name) for t in tracks]) for name in ("position_px", "quality", "lost")}
         content["reference_px"] = np.asarray(tracks[0].reference_px)
-    _write(path, lambda temporary: np.savez_compressed(temporary, **content))  # type: ignore[arg-type]
+    np.savez_compressed(buffer := io.BytesIO(), **content)  # type: ignore[arg-type]
+    replace_file(path, buffer.getvalue())
 
 
 def _save_picture(path: Path, results: list[FieldResult]) -> None:
@@ -167,25 +168,7 @@ def _save_picture(path: Path, results: list[FieldResult]) -> None:
     for index, result in enumerate(results):
         name = path if len(results) == 1 else path.with_name(f"{path.stem}_{index:05d}{path.suffix}")
         image = draw_field(decode_bgr(result.frame), result.field, result.tracks)
-        _write(name, lambda temporary, image=image: cv2.imwrite(temporary, image))  # type: ignore[misc]
-
-
-def _write(path: Path, save: Callable[[str], object]) -> None:
-    """Write under a temporary name beside the goal, then rename: no half-written file is ever seen."""
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
-    os.close(handle)
-    try:
-        save(temporary)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}: is the disk full?") from None
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            Path(temporary).unlink()
+        replace_file(name, cv2.imencode(name.suffix, image)[1].tobytes())
 
 
 def _summary(method: str, results: list[FieldResult]) -> str:

@@ -20,7 +20,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
-from sensing.whole_file import make_folder, replace_file
+from cad.whole_file import make_folder, replace_file
 
 EXPORTS = "exports"
 OPTIONS = {"D": "", "T": "", "material": DEFAULT_SILICONE, "load": "", "error": "", "exports": EXPORTS, "folder": ""}

@@ -19,11 +19,11 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
+from cad.whole_file import make_folder, replace_file
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE
 from sensing.records_labelled import LabelledSet
-from sensing.whole_file import make_folder, replace_file
 
 DEFAULT = "default"
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
-from sensing.whole_file import replace_file
+from cad.whole_file import replace_file
 from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model
 
 if TYPE_CHECKING:

@@ -28,14 +28,13 @@ BOTTOM = {
         "lens",
         "materials",
         "identity",
+        "whole_file",
     )
 }
 PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part")
 }  # standard library only, too
-SHARED = {
-    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "whole_file")
-}
+SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz")}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "sources": set(),
@@ -76,7 +75,6 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
 SHARED_WITH_SIMULATOR = {
     "sensing.records",
     "sensing.records_labelled",
-    "sensing.whole_file",
 }  # besides the package camera
 PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")

@@ -12,6 +12,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
+from cad.whole_file import drafted, put_file
 from fab.bond_tests.files import read_record
 from fab.bond_tests.results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
 
@@ -106,12 +107,9 @@ def write_results(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, data in (("bond_specimens.csv", table.getvalue()), ("bond_tests.json", text + "\n")):
-            draft = folder / f".{name}.partial"
-            draft.write_text(data)
-            draft.replace(folder / name)
-        draft = folder / ".bond_tests.partial.png"
-        draw_boxes(specimens, draft)
-        draft.replace(folder / "bond_tests.png")
+            put_file(folder / name, data.encode())
+        with drafted(folder / "bond_tests.png") as draft:
+            draw_boxes(specimens, draft)
     except OSError as error:
         raise FileError(f"{folder}: {error.strerror or error}: name a folder you may write with --out") from error
 

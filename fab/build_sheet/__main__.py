@@ -101,7 +101,7 @@ def read_slices(export: Export) -> dict[str, Any] | None:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         matches = record["digest"] == export.params.digest
-        [(project["cost_usd"], project["own_settings"]) for project in record["projects"]]
+        [(project["time_s"], project["pieces"]) for project in record["projects"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
     if not matches:
@@ -144,8 +144,26 @@ def _collect(
     pictures["ring_light"] = draw_ring_light(export.params, folder)
     records = [check.record(FIGURES) for check in checks]
     every = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
-    data = SheetData(shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures)
+    beds, fitting = _beds(export, shop)
+    data = SheetData(
+        shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures, beds, fitting
+    )
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
+
+
+def _beds(export: Export, shop: Workshop) -> tuple[dict[str, tuple[float, float, float]], tuple[str, ...]]:
+    """Size of every printed part as it is printed, and the printers that take them all."""
+    import numpy as np
+
+    from fab.slice.pose import standing
+    from fab.slice.printers import fitting_printers
+
+    parts = {name: standing(name, shop.meshes[name].convex_hull) for name in export.printed}
+    sizes = {}
+    for name, points in parts.items():
+        x, y, z = (float(v) for v in np.ptp(points, axis=0))
+        sizes[name] = (x, y, z)
+    return sizes, tuple(f"{p.title} ({p.size})" for p in fitting_printers(parts))
 
 
 def open_workshop(export: Export) -> Workshop:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
-from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling, light_check, painting
 from fab.build_sheet.lighting import led_ring
-from fab.slice.result import hours, is_mold
+from fab.build_sheet.prints import bed_needed, mold_sums, prints
+from fab.build_sheet.shopping import bill, safety
 
 PAPER_MOLD_USD = 8.50  # P
 
@@ -23,8 +19,9 @@ def build_document(data: SheetData) -> Document:
     params = data.layout.params
     blocks = [
         *_cover(data),
-        *_bill(data),
-        *_prints(data),
+        *safety(data),
+        *bill(data),
+        *prints(data),
         *silicone(data),
         *casting(data),
         *demolding(data),
@@ -47,7 +44,8 @@ def _cover(data: SheetData) -> list[Block]:
         ("cast weighs", f"{recipe.expected_g:.0f} g of silicone"),
         ("gates", f"{len(data.checks)}, all held" if all(c["ok"] for c in data.checks) else "NOT ALL HELD"),
     ]
-    if mold := _mold_sums(data):
+    facts.append(("print bed", bed_needed(data)))
+    if mold := mold_sums(data):
         facts.append(
             ("mold", f"{mold[0]}, {mold[1]:.0f} g of PLA, {mold[2]:.2f} USD (the paper: about {PAPER_MOLD_USD:.2f})")
         )
@@ -58,93 +56,22 @@ def _cover(data: SheetData) -> list[Block]:
         Table(("", ""), tuple(facts), (1, 4)),
         Paragraph(
             "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
-            "buy, cast, "
-            "demold, paint, assemble, test."
+            "buy, cast, demold, paint, assemble, test. Commands are typed in the toolkit's folder."
         ),
     ]
-
-
-def _bill(data: SheetData) -> list[Block]:
-    rows = []
-    for line in data.lines:
-        picture: str | Path = data.pictures.get(f"thumb_{line.owner}", "")
-        quantity = f"{line.quantity:g} {line.unit}"
-        price = "" if line.price_usd is None else f"{line.price_usd:.2f}"
-        shown = picture if line.unit != "set" and "insert" not in line.item else ""
-        rows.append((shown, line.item, quantity, line.use, price))
-    return [
-        Heading("What you need", 1),
-        Paragraph("The same lines are in bom.csv. Prices are estimates in US dollars, spools and kits by their share."),
-        Table(("", "item", "quantity", "for", "USD"), tuple(rows), (1.1, 3.4, 1, 2.8, 0.8)),
-    ]
-
-
-def _prints(data: SheetData) -> list[Block]:
-    title = Heading("Print", 1)
-    if data.sliced is None:
-        first, second = (make_command(target, data) for target in ("slice", "sheet"))
-        return [title, Paragraph(f"Not sliced yet: run {first}, then {second} again.")]
-    projects = data.sliced["projects"]
-    return [
-        title,
-        Paragraph(
-            f"Open <part>.prusa.3mf in PrusaSlicer or <part>.orca.3mf in OrcaSlicer or Bambu Studio: pose and settings "
-            f"are inside. Layers {projects[0]['settings']['layer_mm']:g}, nozzle 0.4. Times and grams were measured on "
-            f"the G-code of {data.sliced['slicer']}."
-        ),
-        Paragraph(
-            "Print ONE interface: interface_infill (the slicer makes the gyroid; quick, small) unless you want "
-            "the very gyroid of the CAD files: interface_gyroid."
-        ),
-        Table(
-            ("project", "material", "filling", "also", "time", "g"),
-            tuple(_print_row(project) for project in projects),
-            (2, 1.1, 2.4, 2.2, 1, 0.7),
-        ),
-        *(
-            Paragraph(
-                f"{project['name']}: {100 * project['zone']['fraction']:.2f} % of the zone is printed (wanted 10), "
-                f"{100 * project['zone']['open_share']:.1f} % of its boundary is open for the silicone."
-            )
-            for project in projects
-            if project["zone"]
-        ),
-        Paragraph(
-            "Before you go on: rub the cup's inside and the core's outside with a fingernail; a blob there becomes a "
-            "pit in the dome. The interface's infill must be open at its sides: hold it against a lamp."
-        ),
-    ]
-
-
-def _print_row(project: Mapping[str, Any]) -> tuple[str, ...]:
-    own_settings, s = project["own_settings"], project["settings"]
-    fill = f"{s['walls']} walls, {s['density_percent']:g} % {s['pattern']}"
-    for volume, own in own_settings.items():
-        fill += f"; {volume}: {own['density_percent']:g} % {own['pattern']}, no walls, no top, no bottom, anchors 0"
-    extra = (
-        f"brim {s['brim_mm']:g}" if s["brim_mm"] else "",
-        "support from the bed" if s["support"] else "",
-        f"outlines +{s['grow_mm']:.3f}" if s["grow_mm"] else "",
-    )
-    also = ", ".join(word for word in extra if word)
-    return project["name"], project["material"], fill, also, hours(project["time_s"]), f"{project['grams']:.1f}"
 
 
 def _gates(data: SheetData) -> list[Block]:
-    rows = tuple((c["name"], f"{c['value']:.6g}", c["limit"], "held" if c["ok"] else "FAILED") for c in data.checks)
-    return [
-        Heading("Every gate", 1),
-        Paragraph("From manifest.json, slice.json and this sheet's own checks. Nothing is written when one fails."),
-        Table(("gate", "value", "limit", ""), rows, (4, 1.4, 1.6, 0.6), is_small=True),
+    """All gates, two a row: they are for whoever doubts, not for the bench."""
+    cells = [
+        (c["name"], f"{c['value']:.5g}", c["limit"] if c["ok"] else f"{c['limit']} FAILED")
+        for c in sorted(data.checks, key=lambda c: bool(c["ok"]))
     ]
-
-
-def _mold_sums(data: SheetData) -> tuple[str, float, float] | None:
-    if data.sliced is None:
-        return None
-    mold = [p for p in data.sliced["projects"] if is_mold(p["name"])]
-    return (
-        hours(sum(p["time_s"] for p in mold)) + " of printing",
-        sum(p["grams"] for p in mold),
-        sum(p["cost_usd"] for p in mold),
-    )
+    half = -(-len(cells) // 2)
+    right = [*cells[half:], ("", "", "")]
+    rows = tuple((*left, *other) for left, other in zip(cells[:half], right, strict=False))
+    return [
+        Heading("Appendix: every gate", 1),
+        Paragraph("From manifest.json, slice.json and this sheet's own checks. Nothing is written when one fails."),
+        Table(("gate", "value", "limit") * 2, rows, (3.4, 1, 1.3) * 2, is_small=True),
+    ]

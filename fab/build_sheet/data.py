@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ class SheetData:
         checks: gates of manifest, slices and sheet, as records ``name, value, limit, ok``.
         fill_depth_mm: how far below the bowl's seam the poured silicone stands.
         pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover``, ``section``, ``ring_light``.
+        beds: size of every printed part in its printing pose, x, y, z in mm.
+        fitting_printers: those of the table that take every part, in words, smallest bed first.
     """
 
     layout: MoldLayout
@@ -41,3 +43,5 @@ class SheetData:
     checks: Sequence[Mapping[str, Any]]
     fill_depth_mm: float
     pictures: Mapping[str, Path]
+    beds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    fitting_printers: tuple[str, ...] = ()

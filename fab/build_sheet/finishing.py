@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from cad.dots import dot_pattern, ring_count
+import math
+
+from cad.dots import DOT_RADIUS_MM, POLAR_STEP_DEG, dot_pattern, ring_count
+from cad.params import EndcapParams
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import program_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import DISC_PX, FRAME_PX, SQUARE_PX, camera_pixels, dots_in, first_light, gores, ruler
 from fab.build_sheet.steps import stage_blocks, steps
+
+RELEASED = EndcapParams(130.0, 8.0)
 
 
 def painting(data: SheetData) -> list[Block]:
@@ -21,6 +26,7 @@ def painting(data: SheetData) -> list[Block]:
         ring: dots_in([p for p, dot in zip(pixels, dots, strict=True) if dot.ring == ring], SQUARE_PX, SQUARE_PX)
         for ring in rings
     }
+    spacing = math.radians(POLAR_STEP_DEG) * params.inner_radius_mm
     rows = tuple(
         (
             str(ring),
@@ -35,7 +41,9 @@ def painting(data: SheetData) -> list[Block]:
         *steps(data, "P", [
             ("Fill every dent with ink",
              ("Wipe the inside with alcohol. Touch each dent with the marker, from the tip outward, ring by ring.",
-              f"Paint all {len(dots)}: {sum(inside.values())} of them lie in the camera's centre square.",
+              f"This size has {len(dots)} dots of {2 * DOT_RADIUS_MM:g} mm, {spacing:.1f} mm from ring to ring along "
+              f"the wall. Paint all: {sum(inside.values())} of them lie in the camera's centre square.",
+              "Ink only inside the dents; wipe what runs over at once. Let it dry 10 min, dome up, before assembly.",
               "The dots at azimuth 0 of all rings form one line: begin there."), "dots"),
         ]),
         Table(("ring", "dots", "angle from the tip", "in the centre square"), rows, (1, 1, 2, 2)),
@@ -71,6 +79,8 @@ def light_check(data: SheetData) -> list[Block]:
     params = data.layout.params
     pixels = camera_pixels(params)
     frame, square = dots_in(pixels, *FRAME_PX), dots_in(pixels, SQUARE_PX, SQUARE_PX)
+    is_released = params == RELEASED  # its photos count for its own size only
+    of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
     return [
         Heading("First light", 1),
         Paragraph(
@@ -84,9 +94,9 @@ def light_check(data: SheetData) -> list[Block]:
             (
                 ("disc of the shell", f"centre within 10 px of the frame's, radius about {DISC_PX:g} px",
                  "camera not flat on its four pads, or another lens"),
-                ("dots in the whole frame", f"about {frame} by an equidistant lens; the released sensor: 92",
+                ("dots in the whole frame", f"about {frame} by an equidistant lens{of_frame}",
                  "ink missing, or lamps too dark"),
-                ("dots in the centre square", f"about {square} by the same; the released sensor: 75 to 80",
+                ("dots in the centre square", f"about {square} by the same{of_square}",
                  "camera not centred"),
                 ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
                 "fixed by hand"),

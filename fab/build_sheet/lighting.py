@@ -6,10 +6,11 @@ from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE
 from cad.params import EndcapParams
-from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Table
+from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.commands import ring_command
 from fab.checks.check import Check
-from fab.led_ring.budget import RING_A, driver_checks, warmest_room_c
+from fab.led_ring.bom import ring_bom
+from fab.led_ring.budget import CAMERA_A, RING_A, USB_A, driver_checks, warmest_room_c
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light, light_checks
 
@@ -28,6 +29,46 @@ def draw_ring_light(params: EndcapParams, folder: Path) -> Path:
     return path
 
 
+def _parts() -> tuple[tuple[str, ...], ...]:
+    """Electronic parts of the usual ring, the bare board left out."""
+    return tuple(
+        (f"{line.quantity} x {line.references}", line.description, f"{line.maker} {line.part_number}", line.package)
+        for line in ring_bom()
+        if line.item != "board"
+    )
+
+
+def steps_of_wiring() -> list[Block]:
+    """Where 5 V and GND go."""
+    driver = fitted_driver()
+    draws = 1e3 * (driver.input_a + CAMERA_A)
+    return [
+        Step(
+            "W1",
+            "Make the cable",
+            (
+                "Cut a USB cable 300 mm behind its A plug. Red is 5 V, black is GND; cut green, white and the shield "
+                "short and insulate each by itself.",
+                "Slide heat-shrink over, solder the crimped SH cable on: contact 1 to red (5 V), contact 2 to black "
+                "(GND). The ring's plug J1 is on its back; 5V and GND are printed beside it.",
+                "The colours of bought SH cables follow no rule. Before the ring is plugged in, measure on the free "
+                "plug: + on the contact that meets 5V. Reversed, the driver dies.",
+            ),
+        ),
+        Step(
+            "W2",
+            "Try it before it is glued in",
+            (
+                f"Plug it in: {LED_COUNT} LEDs light at once, there is no switch. The cable draws "
+                f"{1e3 * driver.input_a:.0f} mA.",
+                f"It may share a USB port with the camera through a hub with its own supply, or take a second port; "
+                f"both together draw {draws:.0f} mA of the {1e3 * USB_A:.0f} mA that one USB 2.0 port gives.",
+                "No light: 5 V and GND exchanged, or one LED turned; the string is in series, one fault darkens all.",
+            ),
+        ),
+    ]
+
+
 def led_ring(params: EndcapParams, picture: Path) -> list[Block]:
     """What a person needs to know of the ring before ordering it."""
     driver = fitted_driver()
@@ -41,9 +82,17 @@ def led_ring(params: EndcapParams, picture: Path) -> list[Block]:
             f"{ring_command(params)} writes the board's files (Gerber, drills, bill, "
             f"placement) and its own checks. With {LED_COUNT} LEDs and R_set = {driver.r_set_ohm:g} ohm it draws "
             f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V (at most {1e3 * RING_A:.0f}), efficiency "
-            f"{100 * driver.efficiency:.0f} %. A spacer of PLA keeps its shape in rooms up to "
-            f"{warmest_room_c(driver, params):.0f} °C by estimate; print it in PETG for warmer ones."
+            f"{100 * driver.efficiency:.0f} %. The spacer is PETG, which keeps its shape in rooms up to "
+            f"{warmest_room_c(driver, params):.0f} °C by estimate; PLA would creep 15 K earlier."
         ),
+        Heading("Parts of the board"),
+        Paragraph(
+            "For who solders it; a board house takes led_ring-bom.csv. Numbers name parts that fit: any of the same "
+            "value, size and rating does as well. Marks on the board: a bar at each cathode, a dot at pin 1."
+        ),
+        Table(("place", "what", "order as", "size"), _parts(), (1.6, 2.4, 2.8, 0.8), is_small=True),
+        Heading("Wiring"),
+        *steps_of_wiring(),
         Heading("Light on this dome"),
         Paragraph(
             "Half swing is the largest round any circle about the axis; darkest and brightest are over the mean of the "

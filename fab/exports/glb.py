@@ -12,11 +12,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from cad.errors import FileError
+from cad.whole_file import replace_file
 from fab.design import Design
-
-METRE = 1e-3
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # endcap's z becomes glTF's y
+from fab.exports.preview import METRE, Y_UP, linear_color
 
 
 def write_glb(
@@ -32,21 +30,10 @@ def write_glb(
         mesh = design.meshes[name]
         points = METRE * (np.asarray(mesh.vertices) + np.array(offsets.get(name, (0.0, 0.0, 0.0)))) @ Y_UP.T
         copy = trimesh.Trimesh(points, mesh.faces, process=False, validate=False)
-        color = [*(_linear(np.array(design.parts[name].color)).tolist()), 1.0]
+        color = [*(linear_color(np.array(design.parts[name].color)).tolist()), 1.0]
         material = trimesh.visual.material.PBRMaterial(
             name=name, baseColorFactor=color, metallicFactor=0.0, roughnessFactor=0.7, doubleSided=False
         )
         copy.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(copy, node_name=name, geom_name=name)
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        draft.write_bytes(scene.export(file_type="glb"))
-        draft.replace(path)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
-
-
-def _linear(color: np.ndarray) -> np.ndarray:
-    """A colour as shown on a screen (sRGB, IEC 61966-2-1) to the linear one that glTF holds."""
-    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+    replace_file(path, scene.export(file_type="glb"), "choose a folder with room")

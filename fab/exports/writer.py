@@ -81,7 +81,7 @@ def write_assemblies(design: Design, folder: Path) -> None:
     mold = (*design.mold, "interface")
     for stem, names, offsets in (
         ("assembly", PRODUCT, {}),
-        ("exploded", PRODUCT, _offsets(design)),
+        ("exploded", PRODUCT, exploded_offsets_mm(design)),
         ("mold", mold, {}),
     ):
         parts = [_with_envelope(design, name) for name in names]
@@ -97,7 +97,7 @@ def _with_envelope(design: Design, name: str) -> Part:
     return replace(part, solid=Compound([part.solid, build_zone(design.params)])) if name == "interface" else part
 
 
-def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
+def exploded_offsets_mm(design: Design) -> dict[str, tuple[float, float, float]]:
     """Displacements that pull the endcap apart along its axis."""
     order = ("arm_adapter", "base", "camera", "ring_spacer", "led_ring", "interface", "shell")
     spans = {name: (design.meshes[name].bounds[0][2], design.meshes[name].bounds[1][2]) for name in order}
@@ -106,7 +106,7 @@ def _offsets(design: Design) -> dict[str, tuple[float, float, float]]:
 
 def picture_items(design: Design) -> tuple[list[PictureItem], list[PictureItem]]:
     """What the pictures show: the endcap's parts from the tip down, with their displacements; and all parts."""
-    offsets = _offsets(design)
+    offsets = exploded_offsets_mm(design)
     product = [_item(design, name, offsets[name]) for name in sorted(PRODUCT, key=lambda n: -offsets[n][2])]
     return product, [_item(design, name) for name in design.parts]
 

@@ -128,7 +128,7 @@ def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -
         "temperatures_c_in_a_room_of_25": {
             name: _figures(value) for name, value in temperatures_c(driver, params, 25.0).items()
         },
-        "warmest_room_for_a_pla_spacer_c": _figures(warmest_room_c(driver, params)),
+        "warmest_room_for_a_petg_spacer_c": _figures(warmest_room_c(driver, params)),
         "bom": [vars(line) for line in ring_bom(driver.led_count)],
         "nets": {name: [f"{ref}.{pin}" for ref, pin in pins] for name, pins in netlist(driver.led_count).items()},
         "checks": [check.record(6) for check in checks],

@@ -37,7 +37,15 @@ def ring_bom(led_count: int = LED_COUNT) -> tuple[RingLine, ...]:
         ParameterError: LED count outside what the board takes.
     """
     lines = [
-        RingLine("board", 1, "", "circuit board, 2 layers, 1.6 mm FR4, white mask", "any", "led_ring-gerber.zip", "")
+        RingLine(
+            "board",
+            1,
+            "",
+            "circuit board, 2 layers, 1.6 mm FR4, white mask",
+            "any board house",
+            "led_ring-gerber.zip",
+            "",
+        )
     ]
     places = placements(led_count)
     for kind in dict.fromkeys(place.kind for place in places):

@@ -43,10 +43,10 @@ LIGHT_SHARE = 0.45  # E: light of a white LED over its electrical power
 FILM_W_M2K = 8.0  # E: free convection and radiation at a wall
 BOARD_FILM_W_M2K = 12.0  # E: the same at a ring 7 mm wide
 RUBBER_W_MK = 0.2  # E: silicone
-PLASTIC_W_MK = 0.15  # E: PLA
+PLASTIC_W_MK = 0.15  # E: PLA and PETG
 PLASTIC_MM = 12.0  # E: way from the board's back through spacer and base
 WARM_ROOM_C = 40.0  # E: for the junctions
-SPACER_C = 55.0  # E: PLA creeps above it
+SPACER_C = 70.0  # E: PETG creeps above it (PLA from 55)
 DRIVER_K_W = 210.0  # S: SOT-23-6, junction to ambient, on the test board of the data sheet
 LED_K_W = 40.0  # E: junction to board
 DRIVER_MAX_C = 125.0  # S
@@ -108,7 +108,7 @@ def temperatures_c(driver: Driver, params: EndcapParams, room_c: float) -> dict[
 
 
 def warmest_room_c(driver: Driver, params: EndcapParams) -> float:
-    """Room in which the board reaches what its PLA spacer bears; the estimate of :func:`temperatures_c`, no gate."""
+    """Room in which the board reaches what its PETG spacer bears; the estimate of :func:`temperatures_c`, no gate."""
     return SPACER_C - temperatures_c(driver, params, 0.0)["board"]
 
 

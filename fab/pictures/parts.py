@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 
 from cad.errors import FileError, GeometryError
+from cad.whole_file import drafted
 from fab.meshing.mesh import from_manifold, to_manifold
 from fab.pictures.canvas import Canvas, Frame, Point, Surface, View, write_png
 
@@ -190,10 +191,8 @@ def _label_sides(canvas: Canvas, labels: Sequence[tuple[str, Point]], side_px: i
 
 def _save(canvas: Canvas, path: Path) -> None:
     """Write under a temporary name, then rename."""
-    draft = path.with_name(f".{path.name}.part")
     try:
-        write_png(canvas.image(), draft)
-        draft.replace(path)
+        with drafted(path) as draft:
+            write_png(canvas.image(), draft)
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cad.errors import FileError, ParameterError
+from cad.errors import ParameterError
+from fab.data_table import positive, read_table
 
 FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
 
@@ -31,13 +31,9 @@ def filaments() -> dict[str, Filament]:
     """The filament table, name -> filament.
 
     Raises:
-        FileError: a missing or unreadable table.
+        FileError: a missing or unreadable table, naming the line.
     """
-    try:
-        with FILAMENT_TABLE.open(newline="", encoding="utf-8") as stream:
-            return {row["name"]: _filament(row) for row in csv.DictReader(stream)}
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise FileError(f"{FILAMENT_TABLE.name}: cannot be read as the table of filaments ({error})") from error
+    return read_table(FILAMENT_TABLE, _filament)
 
 
 def filament(name: str) -> Filament:
@@ -61,10 +57,10 @@ def _filament(row: dict[str, str]) -> Filament:
     return Filament(
         row["name"],
         row["type"],
-        float(row["density_g_cm3"]),
-        float(row["price_usd_kg"]),
-        int(row["nozzle_c"]),
-        int(row["bed_c"]),
-        float(row["max_flow_mm3_s"]),
+        positive(row, "density_g_cm3"),
+        positive(row, "price_usd_kg"),
+        int(positive(row, "nozzle_c")),
+        int(positive(row, "bed_c")),
+        positive(row, "max_flow_mm3_s"),
         row["provenance"],
     )

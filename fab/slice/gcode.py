@@ -41,6 +41,8 @@ class Moves:
         kind: (n,) index into ``kinds``.
         kinds: the slicer's names, for example ``External perimeter``.
         layer_tops_mm: height of every layer that was announced, with or without moves.
+        piece: (n,) index into ``pieces``, -1 for what belongs to none: brim, start.
+        pieces: names of the parts on the plate, as the slicer marks them.
         slicer_time_s: printing time as the slicer estimates it, with accelerations.
         slicer_grams: grams as the slicer states them; NaN where it does not.
     """
@@ -56,6 +58,8 @@ class Moves:
     kind: np.ndarray
     kinds: tuple[str, ...]
     layer_tops_mm: np.ndarray
+    piece: np.ndarray
+    pieces: tuple[str, ...]
     slicer_time_s: float
     slicer_grams: float
 
@@ -63,6 +67,12 @@ class Moves:
     def length_mm(self) -> np.ndarray:
         """(n,) lengths."""
         return np.linalg.norm(self.end - self.start, axis=1)
+
+    def piece_shares(self) -> dict[str, float]:
+        """Fraction of the plastic that every part on the plate takes; brims go with their parts in proportion."""
+        volumes = {name: float(self.volume_mm3[self.piece == number].sum()) for number, name in enumerate(self.pieces)}
+        total = sum(volumes.values())
+        return {name: volume / total for name, volume in volumes.items()} if total else {}
 
     @property
     def is_part(self) -> np.ndarray:
@@ -72,7 +82,7 @@ class Moves:
 
     def pick(self, mask: np.ndarray) -> Moves:
         """Some of the moves."""
-        columns = ("start", "end", "top_mm", "height_mm", "width_mm", "volume_mm3", "layer", "path", "kind")
+        columns = ("start", "end", "top_mm", "height_mm", "width_mm", "volume_mm3", "layer", "path", "kind", "piece")
         return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
     def points(self, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
@@ -118,11 +128,15 @@ class _Reader:
         self.is_relative = self.is_filament_relative = False
         self.width, self.height = LINE_MM, LAYER_MM
         self.layer, self.path, self.kind = -1, 0, self._kind("Custom")
+        self.pieces: dict[str, int] = {}
+        self.piece = -1
 
     def line(self, line: str) -> None:
         """Take one line."""
         if line.startswith(("G1 ", "G0 ")):
             self._move(line)
+        elif line.startswith(("; printing object", "; stop printing object")):
+            self._label(line)
         elif line.startswith(";"):
             self._comment(line)
         elif line[:3] in ("G90", "G91"):
@@ -140,7 +154,7 @@ class _Reader:
         return Moves(
             table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5], table[:, 6], table[:, 7] * _AREA_MM2,
             table[:, 8].astype(int), table[:, 9].astype(int), table[:, 10].astype(int),
-            tuple(self.kinds), np.array(self.tops), time_s, grams,
+            tuple(self.kinds), np.array(self.tops), table[:, 11].astype(int), tuple(self.pieces), time_s, grams,
         )  # fmt: skip
 
     def _move(self, line: str) -> None:
@@ -158,7 +172,7 @@ class _Reader:
                 self.e += pushed
         moved = x != self.x or y != self.y
         if pushed > 0 and moved:
-            state = (self.width, pushed, self.layer, self.path, self.kind)
+            state = (self.width, pushed, self.layer, self.path, self.kind, self.piece)
             self.rows.append((self.x, self.y, x, y, z, self.height, *state))
         elif moved or pushed or z != self.z:  # a change of speed alone does not break a line
             self.path += 1
@@ -176,6 +190,11 @@ class _Reader:
             self.path += 1
         elif line.startswith(";Z:"):
             self.tops.append(float(line[3:]))
+
+    def _label(self, line: str) -> None:
+        """Where a part begins or ends: ``; printing object NAME id:0 copy 0``."""
+        found = re.match(r"; printing object (.+?) id:\d+ copy \d+", line)
+        self.piece = self.pieces.setdefault(found[1], len(self.pieces)) if found else -1
 
     def _kind(self, name: str) -> int:
         return self.kinds.setdefault(name, len(self.kinds))

@@ -16,7 +16,8 @@ from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.slice.filaments import Filament
 from fab.slice.gcode import Moves
-from fab.slice.settings import BED_MM, LINE_MM
+from fab.slice.printers import Printer, printer
+from fab.slice.settings import LINE_MM
 
 PIXEL_MM = 0.2
 REACH_MM = LINE_MM  # a line that starts this near to plastic sticks to it
@@ -68,13 +69,21 @@ class ZoneFigures:
     worst_layer_open: float
 
 
-def print_figures(moves: Moves, filament: Filament) -> PrintFigures:
-    """Figures of a whole print."""
+def print_figures(moves: Moves, filament: Filament, where: Printer | None = None) -> PrintFigures:
+    """Figures of a whole print.
+
+    Args:
+        moves: of the print.
+        filament: what is pushed out.
+        where: the printer; by default any with a 256 mm bed.
+    """
+    where = where or printer()
     grams = float(moves.volume_mm3.sum()) * filament.density_g_cm3 / 1000
     ends = np.concatenate([moves.start, moves.end])
     half = float(moves.width_mm.max()) / 2
     low, high = ends.min(axis=0) - half, ends.max(axis=0) + half
-    outside = max(0.0, float(-low.min()), float(high.max()) - BED_MM, float(moves.top_mm.max()) - BED_MM)
+    over = high - (where.width_mm, where.depth_mm)
+    outside = max(0.0, float(-low.min()), float(over.max()), float(moves.top_mm.max()) - where.height_mm)
     size = high - low
     return PrintFigures(
         time_s=moves.slicer_time_s,
@@ -117,13 +126,13 @@ def floating_starts(moves: Moves) -> np.ndarray:
     walls = np.isin(moves.kind, [index for index, name in enumerate(moves.kinds) if "erimeter" in name])
     has_walls = np.isin(moves.layer[first], np.unique(moves.layer[walls]))
     first = first[walls[first] | ~has_walls]
-    size = math.ceil(BED_MM / PIXEL_MM) + 2 * _MARGIN_PX
+    size = _limit_px(moves) + 2 * _MARGIN_PX
     below, found = np.zeros((size, size), dtype=bool), []
     for number in range(len(bounds) - 1):
         here, at = points[bounds[number] : bounds[number + 1]], move[bounds[number] : bounds[number + 1]]
         starts = first[moves.layer[first] == number]
         if number and len(starts):
-            spots = _pixels(moves.start[starts])
+            spots = _pixels(moves.start[starts], size)
             held = np.zeros(len(starts), dtype=bool)
             for dx, dy in _DISC:
                 held |= below[spots[:, 0] + dx, spots[:, 1] + dy]
@@ -133,18 +142,25 @@ def floating_starts(moves: Moves) -> np.ndarray:
                 if not near:
                     found.append((*moves.start[start], moves.top_mm[start]))
         below[:] = False
-        spots = _pixels(here)
+        spots = _pixels(here, size)
         below[spots[:, 0], spots[:, 1]] = True
     return np.array(found).reshape(-1, 3)
 
 
-def zone_figures(moves: Moves, params: EndcapParams) -> ZoneFigures:
-    """Figures of the interlock zone of a printed interface that stands on its mating plane."""
+def zone_figures(moves: Moves, params: EndcapParams, where: Printer | None = None) -> ZoneFigures:
+    """Figures of the interlock zone of a printed interface that stands on its mating plane.
+
+    Args:
+        moves: of the print, the axis on the middle of the bed.
+        params: the design.
+        where: the printer; by default any with a 256 mm bed.
+    """
+    middle_mm = np.array((where or printer()).middle_mm)
     above = moves.is_part & (moves.top_mm - moves.height_mm / 2 > params.flange_thickness_mm)
     zone = moves.pick(above)
     fraction = float(zone.volume_mm3.sum()) / zone_volume_mm3(params)
     points, move = zone.points(BOUNDARY_STEP_MM / 2)
-    points = points - BED_MM / 2
+    points = points - middle_mm
     layer = zone.layer[move]
     clear, total, worst, side = 0.0, 0.0, 1.0, 1.0
     layers = np.unique(layer)
@@ -173,10 +189,14 @@ _DISC = [
 ]
 
 
-def _pixels(points: np.ndarray) -> np.ndarray:
-    """Pixels (n, 2) of plate points; what lies beyond the bed is counted at its edge."""
-    limit = math.ceil(BED_MM / PIXEL_MM) + _MARGIN_PX
-    return np.clip(np.round(points / PIXEL_MM).astype(int) + _MARGIN_PX, _MARGIN_PX // 2, limit)
+def _limit_px(moves: Moves) -> int:
+    """The farthest move from the plate's origin, in pixels."""
+    return math.ceil(max(float(moves.start.max()), float(moves.end.max()), 0.0) / PIXEL_MM)
+
+
+def _pixels(points: np.ndarray, size: int) -> np.ndarray:
+    """Pixels (n, 2) of plate points in a square picture; what lies beyond it is counted at its edge."""
+    return np.clip(np.round(points / PIXEL_MM).astype(int) + _MARGIN_PX, _MARGIN_PX // 2, size - _MARGIN_PX // 2)
 
 
 def _zone_section(params: EndcapParams, height_mm: float) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Slicer projects: 3MF files with meshes in printing pose and the settings of part and volumes.
 
-Two dialects: :func:`write_prusa` for PrusaSlicer, :func:`write_orca` for OrcaSlicer and Bambu Studio. Millimetres; the
-part stands in the middle of a square bed, its lowest point at z = 0.
+Two dialects: :func:`write_prusa` for PrusaSlicer, :func:`write_orca` for OrcaSlicer and Bambu Studio. Millimetres;
+every part stands on the bed, its lowest point at z = 0.
 
 Notes:
     trimesh and lib3mf write sound 3MF, but neither can write what makes it a project: PrusaSlicer ignores all settings
@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -22,9 +23,10 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 import trimesh
 
-from cad.errors import FileError
+from cad.whole_file import replace_file
 from fab.meshing.mesh import joined
-from fab.slice.settings import BED_MM, PrintSettings, Region
+from fab.slice.printers import Printer
+from fab.slice.settings import PrintSettings, Region
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _PRUSA = "http://schemas.slic3r.org/3mf/2017/06"
@@ -63,12 +65,53 @@ class Volume:
 
 
 @dataclass(frozen=True)
-class Project:
-    """One printed part, ready for a slicer."""
+class Piece:
+    """One part on a plate.
+
+    Attributes:
+        name: of the part.
+        settings: its own.
+        volumes: its meshes.
+        place_mm: of its origin, from the middle of the bed.
+    """
 
     name: str
     settings: PrintSettings
     volumes: tuple[Volume, ...]
+    place_mm: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Project:
+    """One plate, ready for a slicer: pieces of one filament for one printer.
+
+    Attributes:
+        name: of its files.
+        pieces: what lies on it; settings of the plate are those of the first.
+    """
+
+    name: str
+    pieces: tuple[Piece, ...]
+
+    @property
+    def settings(self) -> PrintSettings:
+        """Settings of the plate; what may differ goes with each piece."""
+        return self.pieces[0].settings
+
+    @property
+    def volumes(self) -> tuple[Volume, ...]:
+        """Meshes of all pieces."""
+        return tuple(volume for piece in self.pieces for volume in piece.volumes)
+
+    @property
+    def printer(self) -> Printer:
+        """For which it is made."""
+        return self.settings.printer
+
+
+def single(name: str, settings: PrintSettings, volumes: tuple[Volume, ...]) -> Project:
+    """A plate with one part in its middle."""
+    return Project(name, (Piece(name, settings, volumes),))
 
 
 def write_prusa(project: Project, path: Path) -> None:
@@ -77,36 +120,45 @@ def write_prusa(project: Project, path: Path) -> None:
     Raises:
         FileError: it could not be written; nothing is left.
     """
-    mesh = joined([volume.mesh for volume in project.volumes])
+    resources, items, objects = [], [], ["<config>"]
+    for number, piece in enumerate(project.pieces, 1):
+        resources += _object(number, piece.name, joined([volume.mesh for volume in piece.volumes]))
+        items.append(f'<item objectid="{number}" transform="{_placed(project, piece)}"/>')
+        objects += _prusa_object(number, piece)
     model = [
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}" xmlns:slic3rpe="{_PRUSA}">',
         ' <metadata name="slic3rpe:Version3mf">1</metadata>',
         f' <metadata name="Title">{project.name}</metadata>',
         " <resources>",
-        *_object(1, project.name, mesh),
+        *resources,
         " </resources>",
-        f' <build><item objectid="1" transform="{_placed()}"/></build>',
+        f" <build>{''.join(items)}</build>",
         "</model>",
     ]
-    objects = ["<config>", ' <object id="1" instances_count="1">', _prusa_item("object", "name", project.name)]
-    first = 0
-    for volume in project.volumes:
-        last = first + len(volume.mesh.faces) - 1
-        objects.append(f'  <volume firstid="{first}" lastid="{last}">')
-        objects.append(_prusa_item("volume", "name", volume.name))
-        objects.append(_prusa_item("volume", "volume_type", "ModelPart"))
-        region = volume.region.prusa() if volume.region else {}
-        objects += [_prusa_item("volume", key, value) for key, value in region.items()]
-        objects.append("  </volume>")
-        first = last + 1
-    objects += [" </object>", "</config>"]
     settings = "".join(f"; {key} = {value}\n" for key, value in sorted(project.settings.prusa().items()))
     members = {
         "3D/3dmodel.model": _xml(model),
         "Metadata/Slic3r_PE.config": settings,
-        "Metadata/Slic3r_PE_model.config": _xml(objects),
+        "Metadata/Slic3r_PE_model.config": _xml([*objects, "</config>"]),
     }
     _write(path, members)
+
+
+def _prusa_object(number: int, piece: Piece) -> list[str]:
+    """Settings of a piece and of its volumes, which are ranges of its triangles."""
+    lines = [f' <object id="{number}" instances_count="1">', _prusa_item("object", "name", piece.name)]
+    lines += [_prusa_item("object", key, value) for key, value in piece.settings.piece_prusa().items()]
+    first = 0
+    for volume in piece.volumes:
+        last = first + len(volume.mesh.faces) - 1
+        lines.append(f'  <volume firstid="{first}" lastid="{last}">')
+        lines.append(_prusa_item("volume", "name", volume.name))
+        lines.append(_prusa_item("volume", "volume_type", "ModelPart"))
+        region = volume.region.prusa() if volume.region else {}
+        lines += [_prusa_item("volume", key, value) for key, value in region.items()]
+        lines.append("  </volume>")
+        first = last + 1
+    return [*lines, " </object>"]
 
 
 def write_orca(project: Project, path: Path) -> None:
@@ -115,40 +167,50 @@ def write_orca(project: Project, path: Path) -> None:
     Raises:
         FileError: it could not be written; nothing is left.
     """
-    whole = len(project.volumes) + 1
+    resources, items, objects, instances = [], [], ["<config>"], []
+    number = 0
+    for piece in project.pieces:
+        parts = range(number + 1, number + 1 + len(piece.volumes))
+        whole = number = parts.stop
+        for part, volume in zip(parts, piece.volumes, strict=True):
+            resources += _object(part, volume.name, volume.mesh)
+        components = "".join(f'<component objectid="{part}"/>' for part in parts)
+        resources.append(f'  <object id="{whole}" type="model"><components>{components}</components></object>')
+        items.append(f'<item objectid="{whole}" transform="{_placed(project, piece)}"/>')
+        objects += _orca_object(whole, parts, piece)
+        instance = _orca_items({"object_id": str(whole), "instance_id": "0"})
+        instances += ["  <model_instance>", *instance, "  </model_instance>"]
     model = [
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}" xmlns:BambuStudio="{_BAMBU}">',
         f' <metadata name="Application">BambuStudio-{_BAMBU_VERSION}</metadata>',
         ' <metadata name="BambuStudio:3mfVersion">1</metadata>',
         f' <metadata name="Title">{project.name}</metadata>',
         " <resources>",
-    ]
-    for number, volume in enumerate(project.volumes, 1):
-        model += _object(number, volume.name, volume.mesh)
-    model += [
-        f'  <object id="{whole}" type="model"><components>',
-        *(f'   <component objectid="{number}"/>' for number in range(1, whole)),
-        "  </components></object>",
+        *resources,
         " </resources>",
-        f' <build><item objectid="{whole}" transform="{_placed()}"/></build>',
+        f" <build>{''.join(items)}</build>",
         "</model>",
     ]
-    objects = ["<config>", f' <object id="{whole}">', *_orca_items({"name": project.name, "extruder": "1"})]
-    for number, volume in enumerate(project.volumes, 1):
-        objects.append(f'  <part id="{number}" subtype="normal_part">')
-        region = volume.region.orca() if volume.region else {}
-        objects += _orca_items({"name": volume.name, "matrix": "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", **region})
-        objects.append("  </part>")
-    objects += [" </object>", " <plate>", *_orca_items({"plater_id": "1", "plater_name": project.name})]
-    instance = _orca_items({"object_id": str(whole), "instance_id": "0"})
-    objects += ["  <model_instance>", *instance, "  </model_instance>", " </plate>", "</config>"]
+    plate = [" <plate>", *_orca_items({"plater_id": "1", "plater_name": project.name}), *instances, " </plate>"]
     header = {"from": "project", "name": "project_settings", "version": _BAMBU_VERSION}
     members = {
         "3D/3dmodel.model": _xml(model),
-        "Metadata/model_settings.config": _xml(objects),
+        "Metadata/model_settings.config": _xml([*objects, *plate, "</config>"]),
         "Metadata/project_settings.config": json.dumps({**header, **project.settings.orca()}, indent=1, sort_keys=True),
     }
     _write(path, members)
+
+
+def _orca_object(whole: int, parts: range, piece: Piece) -> list[str]:
+    """Settings of a piece, whose number is ``whole``, and of its volumes, numbered ``parts``."""
+    items = {"name": piece.name, "extruder": "1", **piece.settings.piece_orca()}
+    lines = [f' <object id="{whole}">', *_orca_items(items)]
+    for part, volume in zip(parts, piece.volumes, strict=True):
+        lines.append(f'  <part id="{part}" subtype="normal_part">')
+        region = volume.region.orca() if volume.region else {}
+        lines += _orca_items({"name": volume.name, "matrix": "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", **region})
+        lines.append("  </part>")
+    return [*lines, " </object>"]
 
 
 def _object(number: int, name: str, mesh: trimesh.Trimesh) -> list[str]:
@@ -163,8 +225,9 @@ def _object(number: int, name: str, mesh: trimesh.Trimesh) -> list[str]:
     ]
 
 
-def _placed() -> str:
-    return f"1 0 0 0 1 0 0 0 1 {BED_MM / 2:g} {BED_MM / 2:g} 0"
+def _placed(project: Project, piece: Piece) -> str:
+    x, y = (middle + shift for middle, shift in zip(project.printer.middle_mm, piece.place_mm, strict=True))
+    return f"1 0 0 0 1 0 0 0 1 {x:.9g} {y:.9g} 0"
 
 
 def _prusa_item(kind: str, key: str, value: str) -> str:
@@ -181,14 +244,10 @@ def _xml(lines: Sequence[str]) -> str:
 
 def _write(path: Path, members: Mapping[str, str]) -> None:
     """Write the package under a temporary name, then rename; equal content gives equal bytes."""
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        with ZipFile(draft, "w", ZIP_DEFLATED) as archive:
-            for name, text in {"[Content_Types].xml": _CONTENT_TYPES, "_rels/.rels": _RELATIONSHIPS, **members}.items():
-                info = ZipInfo(name)
-                info.compress_type = ZIP_DEFLATED
-                archive.writestr(info, text)
-        draft.replace(path)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror}): choose a folder with room") from error
+    package = BytesIO()
+    with ZipFile(package, "w", ZIP_DEFLATED) as archive:
+        for name, text in {"[Content_Types].xml": _CONTENT_TYPES, "_rels/.rels": _RELATIONSHIPS, **members}.items():
+            info = ZipInfo(name)
+            info.compress_type = ZIP_DEFLATED
+            archive.writestr(info, text)
+    replace_file(path, package.getvalue(), "choose a folder with room")

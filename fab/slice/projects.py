@@ -7,18 +7,23 @@ interface_gyroid    the mesh with its explicit gyroid, every outline moved out b
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import trimesh
 
 from cad.errors import FileError
 from cad.identity import identity, recorded, require_same
 from cad.params import EndcapParams
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
-from fab.slice.pose import laid_down
-from fab.slice.project_3mf import Project, Volume
+from fab.slice.nest import Place, Standing, nested
+from fab.slice.pose import laid_down, standing
+from fab.slice.printers import Printer, require_bed, turned
+from fab.slice.project_3mf import Piece, Project, Volume, single
 from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
 from fab.variant import Variant
 
@@ -100,35 +105,121 @@ def read_part(export: Export, name: str) -> Any:
     return read_stl(path)
 
 
+@dataclass(frozen=True)
+class Plate:
+    """What lies on one plate.
+
+    Attributes:
+        name: of its project.
+        places: its parts, by their names in the manifest.
+    """
+
+    name: str
+    places: tuple[Place, ...]
+
+
 def project_names(export: Export) -> list[str]:
-    """Names of all projects, in the manifest's order."""
+    """Names of all parts as they can be asked for, in the manifest's order: the interface in both of its forms."""
     names = []
     for part in export.printed:
         names += [INFILL, GYROID] if part == INTERFACE else [part]
     return names
 
 
-def build_project(export: Export, name: str) -> Project:
-    """Build one project by its name.
+def single_plates(names: Sequence[str]) -> list[Plate]:
+    """One plate for each part, the part in its middle."""
+    return [Plate(name, (Place(_part_of(name), 0.0, (0.0, 0.0)),)) for name in names]
+
+
+def nested_plates(export: Export, where: Printer) -> list[Plate]:
+    """Plates with as many parts of one material as fit; the interface alone, for its zone is measured about its axis.
+
+    Args:
+        export: what is printed.
+        where: the printer.
 
     Raises:
-        FileError: the part's file is missing or changed.
-        GeometryError: the part does not fit the bed.
+        FileError: a part's file is missing or changed.
+        ParameterError: a part does not fit the bed.
     """
-    part = INTERFACE if name in (INFILL, GYROID) else name
-    settings = part_settings(part, export.printed[part])
+    standing_parts = {name: _standing(export, name) for name in export.printed}
+    require_bed({name: part.mesh.vertices for name, part in standing_parts.items()}, where)
+    plates = []
+    for material in dict.fromkeys(export.printed.values()):
+        names = [name for name, own in export.printed.items() if own == material]
+        if INTERFACE in names:
+            plates += single_plates([INFILL, GYROID])
+        found = nested({name: standing_parts[name] for name in names if name != INTERFACE}, where)
+        plates += [Plate("", tuple(places)) for places in found]
+    return _numbered(plates)
+
+
+def _numbered(plates: Sequence[Plate]) -> list[Plate]:
+    """Plates with names: that of its part, or plate_1, plate_2 and so on."""
+    named, count = [], 0
+    for plate in plates:
+        name = plate.name
+        if not name:
+            count += len(plate.places) > 1
+            name = f"plate_{count}" if len(plate.places) > 1 else plate.places[0].name
+        named.append(Plate(name, plate.places))
+    return named
+
+
+def _part_of(name: str) -> str:
+    return INTERFACE if name in (INFILL, GYROID) else name
+
+
+def _standing(export: Export, part: str) -> Standing:
+    """A part in its printing pose, with its brim."""
+    mesh = read_part(export, part)
+    points = standing(part, mesh)
+    brim = part_settings(part, export.printed[part]).brim_mm
+    return Standing(trimesh.Trimesh(points, mesh.faces, process=False, validate=False), brim)
+
+
+def build_project(export: Export, plate: Plate, where: Printer) -> Project:
+    """Build the project of one plate.
+
+    Args:
+        export: what is printed.
+        plate: its parts and their places.
+        where: the printer.
+
+    Raises:
+        FileError: a part's file is missing or changed.
+        ParameterError: a part does not fit the bed.
+    """
+    if len(plate.places) == 1:
+        return _single_project(export, plate.name, where)
+    pieces = []
+    for place in plate.places:
+        part = _standing(export, place.name)
+        points = np.array(part.mesh.vertices)
+        points[:, :2] = turned(points[:, :2], place.turn_deg)
+        points[:, 2] -= points[:, 2].min()
+        mesh = trimesh.Trimesh(points.astype(np.float32), part.mesh.faces, process=False, validate=False)
+        settings = part_settings(place.name, export.printed[place.name], where)
+        pieces.append(Piece(place.name, settings, (Volume(place.name, mesh),), place.place_mm))
+    return Project(plate.name, tuple(pieces))
+
+
+def _single_project(export: Export, name: str, where: Printer) -> Project:
+    """One part in the middle of its plate."""
+    part = _part_of(name)
+    settings = part_settings(part, export.printed[part], where)
     if name == INFILL:
-        return Project(name, settings, zone_volumes(export.params))
-    mesh = laid_down(part, read_part(export, part))
+        return single(name, settings, zone_volumes(export.params, where))
+    mesh = laid_down(part, read_part(export, part), where)
     if name == GYROID:
         settings = replace(settings, grow_mm=round(ROUNDING_MM / 2, 4))
-    return Project(name, settings, (Volume(part, mesh),))
+    return single(name, settings, (Volume(part, mesh),))
 
 
-def zone_volumes(params: EndcapParams) -> tuple[Volume, Volume]:
+def zone_volumes(params: EndcapParams, where: Printer | None = None) -> tuple[Volume, Volume]:
     """Flange and plain zone, each a closed mesh."""
     from cad.interface import build_flange, build_zone, zone_radii_mm
 
     inner, outer = zone_radii_mm(params)
-    flange = laid_down(INTERFACE, tessellate(build_flange(params)))
+    flange = laid_down(INTERFACE, tessellate(build_flange(params)), where)
     return Volume("flange", flange), Volume("zone", tessellate(build_zone(params)), zone_region(outer - inner))

@@ -27,14 +27,47 @@ FIGURES = 6
 
 
 @dataclass(frozen=True)
+class PieceResult:
+    """What one part on a plate took.
+
+    Attributes:
+        name: of the part.
+        settings: its own.
+        regions: fillings of volumes that have their own.
+        grams: of plastic, support and its share of the brims included.
+    """
+
+    name: str
+    settings: PrintSettings
+    regions: Mapping[str, Region]
+    grams: float
+
+    def record(self) -> dict[str, Any]:
+        """The part as JSON."""
+        return {
+            "name": self.name,
+            "grams": float(f"{self.grams:.{FIGURES}g}"),
+            "cost_usd": float(f"{self.grams / 1000 * self.settings.filament.price_usd_kg:.{FIGURES}g}"),
+            "settings": {
+                "speed_mm_s": self.settings.speed_mm_s,
+                "support": self.settings.support,
+                "brim_mm": self.settings.brim_mm,
+                "grow_mm": self.settings.grow_mm,
+                "reason": self.settings.reason,
+                **dataclasses.asdict(self.settings.region),
+            },
+            "own_settings": {name: dataclasses.asdict(region) for name, region in self.regions.items()},
+        }
+
+
+@dataclass(frozen=True)
 class SliceResult:
     """What came out of one project.
 
     Attributes:
         name: of the project.
-        settings: of the part.
+        pieces: its parts.
         volumes: names of its meshes.
-        regions: fillings of volumes that have their own.
         triangles: of all its meshes.
         figures: of the print.
         zone: of the interlock zone; ``None`` for parts without one.
@@ -44,15 +77,20 @@ class SliceResult:
     """
 
     name: str
-    settings: PrintSettings
+    pieces: tuple[PieceResult, ...]
     volumes: tuple[str, ...]
-    regions: Mapping[str, Region]
     triangles: int
     figures: PrintFigures
     zone: ZoneFigures | None
     info: ModelInfo
     warnings: tuple[str, ...]
     files: Mapping[str, str]
+
+    @property
+    def mold_share(self) -> float:
+        """Fraction of the plastic that the mold's parts take."""
+        grams = sum(piece.grams for piece in self.pieces)
+        return sum(piece.grams for piece in self.pieces if is_mold(piece.name)) / grams if grams else 0.0
 
     @property
     def checks(self) -> list[Check]:
@@ -65,6 +103,7 @@ class SliceResult:
             Check(f"{name}.outside_bed_mm", figures.outside_bed_mm, high=0.0),
             Check(f"{name}.empty_layers", figures.empty_layers, high=0),
             Check(f"{name}.grams_error_ratio", figures.grams_error, high=GRAMS_TOLERANCE),
+            Check(f"{name}.pieces_without_plastic", sum(piece.grams <= 0 for piece in self.pieces), high=0),
         ]
         if self.zone is not None:
             low, high = FRACTION - FRACTION_TOLERANCE, FRACTION + FRACTION_TOLERANCE
@@ -74,20 +113,13 @@ class SliceResult:
 
     def record(self) -> dict[str, Any]:
         """The result as JSON."""
+        settings = self.pieces[0].settings
         return {
             "name": self.name,
-            "material": self.settings.filament.name,
-            "settings": {
-                "layer_mm": float(self.settings.prusa()["layer_height"]),
-                "speed_mm_s": self.settings.speed_mm_s,
-                "support": self.settings.support,
-                "brim_mm": self.settings.brim_mm,
-                "grow_mm": self.settings.grow_mm,
-                "reason": self.settings.reason,
-                **dataclasses.asdict(self.settings.region),
-            },
+            "material": settings.filament.name,
+            "layer_mm": float(settings.prusa()["layer_height"]),
+            "pieces": [piece.record() for piece in self.pieces],
             "volumes": list(self.volumes),
-            "own_settings": {name: dataclasses.asdict(region) for name, region in self.regions.items()},
             "triangles": self.triangles,
             **_rounded(dataclasses.asdict(self.figures)),
             "zone": _rounded(dataclasses.asdict(self.zone)) if self.zone else None,
@@ -116,40 +148,56 @@ def slice_project(slicer: str, project: Project, folder: Path, params: EndcapPar
     info = model_info(slicer, prusa)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".gcode-") as scratch:
         gcode = (folder if keep_gcode else Path(scratch)) / f"{project.name}.gcode"
-        warnings = slice_to_gcode(slicer, prusa, gcode)
+        warnings = slice_to_gcode(slicer, prusa, gcode, project.printer)
         moves = read_gcode(gcode)
+    figures = print_figures(moves, project.settings.filament, project.printer)
+    is_interface = project.name.startswith("interface")
     return SliceResult(
         project.name,
-        project.settings,
+        _piece_results(project, moves.piece_shares(), figures.grams),
         tuple(volume.name for volume in project.volumes),
-        {volume.name: volume.region for volume in project.volumes if volume.region},
         sum(len(volume.mesh.faces) for volume in project.volumes),
-        print_figures(moves, project.settings.filament),
-        zone_figures(moves, params) if project.name.startswith("interface") else None,
+        figures,
+        zone_figures(moves, params, project.printer) if is_interface else None,
         info,
         warnings,
         {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (prusa, orca)},
     )
 
 
-def summary(results: Sequence[SliceResult]) -> str:
-    """One screen: a line for each project, and the sums."""
-    lines = [f"{'part':<18}{'time':>8}{'grams':>8}{'USD':>7}{'layers':>8}{'float':>7}  zone"]
-    for result in results:
-        figures, zone = result.figures, ""
-        if result.zone:
-            zone = f"{100 * result.zone.fraction:.2f} % filled, {100 * result.zone.open_share:.1f} % open"
-        lines.append(
-            f"{result.name:<18}{hours(figures.time_s):>8}{figures.grams:8.1f}{figures.cost_usd:7.2f}"
-            f"{figures.layers:8d}{figures.floating_starts:7d}  {zone}".rstrip()
+def _piece_results(project: Project, shares: Mapping[str, float], grams: float) -> tuple[PieceResult, ...]:
+    """Every part of a plate with its grams; a part alone on its plate takes all of them."""
+    alone = len(project.pieces) == 1
+    return tuple(
+        PieceResult(
+            piece.name,
+            piece.settings,
+            {volume.name: volume.region for volume in piece.volumes if volume.region},
+            grams if alone else grams * shares.get(piece.name, 0.0),
         )
-    mold = [result.figures for result in results if is_mold(result.name)]
+        for piece in project.pieces
+    )
+
+
+def summary(results: Sequence[SliceResult]) -> str:
+    """One screen: a line for each project, what lies on it, and the sums."""
+    width = max(18, *(len(result.name) + 1 for result in results))
+    lines = [f"{'plate':<{width}}{'time':>8}{'grams':>8}{'USD':>7}{'layers':>8}{'float':>7}  "]
+    for result in results:
+        figures, words = result.figures, ", ".join(piece.name for piece in result.pieces)
+        if result.zone:
+            words = f"{100 * result.zone.fraction:.2f} % filled, {100 * result.zone.open_share:.1f} % open"
+        lines.append(
+            f"{result.name:<{width}}{hours(figures.time_s):>8}{figures.grams:8.1f}{figures.cost_usd:7.2f}"
+            f"{figures.layers:8d}{figures.floating_starts:7d}  {words if words != result.name else ''}".rstrip()
+        )
+    mold = [(result.figures, result.mold_share) for result in results if result.mold_share]
     if not mold:
         return "\n".join(lines)
-    lines.append(
-        f"mold: {hours(sum(f.time_s for f in mold))}, {sum(f.grams for f in mold):.0f} g, "
-        f"{sum(f.cost_usd for f in mold):.2f} USD (the paper: about 8.50)"
+    time_s, grams, cost = (
+        sum(getattr(figures, name) * share for figures, share in mold) for name in ("time_s", "grams", "cost_usd")
     )
+    lines.append(f"mold: {hours(time_s)}, {grams:.0f} g, {cost:.2f} USD (the paper: about 8.50)")
     return "\n".join(lines)
 
 

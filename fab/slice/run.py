@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
-from fab.slice.settings import BED_MM
+from fab.slice.printers import Printer, printer
 from fab.workers import end_with_parent
 
 NAMES = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
@@ -34,7 +34,7 @@ class ModelInfo:
 
     Attributes:
         is_manifold: every mesh of it is closed.
-        bodies: connected bodies.
+        bodies: connected bodies of all its objects.
         faults: what the slicer counted or repaired, ``name = value``.
     """
 
@@ -72,15 +72,23 @@ def model_info(slicer: str, project: Path) -> ModelInfo:
         FileError: it cannot read the project.
     """
     said = _run(slicer, ["--info", str(project)], project)
-    values = dict(re.findall(r"^(\w+) =\s+(\S+)\s*$", said.replace(" = ", " =  "), flags=re.MULTILINE))
-    if "manifold" not in values:
+    values = re.findall(r"^(\w+) =\s+(\S+)\s*$", said.replace(" = ", " =  "), flags=re.MULTILINE)
+    manifold = [value == "yes" for key, value in values if key == "manifold"]
+    if not manifold:
         raise FileError(f"{project.name}: the slicer found no mesh in it: write the project again")
-    faults = tuple(f"{key} = {values[key]}" for key in _FAULTS if values.get(key, "0") != "0")
-    return ModelInfo(values["manifold"] == "yes", int(values.get("number_of_parts", 0)), faults)
+    faults = tuple(f"{key} = {value}" for key, value in values if key in _FAULTS and value != "0")
+    bodies = sum(int(value) for key, value in values if key == "number_of_parts")
+    return ModelInfo(all(manifold), bodies, faults)
 
 
-def slice_to_gcode(slicer: str, project: Path, gcode: Path) -> tuple[str, ...]:
+def slice_to_gcode(slicer: str, project: Path, gcode: Path, where: Printer | None = None) -> tuple[str, ...]:
     """Slice a project where it lies on its plate.
+
+    Args:
+        slicer: PrusaSlicer's program.
+        project: the 3MF file.
+        gcode: receives the G-code.
+        where: the printer; by default any with a 256 mm bed.
 
     Returns:
         Warnings of the slicer, one a line.
@@ -88,7 +96,7 @@ def slice_to_gcode(slicer: str, project: Path, gcode: Path) -> tuple[str, ...]:
     Raises:
         FileError: no G-code came out; the slicer's own words are in the message.
     """
-    bed = f"0x0,{BED_MM:g}x0,{BED_MM:g}x{BED_MM:g},0x{BED_MM:g}"
+    bed = ",".join((where or printer()).corners)
     words = ["--loglevel", "2", "--dont-arrange", "--bed-shape", bed, "-g", "-o", str(gcode), str(project)]
     said = _run(slicer, words, project)
     if not gcode.exists():

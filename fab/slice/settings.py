@@ -12,20 +12,17 @@ Notes:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fab.slice.filaments import Filament, filament
+from fab.slice.printers import Printer, printer
 
-BED_MM = 256.0  # side and height of the printing space that every part must fit
-NOZZLE_MM = 0.4
 FILAMENT_DIAMETER_MM = 1.75
 LAYER_MM = 0.2
 LINE_MM = 0.45
 ZONE_PERCENT = 10.0  # P, GYR01
 ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line take off its width (S, GYR02)
 GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (S, GYR03)
-GCODE_START = "G28\\nG90\\nM83\\nG92 E0"
-GCODE_END = "M104 S0\\nM140 S0\\nM84"
 
 
 @dataclass(frozen=True)
@@ -95,6 +92,7 @@ class PrintSettings:
         grow_mm: by how much every outline is moved outward.
         thin_lines: walls of varying width, for sheets of one line; slower and less robust than plain walls.
         reason: why these, in words for the build sheet.
+        printer: on which.
     """
 
     filament: Filament
@@ -105,37 +103,61 @@ class PrintSettings:
     grow_mm: float = 0.0
     thin_lines: bool = False
     reason: str = ""
+    printer: Printer = field(default_factory=printer)
+
+    def piece_prusa(self) -> dict[str, str]:
+        """What may differ from piece to piece of one plate, for PrusaSlicer."""
+        speed, slow = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}"
+        return {
+            "brim_type": "outer_only" if self.brim_mm else "no_brim",
+            "brim_width": f"{self.brim_mm:g}",
+            **self.region.prusa(),
+            "support_material": "1" if self.support else "0",
+            **dict.fromkeys(("perimeter_speed", "infill_speed", "solid_infill_speed"), speed),
+            **dict.fromkeys(("external_perimeter_speed", "top_solid_infill_speed", "small_perimeter_speed"), slow),
+        }
+
+    def piece_orca(self) -> dict[str, str]:
+        """The same for OrcaSlicer and Bambu Studio."""
+        speed, slow = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}"
+        return {
+            "brim_type": "outer_only" if self.brim_mm else "no_brim",
+            "brim_width": f"{self.brim_mm:g}",
+            **self.region.orca(),
+            "enable_support": "1" if self.support else "0",
+            **dict.fromkeys(("inner_wall_speed", "sparse_infill_speed", "internal_solid_infill_speed"), speed),
+            **dict.fromkeys(("outer_wall_speed", "top_surface_speed"), slow),
+        }
 
     def prusa(self) -> dict[str, str]:
         """The whole configuration for PrusaSlicer 2.5 and later."""
-        speed, slow = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}"
         line, filament = f"{LINE_MM:g}", self.filament
         return {
             "printer_technology": "FFF",
             "gcode_flavor": "marlin2",
-            "bed_shape": f"0x0,{BED_MM:g}x0,{BED_MM:g}x{BED_MM:g},0x{BED_MM:g}",
-            "max_print_height": f"{BED_MM:g}",
-            "nozzle_diameter": f"{NOZZLE_MM:g}",
+            "bed_shape": ",".join(self.printer.corners),
+            "max_print_height": f"{self.printer.height_mm:g}",
+            "nozzle_diameter": f"{self.printer.nozzle_mm:g}",
+            **_named(
+                {"printer_settings_id": self.printer.prusa_printer, "print_settings_id": self.printer.prusa_print}
+            ),
             "use_relative_e_distances": "1",
             "layer_gcode": "G92 E0",
-            "start_gcode": GCODE_START,
-            "end_gcode": GCODE_END,
+            "start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c),
+            "end_gcode": self.printer.end_gcode,
+            "gcode_label_objects": "1",
             "retract_length": "0.8",
             "skirts": "0",
-            "brim_width": f"{self.brim_mm:g}",
             "layer_height": f"{LAYER_MM:g}",
             "first_layer_height": f"{LAYER_MM:g}",
             **dict.fromkeys(PRUSA_LINES, line),
             "perimeter_generator": "arachne" if self.thin_lines else "classic",
             "elefant_foot_compensation": "0.1",
             "xy_size_compensation": f"{self.grow_mm:g}",
-            **self.region.prusa(),
-            "support_material": "1" if self.support else "0",
+            **self.piece_prusa(),
             "support_material_auto": "1",
             "support_material_buildplate_only": "1",
             "support_material_threshold": "40",
-            **dict.fromkeys(("perimeter_speed", "infill_speed", "solid_infill_speed"), speed),
-            **dict.fromkeys(("external_perimeter_speed", "top_solid_infill_speed", "small_perimeter_speed"), slow),
             "first_layer_speed": "20",
             "filament_type": filament.type,
             "filament_diameter": f"{FILAMENT_DIAMETER_MM:g}",
@@ -150,11 +172,16 @@ class PrintSettings:
 
     def orca(self) -> dict[str, str | list[str]]:
         """The whole configuration for OrcaSlicer and Bambu Studio: one value as text, values by filament as lists."""
-        speed, slow, filament = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}", self.filament
+        filament = self.filament
         return {
-            "printable_area": ["0x0", f"{BED_MM:g}x0", f"{BED_MM:g}x{BED_MM:g}", f"0x{BED_MM:g}"],
-            "printable_height": f"{BED_MM:g}",
-            "nozzle_diameter": [f"{NOZZLE_MM:g}"],
+            "printable_area": list(self.printer.corners),
+            "printable_height": f"{self.printer.height_mm:g}",
+            "nozzle_diameter": [f"{self.printer.nozzle_mm:g}"],
+            **_named(
+                {"printer_settings_id": self.printer.orca_printer, "print_settings_id": self.printer.orca_process}
+            ),
+            "machine_start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c).replace("\\n", "\n"),
+            "machine_end_gcode": self.printer.end_gcode.replace("\\n", "\n"),
             "layer_height": f"{LAYER_MM:g}",
             "initial_layer_print_height": f"{LAYER_MM:g}",
             **dict.fromkeys(ORCA_LINES, f"{LINE_MM:g}"),
@@ -162,16 +189,11 @@ class PrintSettings:
             "elefant_foot_compensation": "0.1",
             "xy_contour_compensation": f"{self.grow_mm:g}",
             "xy_hole_compensation": f"{-self.grow_mm:g}",
-            **self.region.orca(),
-            "brim_type": "outer_only" if self.brim_mm else "no_brim",
-            "brim_width": f"{self.brim_mm:g}",
+            **self.piece_orca(),
             "skirt_loops": "0",
-            "enable_support": "1" if self.support else "0",
             "support_type": "normal(auto)",
             "support_on_build_plate_only": "1",
             "support_threshold_angle": "40",
-            **dict.fromkeys(("inner_wall_speed", "sparse_infill_speed", "internal_solid_infill_speed"), speed),
-            **dict.fromkeys(("outer_wall_speed", "top_surface_speed"), slow),
             "filament_type": ["TPU" if filament.type == "FLEX" else filament.type],
             "filament_diameter": [f"{FILAMENT_DIAMETER_MM:g}"],
             "filament_density": [f"{filament.density_g_cm3:g}"],
@@ -231,23 +253,45 @@ def zone_region(wall_mm: float) -> Region:
     return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
 
 
-def part_settings(name: str, material: str) -> PrintSettings:
+def _named(ids: dict[str, str]) -> dict[str, str]:
+    """Names of presets, where there are any."""
+    return {key: name for key, name in ids.items() if name}
+
+
+def part_settings(name: str, material: str, where: Printer | None = None) -> PrintSettings:
     """Settings of a part by its stable name and its material.
+
+    Args:
+        name: of the part.
+        material: as the part carries it.
+        where: the printer; by default any with a 256 mm bed.
 
     Raises:
         ParameterError: an unknown material.
     """
-    spool = filament(material)
+    spool, where = filament(material), where or printer()
     if name == "interface":
         return PrintSettings(
-            spool, FLANGE, 30.0, thin_lines=True, reason="solid flange; the zone above it stays open for silicone"
+            spool,
+            FLANGE,
+            30.0,
+            thin_lines=True,
+            reason="solid flange; the zone above it stays open for silicone",
+            printer=where,
         )
     if name.startswith("core_"):
-        return PrintSettings(spool, CORE, 100.0, support=name != "core_centre", brim_mm=5.0, reason=CORE_REASON)
+        return PrintSettings(
+            spool, CORE, 100.0, support=name != "core_centre", brim_mm=5.0, reason=CORE_REASON, printer=where
+        )
     if name == "hanger":
-        return PrintSettings(spool, CUP, 100.0, reason="flat, stiff enough to close the mold")
+        return PrintSettings(spool, CUP, 100.0, reason="flat, stiff enough to close the mold", printer=where)
     if name.startswith("cup_"):
         return PrintSettings(
-            spool, CUP, 100.0, brim_mm=3.0 if "bowl" in name else 0.0, reason="three walls hold liquid"
+            spool,
+            CUP,
+            100.0,
+            brim_mm=3.0 if "bowl" in name else 0.0,
+            reason="three walls hold liquid",
+            printer=where,
         )
-    return PrintSettings(spool, HARDWARE, 80.0, reason="stiff under its screws")
+    return PrintSettings(spool, HARDWARE, 80.0, reason="stiff under its screws", printer=where)

@@ -15,12 +15,26 @@ def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
     down = (Leg(TO_RIM, layout.params.tip_height_mm),)
     return (
         Step(
+            "inserts",
+            "assemble",
+            "Heat-set inserts into the lugs of the base",
+            (
+                "Five M4 inserts, one in the hole under each lug. Base upside down on the table.",
+                "Iron at 230 °C, insert on its tip. Let weight and heat sink it straight in 10 to 15 s; no force.",
+                "Stop when it is flush or 0.2 mm below; press a flat piece of metal on it for 10 s while it cools.",
+                "Turn a screw in by hand: it must run freely and stand upright.",
+            ),
+            look="dome down",
+            shown=("base",),
+        ),
+        Step(
             "camera",
             "assemble",
             "Camera into the base",
             (
-                "Cable through the hole first. Board onto its four corner posts, lens up.",
-                "{screws:camera_to_base} into the plastic; stop when they bear.",
+                "Cable through the hole first. Board onto its four corner posts, lens up; lens cover off last.",
+                "{screws:camera_to_base} cut their own thread in the plastic: slowly, half a turn back for each turn "
+                "in; stop when they bear.",
             ),
             (Move(("camera",), up, ("base",)),),
             screws=("camera_to_base",),
@@ -33,7 +47,9 @@ def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
             "Spacer and LED ring",
             (
                 "A drop of glue at two places of the recess, spacer in, notch over the cable's side.",
-                "Ring on the spacer, plug in the notch; its wires leave beside the camera's.",
+                "SH cable into the plug J1 on the ring's back. Ring on the spacer, plug in the notch, glue at two "
+                "places; its wires leave beside the camera's.",
+                "5 V and GND: see Wiring in the chapter LED ring. Light it once before you go on.",
             ),
             (
                 Move(("ring_spacer",), up, ("base", "camera")),

@@ -74,7 +74,8 @@ def _upper_half(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
             f"{AGENT} Hanger on the table, pins up.",
             "Lower the three segments onto it one after the other, each along the jigsaw tabs of the one before; the "
             "hanger's three pins fix where they go.",
-            "{screws:hanger_to_cup} from below. Interface and core come after it: they do not pass the collar's bore.",
+            "{screws:hanger_to_cup} from below. They cut their own thread in the PLA: slowly, half a turn back for "
+            "each turn in; stop when the heads bear. Interface and core come after: they do not pass the bore.",
         ),
         one_by_one(COLLAR, out, ("hanger",), True),
         screws=("hanger_to_cup",),
@@ -106,7 +107,7 @@ def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
                 f"{AGENT} Neck first, straight down through the gyroid ring onto the hanger.",
                 "First the centre, its tabs toward the hanger's pins; then the three wedges against its short sides; "
                 "then the three keys, between the wedges and over the tabs.",
-                "{screws:hanger_to_core} from below, each piece screwed before the next.",
+                "{screws:hanger_to_core} from below, each piece before the next; they cut their own thread, too.",
             ),
             one_by_one((*CENTRE, *WEDGES, *KEYS), out, (*held, "interface"), True),
             screws=("hanger_to_core",),
@@ -158,7 +159,8 @@ def _lower_half(layout: MoldLayout) -> tuple[Step, ...]:
             (
                 f"{AGENT} Stand the first segment on its foot, on a level table; slide the others down its tabs, one "
                 "after the other.",
-                "Tape round the outside keeps it tight while you pour.",
+                "A rubber band round the outside holds it; then tape along each seam and twice round keeps it tight.",
+                "Lay a spirit level across the dam both ways: the silicone's surface is level, the mold must be, too.",
             ),
             one_by_one(BOWL, out, (), True),
             look="dome down",
@@ -278,14 +280,18 @@ def _demold(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
         core(
             "keys_out",
             "Keys out",
-            ("One after the other: inward, toward the axis, until clear of the silicone; then out.",),
+            (
+                "Grip: turn one of its own screws 6 mm into its hole, hold the head with flat pliers.",
+                "One after the other: inward, toward the axis, until clear of the silicone; then out.",
+                "Stuck: a few drops of alcohol along the seam, wait a minute, press the dome from outside. No knife.",
+            ),
             KEYS,
             WEDGES,
         ),
         core(
             "wedges_out",
             "Wedges out",
-            ("The same way.", "Trim the flash at seam and vents. Weigh the endcap."),
+            ("The same way, with the same grip.", "Trim the flash at seam and vents. Weigh the endcap."),
             WEDGES,
             (),
         ),

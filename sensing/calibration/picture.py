@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.calibration.dots import pattern_points
 from sensing.camera.model import Array
 
@@ -67,12 +67,7 @@ def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:
         good = False
     if not good:
         raise FileError(f"{path}: unknown picture format {path.suffix!r}; end the name in .png or .jpg")
-    temporary = path.with_name(path.name + ".part")
-    try:
-        temporary.write_bytes(data.tobytes())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
+    replace_file(path, data.tobytes(), "choose a folder that can be written")
 
 
 def _pixel(point: Array) -> tuple[int, int]:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from cad.errors import FileError
 from cad.identity import Identity, recorded, require_same
+from cad.whole_file import replace_file
 from sensing.camera.model import Array, FisheyeCamera, points_array, require
-from sensing.whole_file import replace_file
 
 FILE_FORMAT, OLD_FORMAT = "endcap-camera-2", "endcap-camera-1"  # the old one knows no covariance
 PARAMETERS = 11  # numbers of sensing.camera.parameters

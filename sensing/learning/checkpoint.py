@@ -16,7 +16,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from sensing.whole_file import replace_file
+from cad.whole_file import replace_file
 
 EVERY_S = 5.0  # between writings
 

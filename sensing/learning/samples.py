@@ -11,9 +11,8 @@ motion, and :func:`shared_between` finds them.
 from __future__ import annotations
 
 import hashlib
-import os
+import io
 import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from cad.errors import FileError, ParameterError
 from cad.identity import Identity, identity, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
@@ -242,12 +242,5 @@ def _cached(path: Path, digest: str) -> dict[str, Any] | None:
 
 
 def _keep(path: Path, rows: dict[str, Any], digest: str) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, **rows, digest=np.array(digest))
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror}): free some space") from error
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+    np.savez(buffer := io.BytesIO(), **rows, digest=np.array(digest))
+    replace_file(path, buffer.getvalue(), "free some space")

@@ -21,11 +21,11 @@ from cad.errors import FileError
 from cad.identity import Identity, identity, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.frames import FtMount
 from sensing.records import Frame
 from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest, read_shard
 from sensing.tracking.zero import Zero
-from sensing.whole_file import replace_file
 
 SHARD_FRAMES = 200
 TOUCH_N, REST_N = 0.5, 0.3  # E: contact begins and ends at these true forces

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, FileError
 from cad.identity import Identity, recorded, require_same
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, working_reduction
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import find_dots
 from sensing.tracking.tracker import DotTracker
-from sensing.whole_file import replace_file
 
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
 CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which it is contact

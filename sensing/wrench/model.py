@@ -24,8 +24,8 @@ from cad.errors import FileError, ParameterError
 from cad.identity import MUST_AGREE, Identity, identity, recorded, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.whole_file import replace_file
 from sensing.wrench.kernels import answer_one
 from sensing.wrench.weight_files import command_for, find_weights
 

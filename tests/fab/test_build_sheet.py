@@ -18,7 +18,6 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import __main__ as command
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
-from fab.build_sheet.content import _prints
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
 from fab.build_sheet.finishing import light_check
@@ -26,6 +25,7 @@ from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
 from fab.build_sheet.pdf import write_pdf
 from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
+from fab.build_sheet.prints import prints
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
 from fab.recipe import recipe
@@ -155,7 +155,8 @@ def test_the_ring_of_the_sheet_is_the_ring_that_is_made(tmp_path):
     text = next(block.text for block in blocks if isinstance(block, Paragraph))
     driver = fitted_driver()
     assert f"R_set = {driver.r_set_ohm:g} ohm" in text and f"draws {1e3 * driver.input_a:.0f} mA" in text
-    table = next(block for block in blocks if isinstance(block, Table))
+    parts, table = (block for block in blocks if isinstance(block, Table))
+    assert parts.rows[0][0] == "1 x U1" and not any("any" in cell for row in parts.rows for cell in row)
     light = dome_light(PARAMS, 6)
     assert table.rows[0] == ("6", f"{100 * light.ripple:.0f} %", f"{light.darkest:.2f}", f"{light.brightest:.2f}")
     assert all(check.ok for check in ring_checks(PARAMS))
@@ -171,7 +172,7 @@ def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     params = EndcapParams(150.0, 9.0)
     material = "Dragon Skin 30"
     data = SheetData(MoldLayout(params, 0.2), {}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {})
-    blocks = [*_prints(data), *light_check(data), *led_ring(params, Path("none.png"))]
+    blocks = [*prints(data), *light_check(data), *led_ring(params, Path("none.png"))]
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     variant = "D=150 T=9 joint_clearance=0.2 material='Dragon Skin 30'"
     commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)

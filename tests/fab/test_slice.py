@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.errors import FileError, GeometryError, ParameterError
+from cad.errors import FileError, ParameterError
 from cad.identity import identity
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
@@ -23,9 +23,9 @@ from fab.slice.filaments import filament
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import empty_layers, floating_starts, print_figures, zone_figures
 from fab.slice.pose import laid_down
-from fab.slice.project_3mf import Project, Volume, write_orca, write_prusa
+from fab.slice.project_3mf import Volume, single, write_orca, write_prusa
 from fab.slice.projects import Export, read_export, read_part
-from fab.slice.result import slice_project, summary
+from fab.slice.result import PieceResult, SliceResult, slice_project, summary
 from fab.slice.run import NAMES, SlicerMissingError, find_slicer, model_info, slice_to_gcode
 from fab.slice.settings import LAYER_MM, Region, native_density_percent, part_settings, zone_region
 from fab.variant import Variant
@@ -116,7 +116,7 @@ def test_density_asked_exceeds_the_density_wanted_and_falls_with_the_wall():
 def test_projects_are_sound_3mf_for_an_independent_reader(tmp_path):
     lib3mf = pytest.importorskip("lib3mf")
     meshes = (box(20, 20, 2), box(10, 10, 4))
-    project = Project("two", part_settings("interface", "TPU 95A"), tuple(
+    project = single("two", part_settings("interface", "TPU 95A"), tuple(
         Volume(f"v{k}", mesh, zone_region(6.0) if k else None) for k, mesh in enumerate(meshes)
     ))  # fmt: skip
     for write, objects in ((write_prusa, 1), (write_orca, 2)):
@@ -143,7 +143,7 @@ def test_orca_project_names_every_setting_of_part_and_zone(tmp_path):
     path = tmp_path / "a.3mf"
     zone = zone_region(6.0)
     volumes = (Volume("flange", box(9, 9, 1)), Volume("zone", box(5, 5, 2), zone))
-    write_orca(Project("a", part_settings("interface", "TPU 95A"), volumes), path)
+    write_orca(single("a", part_settings("interface", "TPU 95A"), volumes), path)
     archive = ZipFile(path)
     settings = json.loads(archive.read("Metadata/project_settings.config"))
     assert settings["layer_height"] == "0.2" and settings["filament_type"] == ["TPU"]
@@ -161,13 +161,13 @@ def test_poses_stand_on_the_bed_and_a_part_too_large_is_refused():
     assert laid.is_watertight and laid.volume > 0
     long = box(260, 4, 4)
     assert max(laid_down("base", long).extents[:2]) < 248  # turned
-    with pytest.raises(GeometryError, match=r"300 x 300.*larger bed"):
+    with pytest.raises(ParameterError, match=r"base \(300 x 300 x 5 mm\).*none of the table takes every part"):
         laid_down("base", box(300, 300, 5))
 
 
 def test_unknown_material_names_those_known():
-    with pytest.raises(ParameterError, match="PLA, TPU 95A"):
-        filament("PETG")
+    with pytest.raises(ParameterError, match="PLA, PETG, TPU 95A"):
+        filament("ABS")
 
 
 # --- the slicer itself --------------------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ def sliced(ring, region: Region, folder: Path):
         part_settings("interface", "TPU 95A"), region=Region(1, 0, 0, 5.0, "rectilinear"), thin_lines=False
     )
     project = folder / "ring.3mf"
-    write_prusa(Project("ring", settings, (Volume("flange", flange), Volume("zone", zone, region))), project)
+    write_prusa(single("ring", settings, (Volume("flange", flange), Volume("zone", zone, region))), project)
     slice_to_gcode(SLICER, project, folder / "ring.gcode")
     moves = read_gcode(folder / "ring.gcode")
     return moves, volume
@@ -227,7 +227,7 @@ def test_the_zone_prints_ten_per_cent_open_and_anchors_or_wrong_infill_show(ring
 @needs_slicer
 def test_a_project_is_sliced_as_it_lies_and_its_grams_are_the_slicers(tmp_path):
     settings = part_settings("ring_spacer", "PLA")
-    project = Project("ring_spacer", settings, (Volume("ring_spacer", box(30, 20, 3)),))
+    project = single("ring_spacer", settings, (Volume("ring_spacer", box(30, 20, 3)),))
     result = slice_project(SLICER, project, tmp_path, SMALL, keep_gcode=True)
     assert all(check.ok for check in result.checks)
     assert set(result.files) == {"ring_spacer.prusa.3mf", "ring_spacer.orca.3mf"}
@@ -237,7 +237,7 @@ def test_a_project_is_sliced_as_it_lies_and_its_grams_are_the_slicers(tmp_path):
     solid = 30 * 20 * 3 / 1000 * settings.filament.density_g_cm3
     assert 0.5 * solid < result.figures.grams < 1.1 * solid
     assert result.figures.extent_mm[2] == 3.0 and math.isfinite(result.figures.time_s)
-    assert moves.kinds and result.record()["settings"]["walls"] == settings.region.walls
+    assert moves.kinds and result.record()["pieces"][0]["settings"]["walls"] == settings.region.walls
 
 
 @needs_slicer
@@ -248,7 +248,7 @@ def test_an_open_mesh_and_two_bodies_fail_their_gates(tmp_path):
     twin = box(5, 5, 2)
     twin.apply_translation((30, 0, 0))
     for mesh, gate in ((torn, "slicer_manifold"), (trimesh.util.concatenate([whole, twin]), "slicer_bodies")):
-        result = slice_project(SLICER, Project("base", settings, (Volume("base", mesh),)), tmp_path, SMALL, False)
+        result = slice_project(SLICER, single("base", settings, (Volume("base", mesh),)), tmp_path, SMALL, False)
         assert [c.name for c in result.checks if not c.ok][:1] == [f"base.{gate}"]
 
 
@@ -257,7 +257,7 @@ def test_a_part_beside_the_bed_shows_in_the_moves(tmp_path):
     mesh = box(20, 20, 1)
     mesh.apply_translation((120, 0, 0))
     path = tmp_path / "beside.3mf"
-    write_prusa(Project("base", part_settings("base", "PLA"), (Volume("base", mesh),)), path)
+    write_prusa(single("base", part_settings("base", "PLA"), (Volume("base", mesh),)), path)
     assert model_info(SLICER, path).is_manifold
     try:
         slice_to_gcode(SLICER, path, tmp_path / "beside.gcode")
@@ -276,6 +276,8 @@ def test_a_part_beside_the_bed_shows_in_the_moves(tmp_path):
     [
         (["D=abc", "T=8"], "D=abc is not a number"),
         (["gcode=maybe"], "neither yes nor no"),
+        (["plates=many"], "neither nested nor single"),
+        (["printer=mk5"], "choose one of mk4, x1c, a1_mini, ender3, generic180"),
         (["--quick"], "'--quick' is not an option"),
         ([], "run `make molds D=130 T=8` first"),
     ],
@@ -329,6 +331,7 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
     monkeypatch.setattr("fab.slice.run.find_slicer", lambda: "slicer")
     monkeypatch.setattr("fab.slice.projects.read_export", lambda *_: export)
     monkeypatch.setattr("fab.slice.projects.project_names", lambda _: ["base"])
+    monkeypatch.setattr("fab.slice.projects.nested_plates", lambda *_: [SimpleNamespace(name="base")])
     monkeypatch.setattr(command, "_slice_one", lambda *_: bad)
     monkeypatch.setattr(command, "worker_pool", lambda _count: Inline())
     monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
@@ -339,9 +342,16 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
 
 def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_is_none_of_it():
     figures = SimpleNamespace(time_s=7200.0, grams=30.0, cost_usd=0.5, layers=9, floating_starts=0)
-    base, hanger = (SimpleNamespace(name=name, figures=figures, zone=None) for name in ("base", "hanger"))
-    assert "mold:" not in summary([base])
-    assert "mold: 2 h 00, 30 g" in summary([base, hanger])
+    spool = part_settings("base", "PLA")
+    pieces = {name: PieceResult(name, spool, {}, grams) for name, grams in (("base", 10.0), ("hanger", 20.0))}
+
+    def plate(*names):
+        own = tuple(pieces[name] for name in names)
+        return SliceResult("plate_1", own, names, 9, figures, None, None, (), {})
+
+    assert "mold:" not in summary([plate("base")])
+    assert "mold: 2 h 00, 30 g" in summary([plate("base"), plate("hanger")])
+    assert "mold: 1 h 20, 20 g" in summary([plate("base", "hanger")])  # two thirds of its plastic
 
 
 class Inline:

@@ -69,10 +69,10 @@ def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:
 
 
 def _advice(endcap: EndcapConfig, misfit: Misfit, calibrated: bool) -> str:
+    """The largest difference and the command; docs/live.md has the rest."""
     whose = f"{endcap.camera} does not fit this picture" if calibrated else "camera not calibrated"
+    largest = misfit.reason.split("; ")[0].split(" (")[0]
+    usual = endcap.diameter_mm == EndcapConfig.diameter_mm and endcap.wall_mm == EndcapConfig.wall_mm
+    design = "" if usual else f" --diameter {endcap.diameter_mm:g} --wall {endcap.wall_mm:g}"
     zero = endcap.zero or f"{endcap.name}.npz"
-    design = f" --diameter {endcap.diameter_mm:g} --wall {endcap.wall_mm:g}"
-    return (
-        f"{whose}: {misfit.reason}; run python -m sensing.calibrate --zero {zero}{design} --out {endcap.name}.json "
-        f'and set camera = "{endcap.name}.json" in endcaps.toml'
-    )
+    return f"{whose} ({largest}): run python -m sensing.calibrate --zero {zero}{design} --out {endcap.name}.json"

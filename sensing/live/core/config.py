@@ -35,9 +35,9 @@ from cad.errors import FileError, ParameterError, printable
 from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import replace_file
 from sensing.frames import Array, rigid
 from sensing.tracking.methods import METHODS
-from sensing.whole_file import replace_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")

@@ -25,11 +25,15 @@ class Sink(Protocol):
 class QueuedSink:
     """Base of outputs with a thread of their own: override :meth:`write` and :meth:`finish`.
 
+    Args:
+        length: readings that the output may be behind. idle_s: :meth:`idle` is called after so long without one.
+
     Attributes:
         dropped: readings lost because the output was too slow. failed: why it stopped; empty while it works.
     """
 
-    def __init__(self, length: int) -> None:
+    def __init__(self, length: int, idle_s: float | None = None) -> None:
+        self._idle_s = idle_s
         self._queue: deque[EndcapReading] = deque(maxlen=length)
         self._changed = threading.Condition()
         self._closing = False
@@ -74,6 +78,9 @@ class QueuedSink:
         """One reading, in the output's thread; an OSError ends the output."""
         raise NotImplementedError
 
+    def idle(self) -> None:
+        """No reading came for ``idle_s``; in the output's thread."""
+
     def finish(self) -> None:
         """End of the output, in its thread, also after a failure."""
 
@@ -84,11 +91,14 @@ class QueuedSink:
         try:
             while True:
                 with self._changed:
-                    self._changed.wait_for(lambda: self._queue or self._closing)
-                    if not self._queue:
+                    self._changed.wait_for(lambda: self._queue or self._closing, self._idle_s)
+                    if not self._queue and self._closing:
                         break
-                    reading = self._queue.popleft()
-                self.write(reading)
+                    reading = self._queue.popleft() if self._queue else None
+                if reading is None:
+                    self.idle()
+                else:
+                    self.write(reading)
         except Exception as error:  # an output must not end the process: it says what happened
             self.failed = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
         try:

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError
+from cad.whole_file import replace_file
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
 from sensing.live.core.model import known_weights
-from sensing.whole_file import replace_file
 
 METADATA = "endcap_live"
 FORMAT = 2

@@ -69,7 +69,7 @@ class Recorder(QueuedSink):
         health: Callable[[], Sequence[EndcapHealth]] = list,
         stream: BinaryIO | None = None,
     ) -> None:
-        super().__init__(ROOM)
+        super().__init__(ROOM, DIAGNOSTICS_S)
         self.path, self.frames, self.kept = path, 0, 0
         self._config, self._restart, self._health = config, restart, health
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
@@ -137,6 +137,12 @@ class Recorder(QueuedSink):
         self.frames += 1
         if self._bytes >= CHUNK_BYTES or time.monotonic() >= self._flushed_s + FLUSH_S:
             self._flush()
+
+    def idle(self) -> None:
+        """Why no frame comes is recorded too."""
+        now_s = time.monotonic()
+        self._diagnose(now_s, self._wall_ns + int(now_s * 1e9))
+        self._flush()
 
     def lost(self, reading: EndcapReading) -> None:
         """What follows a gap could not be replayed to the bit: begin the endcap anew."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -51,10 +52,11 @@ class Terminal:
 
     def _print_changes(self, healths: Sequence[EndcapHealth]) -> None:
         for health in healths:
-            said = health.message.split(" for ")[0] or health.status
+            text = f"{health.status}: {health.message}" if health.message else health.status
+            said = re.sub(r"\d+(\.\d+)?", "#", text)  # a count that changes is no news
             if self._said.get(health.endcap) != said:
                 self._said[health.endcap] = said
-                self._stream.write(printable(f"{health.endcap}: {health.message or health.status}") + "\n")
+                self._stream.write(printable(f"{health.endcap}: {text}") + "\n")
                 self._stream.flush()
 
 
@@ -97,7 +99,7 @@ def summary(healths: Sequence[EndcapHealth], seconds: float) -> list[str]:
             f"{health.endcap}: {health.frames} frames, {health.dropped} dropped, {health.faults} unusable, "
             f"image to wrench {_ms(health.p50_ms)} median, {_ms(health.p99_ms)} at 99 %"
             + (f", reopened {health.reopened} times" if health.reopened else "")
-            + (f": {health.message}" if health.message else "")
+            + (f": {health.status}: {health.message}" if health.message else "")
         )
     return lines
 

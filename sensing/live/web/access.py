@@ -15,6 +15,8 @@ import socket
 import stat
 from pathlib import Path
 
+from cad.whole_file import PRIVATE, put_file
+
 TOKEN = re.compile(r"[A-Za-z0-9_-]{22,86}")
 LONGEST = 128  # bytes of the file that are looked at
 ANYWHERE = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}  # addresses of documentation (RFC 5737, 3849)
@@ -35,11 +37,7 @@ def page_token() -> str:
             return kept
         made = secrets.token_urlsafe(16)
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        temporary = path.with_name(f"{path.name}.{secrets.token_hex(8)}.part")
-        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "w") as stream:
-            stream.write(made + "\n")
-        os.replace(temporary, path)
+        put_file(path, (made + "\n").encode(), PRIVATE)
         return _read(path) or made
     except (OSError, RuntimeError):  # RuntimeError: no home
         return secrets.token_urlsafe(16)

@@ -8,8 +8,8 @@ of a Dask cluster; they hand shards back, so only the machine that was asked nee
 from __future__ import annotations
 
 import fcntl
+import io
 import json
-import os
 import sys
 import time
 import zipfile
@@ -17,13 +17,14 @@ from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any, cast
 
 import joblib
 import numpy as np
 
 from cad.errors import FileError, ParameterError
 from cad.identity import require_same
+from cad.whole_file import put_file
 from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.frames import rest_arrays, shard_bytes
@@ -60,7 +61,7 @@ def write_dataset(request: DataRequest, folder: Path, workers: int = 1, schedule
             begin = time.monotonic()
             made = _made(request, [shards[k] for k in missing], missing, workers, scheduler)
             for count, (number, data) in enumerate(made, 1):
-                _write(shard_path(folder, number), data)
+                put_file(shard_path(folder, number), data, durable=True)
                 _progress(count, len(missing), begin)
     except BrokenProcessPool as error:
         raise FileError(
@@ -157,30 +158,10 @@ def _begin(request: DataRequest, folder: Path) -> None:
         require_same(folder, "holds a set", identity_of(folder, manifest), request.identity, "choose an empty folder")
     for litter in folder.rglob("*.part"):
         litter.unlink()
-    with _replacing(folder / "dots.npz") as stream:
-        np.savez(stream, **cast(dict[str, Any], rest_arrays(request)))
+    np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(request)))
+    put_file(folder / "dots.npz", buffer.getvalue(), durable=True)
     request.mounted.save(folder / "camera.json", request.identity)
-    with _replacing(folder / "manifest.json") as stream:
-        stream.write((json.dumps(wanted, indent=1) + "\n").encode())
-
-
-def _write(path: Path, data: bytes) -> None:
-    with _replacing(path) as stream:
-        stream.write(data)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A stream whose content appears under ``path`` only when complete and on the disk."""
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        with temporary.open("wb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    put_file(folder / "manifest.json", (json.dumps(wanted, indent=1) + "\n").encode(), durable=True)
 
 
 def _is_whole(path: Path) -> bool:

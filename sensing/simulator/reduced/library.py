@@ -15,6 +15,7 @@ next lower degree; a state outside the fitted range, or whose estimate is over a
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError
 from cad.materials import HyperelasticLaw
+from cad.whole_file import replace_file
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import Index
@@ -113,15 +115,9 @@ class Library:
         Raises:
             FileError: it cannot be written.
         """
-        temporary = path.with_name(f".{path.name}.part")
-        try:
-            with temporary.open("wb") as stream:
-                np.savez_compressed(stream, format=FORMAT, **{f.name: getattr(self, f.name) for f in fields(self)})
-            temporary.replace(path)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be written ({error.strerror or error}): choose another place") from error
-        finally:
-            temporary.unlink(missing_ok=True)
+        content = {f.name: getattr(self, f.name) for f in fields(self)}
+        np.savez_compressed(buffer := io.BytesIO(), format=FORMAT, **content)
+        replace_file(path, buffer.getvalue(), "choose another place")
 
     @staticmethod
     def load(path: Path) -> Library:

@@ -7,7 +7,6 @@ python -m sensing.simulator.render --camera camera.json --beside photo.jpg --out
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 from cad.errors import EndcapError, FileError
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
+from cad.whole_file import replace_file
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -124,12 +124,7 @@ def _write(path: str, image: Image) -> None:
     target = Path(path)
     if target.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise FileError(f"{path}: unknown picture format {target.suffix!r}; end the name in .png or .jpg")
-    temporary = target.with_name(target.name + ".part")
-    try:
-        temporary.write_bytes(cv2.imencode(target.suffix, image)[1].tobytes())
-        os.replace(temporary, target)
-    except OSError as error:
-        raise FileError(f"{path}: cannot write ({error.strerror}); choose a folder that can be written") from error
+    replace_file(target, cv2.imencode(target.suffix, image)[1].tobytes(), "choose a folder that can be written")
 
 
 if __name__ == "__main__":

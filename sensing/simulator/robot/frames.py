@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
-import tempfile
+import io
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.whole_file import put_file
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Paint, RenderSettings
 from sensing.simulator.robot.scene import ENDCAPS, FILE, PARAMS, RobotScene, load_scene
@@ -197,6 +197,6 @@ def _keep(path: Path, pictures: dict[Key, bytes], robot: RobotDesign) -> None:
         for old in path.parent.glob(f"robot_scene_{robot.label}_*.npz"):  # of an earlier version of the renderer
             old.unlink()
         ordered = [pictures[key] for key in sorted(pictures)]
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            np.savez(file, jpeg=np.frombuffer(b"".join(ordered), np.uint8), end=np.cumsum([len(p) for p in ordered]))
-        os.replace(file.name, path)
+        ends = np.cumsum([len(p) for p in ordered])
+        np.savez(buffer := io.BytesIO(), jpeg=np.frombuffer(b"".join(ordered), np.uint8), end=ends)
+        put_file(path, buffer.getvalue())

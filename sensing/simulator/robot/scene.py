@@ -11,10 +11,9 @@ contact on azimuth 0 as in :mod:`sensing.simulator.levels`; robot frame: the upr
 from __future__ import annotations
 
 import argparse
+import io
 import math
-import os
 import sys
-import tempfile
 import zipfile
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.materials import silicone
 from cad.params import EndcapParams
+from cad.whole_file import put_file
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.states import path_states
 from sensing.simulator.levels import Simulator
@@ -167,10 +167,9 @@ def assemble_scene(plan: ScenePlan, solved: dict[tuple[int, int], tuple[Array, A
 
 def save_scene(scene: RobotScene, path: Path) -> None:
     """Write under a temporary name, then rename."""
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        np.savez_compressed(file, **{name: getattr(scene, name) for name in RobotScene.__dataclass_fields__})
-    os.chmod(file.name, 0o644)
-    os.replace(file.name, path)
+    content = {name: getattr(scene, name) for name in RobotScene.__dataclass_fields__}
+    np.savez_compressed(buffer := io.BytesIO(), **content)
+    put_file(path, buffer.getvalue())
 
 
 def _screwed_on(rng: np.random.Generator) -> Array:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError
 from cad.materials import silicone
+from cad.whole_file import put_file
 from sensing.records_labelled import COLUMNS, FORMAT
 from sensing.simulator.dataset.frames import world_pose
 from sensing.simulator.dataset.request import DataRequest
@@ -131,7 +132,7 @@ def write_labelled(
             frames += len(shard["path"])
             buffer = io.BytesIO()
             np.savez(buffer, **cast(dict[str, Any], shard))
-            _write(folder / "shards" / f"{number:05d}.npz", buffer.getvalue())
+            put_file(folder / "shards" / f"{number:05d}.npz", buffer.getvalue())
             if progress is not None:
                 progress(number + 1, len(paths))
     except OSError as error:
@@ -154,9 +155,9 @@ def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int
     dots = geometry.inner_radius_mm * dot_directions(geometry) + np.array(geometry.centre_mm)
     buffer = io.BytesIO()
     np.savez(buffer, dots_mm=dots, surface_mm=simulator.surface.position)
-    _write(folder / "dots.npz", buffer.getvalue())
+    put_file(folder / "dots.npz", buffer.getvalue())
     request.mounted.save(folder / "camera.json", request.identity)
-    _write(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
+    put_file(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
 
 
 def _shard(
@@ -241,15 +242,6 @@ def _apart(simulator: Simulator, step: int, point: Waypoint) -> PathState:
 def _joined(prefix: str, pictures: list[bytes]) -> dict[str, NDArray[Any]]:
     ends = np.cumsum([len(picture) for picture in pictures], dtype=np.int64)
     return {prefix: np.frombuffer(b"".join(pictures), np.uint8), f"{prefix}_end": ends}
-
-
-def _write(path: Path, data: bytes) -> None:
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def with_azimuths(paths: Sequence[LoadPath], count: int) -> list[LoadPath]:

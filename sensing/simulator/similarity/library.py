@@ -11,6 +11,7 @@ with a linear part (Duchon 1977; Wendland 2005, doi:10.1017/CBO9780511617539), a
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import zipfile
 from dataclasses import asdict, dataclass
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.whole_file import replace_file
 from sensing.simulator.similarity.node import CAPACITY, LABELS, SolvedNode
 from sensing.simulator.similarity.paths import library_paths, stand_paths
 from sensing.simulator.similarity.ratios import ShellRatios
@@ -193,13 +195,12 @@ def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> 
 
 
 def save_library(library: Library, path: Path) -> None:
-    """Write under a temporary name, then rename."""
+    """Write the library, whole or not at all."""
     arrays: dict[str, Any] = {name: getattr(library, name) for name in ("ratios", "modes", "curves", "paths")}
     for name in ("travel", "standing"):
         arrays |= {f"{name}_{key}": value for key, value in vars(getattr(library, name)).items()}
-    temporary = path.with_name(f".{path.stem}.part.npz")
-    np.savez_compressed(temporary, **arrays)
-    temporary.replace(path)
+    np.savez_compressed(buffer := io.BytesIO(), **arrays)
+    replace_file(path, buffer.getvalue())
 
 
 @lru_cache(maxsize=2)

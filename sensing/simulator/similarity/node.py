@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from cad.whole_file import replace_file
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
@@ -37,17 +39,17 @@ class SolvedNode:
 
 
 def save_node(node: SolvedNode, path: Path) -> None:
-    """Write a node under a temporary name, then rename."""
-    temporary = path.with_name(f".{path.stem}.part.npz")
+    """Write a node, whole or not at all."""
+    buffer = io.BytesIO()
     np.savez_compressed(
-        temporary,
+        buffer,
         ratios=np.array([node.ratios.wall, node.ratios.clamp]),
         surface=node.surface.astype(np.float32),
         wrench=node.wrench,
         labels=node.labels,
         capacity=node.capacity,
     )
-    temporary.replace(path)
+    replace_file(path, buffer.getvalue())
 
 
 def read_node(path: Path) -> SolvedNode:

@@ -18,6 +18,7 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
+from cad.whole_file import put_file
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import State
@@ -59,10 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
     except EndcapError as error:
         print(error, file=sys.stderr)
         return 2
-    temporary = path.with_name(".verification.md.part")
     text = [HEAD, *(f"{title}\n{parts[title]}" for title in sorted(parts, key=_place))]
-    temporary.write_text("\n".join(text), encoding="utf-8")
-    temporary.replace(path)
+    put_file(path, "\n".join(text).encode())
     print(path)
     return 0
 

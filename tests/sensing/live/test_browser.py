@@ -139,6 +139,18 @@ def test_a_black_picture_shows_a_dash_and_the_reason(stage):
     assert re.fullmatch(r"0\.\d N", force) and re.fullmatch(r"Fx -?0\.\d N", plots[0])
 
 
+def test_nothing_is_below_the_fold_of_a_notebook(stage):
+    stage.free()
+    metrics = {"deviceScaleFactor": 1, "mobile": False}
+    stage.tab.call("Emulation.setDeviceMetricsOverride", width=1440, height=900, **metrics)
+    try:
+        bottom = "Math.max(...['health', 'plots', 'image', 'scene'].map((id) => $(id).getBoundingClientRect().bottom))"
+        lowest, tallest = stage.tab.until("innerWidth === 1440 && live()", f"[{bottom}, $('plots').offsetHeight]")
+        assert 400 < lowest <= 900 and tallest > 80
+    finally:
+        stage.tab.call("Emulation.setDeviceMetricsOverride", width=1400, height=1080, **metrics)
+
+
 def test_a_run_that_stops_is_grey_with_its_age_and_its_buttons_do_nothing_then_or_later(stage):
     stage.free()
     stage.process.send_signal(signal.SIGSTOP)

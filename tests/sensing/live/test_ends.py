@@ -2,6 +2,8 @@
 
 import contextlib
 import gc
+import inspect
+import io
 import os
 import resource
 import signal
@@ -11,6 +13,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from live_program import camera, program
@@ -20,10 +23,13 @@ from mcap.records import ChunkIndex
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
+from sensing.live.ending import FLUSH_S, Stop
 from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.recording import OTHERS_S
 from sensing.live.replay import read_config, replay_endcaps, verify
+from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame
 from sensing.tracking.zero import ZeroError
 
@@ -99,6 +105,29 @@ def test_cameras_that_hang_are_left_behind_together():
         endcap.feed.close = lambda wait_s: waited.append(wait_s) or time.sleep(wait_s)
     engine.close(0.4)
     assert sum(waited) <= 0.4 and all(endcap.feed._live._stop.is_set() for endcap in endcaps)
+
+
+def test_all_that_hangs_shares_less_than_two_seconds_after_a_signal(monkeypatch):
+    """The waits that each may take are added up: how long this computer takes for the rest does not count."""
+    clock = SimpleNamespace(now_s=50.0)
+    monkeypatch.setattr("sensing.live.run.time", SimpleNamespace(monotonic=lambda: clock.now_s))
+
+    def hang(wait_s: float) -> None:
+        clock.now_s += wait_s
+
+    endcaps = [LiveEndcap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k)) for k in range(2)]
+    run = LiveRun(LiveConfig(tuple(EndcapConfig(f"endcap_{k}", "test") for k in range(2))), endcaps)
+    engine = SimpleNamespace(halt=hang, close=hang, wait=lambda _: False, health=lambda **_: [])
+    monkeypatch.setattr(run, "engine", engine)
+    stop, outputs, given = Stop(), contextlib.ExitStack(), []
+    engine.start = stop.asked.set
+    for _ in range(4):  # numbers, topics, viewer, page
+        outputs.callback(lambda: given.append(run.patience_s) or hang(run.patience_s))
+    outputs.callback(lambda: given.append(run.patience_s - OTHERS_S) or hang(run.patience_s - OTHERS_S))  # the file
+    lines = Lines(io.StringIO())
+    run_until_stopped(run, lines, None, outputs, stop)
+    closing_s = inspect.signature(Lines.close).parameters["wait_s"].default
+    assert clock.now_s - 50.0 + closing_s + FLUSH_S <= 2.2 and given[0] > 0.6  # most of it is for the file
 
 
 def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):

@@ -19,10 +19,10 @@ from sensing.live.core.model import live_model, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import plain
 from sensing.live.core.robot import robot_state
-from sensing.live.core.state import Condition, Event
+from sensing.live.core.state import Condition, Event, State
 from sensing.live.core.stats import STAGES, WINDOW, EndcapStats
 from sensing.live.outputs.json_lines import JsonLines
-from sensing.live.outputs.terminal import endcap_line, robot_line, summary
+from sensing.live.outputs.terminal import Terminal, endcap_line, robot_line, summary
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.newest import Health, SourceError
@@ -379,6 +379,20 @@ def test_the_terminals_line_says_what_counts(press):
     )
     assert "16 frames, 0 dropped" in summary([endcap.health], 1.0)[1]
     assert plain(endcap.stats.last)["dots"] == dots() > 90
+
+
+def test_where_nobody_looks_state_and_reason_are_printed_when_they_change():
+    stream = io.StringIO()
+    terminal, stats = Terminal(stream), EndcapStats("endcap_0")
+    for state, reason in (
+        (State.STARTING, ""), (State.BLIND, "0 of 88 dots are seen"), (State.BLIND, "3 of 88 dots are seen"),
+        (State.RUNNING, ""), (State.SILENT, "no frame for 1.2 s"), (State.SILENT, "no frame for 2.3 s"),
+    ):  # fmt: skip
+        terminal.show([stats.health(Health(), Condition(state, reason), 0)], {}, None, [])
+    assert stream.getvalue().splitlines() == [
+        "endcap_0: starting", "endcap_0: blind: 0 of 88 dots are seen", "endcap_0: running",
+        "endcap_0: silent: no frame for 1.2 s",
+    ]  # fmt: skip
 
 
 def test_a_run_ends_with_its_sources_and_a_summary(press):

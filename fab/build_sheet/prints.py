@@ -1,0 +1,127 @@
+"""Printing in the build sheet: the bed needed, how to open the projects, what lies on each plate, how it is filled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
+from fab.build_sheet.commands import make_command
+from fab.build_sheet.data import SheetData
+from fab.slice.result import hours, is_mold
+
+
+def bed_needed(data: SheetData) -> str:
+    """The largest part as printed, and which printers take all."""
+    if not data.beds:
+        return "not known"
+    name, size = max(data.beds.items(), key=lambda item: max(item[1][:2]))
+    height = max(size[2] for size in data.beds.values())
+    takers = ", ".join(data.fitting_printers) or "no printer of the table takes every part"
+    return (
+        f"{name} is {size[0]:.0f} x {size[1]:.0f} mm on the bed, the tallest part {height:.0f} mm; with 4 mm round "
+        f"each part these take all: {takers}"
+    )
+
+
+def prints(data: SheetData) -> list[Block]:
+    """Plates and parts."""
+    title = Heading("Print", 1)
+    if data.sliced is None:
+        first, second = (make_command(target, data) for target in ("slice", "sheet"))
+        bed = f"Bed: {bed_needed(data)}."
+        return [title, Paragraph(bed), Paragraph(f"Not sliced yet: run {first}, then {second} again.")]
+    projects, printer = data.sliced["projects"], data.sliced["printer"]
+    return [
+        title,
+        Paragraph(
+            f"Made for {printer['title']} ({printer['size']}, nozzle {printer['nozzle_mm']:g}), layers "
+            f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data)} printer=NAME. Times and "
+            f"grams were measured on the G-code of {data.sliced['slicer']}."
+        ),
+        Heading("Open the projects"),
+        Paragraph(
+            "PrusaSlicer: File, Open Project, <plate>.prusa.3mf. OrcaSlicer or Bambu Studio: File, Open Project, "
+            "<plate>.orca.3mf, and answer that you want it as a project, not geometry only. Pose, filling and "
+            f"temperatures are inside. {_preset(printer)} Do not arrange or turn the parts; slice, look at the first "
+            "layer, print."
+        ),
+        Paragraph(
+            "Print ONE interface: interface_infill (the slicer makes the gyroid; quick, small) unless you want "
+            "the very gyroid of the CAD files: interface_gyroid. A plate is lost when one part on it comes loose: "
+            f"{make_command('slice', data)} plates=single makes one job for each part."
+        ),
+        Table(
+            ("plate", "material", "parts", "time", "g"),
+            tuple(_plate_row(project) for project in projects),
+            (1.3, 0.9, 4, 0.8, 0.6),
+        ),
+        Heading("How each part is filled"),
+        Table(("part", "filling", "also"), tuple(_fill_rows(projects)), (1.6, 3.4, 2)),
+        *(
+            Paragraph(
+                f"{project['name']}: {100 * project['zone']['fraction']:.2f} % of the zone is printed (wanted 10), "
+                f"{100 * project['zone']['open_share']:.1f} % of its boundary is open for the silicone."
+            )
+            for project in projects
+            if project["zone"]
+        ),
+        Paragraph(
+            "Before you go on: rub the cup's inside and the core's outside with a fingernail; a blob there becomes a "
+            "pit in the dome. The interface's infill must be open at its sides: hold it against a lamp."
+        ),
+    ]
+
+
+def mold_sums(data: SheetData) -> tuple[str, float, float] | None:
+    """Printing time, grams and US dollars of the mold; ``None`` before it was sliced. Plates count by their plastic."""
+    if data.sliced is None:
+        return None
+    time_s = grams = cost = 0.0
+    for project in data.sliced["projects"]:
+        pieces = [piece for piece in project["pieces"] if is_mold(piece["name"])]
+        own = sum(piece["grams"] for piece in pieces)
+        time_s += project["time_s"] * own / project["grams"]
+        grams, cost = grams + own, cost + sum(piece["cost_usd"] for piece in pieces)
+    return hours(time_s) + " of printing", grams, cost
+
+
+def _preset(printer: Mapping[str, Any]) -> str:
+    """Which presets are named, and that the printer's own start is the better one."""
+    names = [name for name in (printer["prusa_printer"], printer["orca_printer"]) if name]
+    if not names:
+        return (
+            "Choose your printer's own preset for start, levelling and end; the projects carry plain ones (G28, G29)."
+        )
+    return (
+        f"They name the presets {' and '.join(dict.fromkeys(names))}; the start in them homes, levels and heats. Your "
+        "printer's own preset does more (purge line): choose it where the slicer asks."
+    )
+
+
+def _plate_row(project: Mapping[str, Any]) -> tuple[str, ...]:
+    parts = ", ".join(piece["name"] for piece in project["pieces"])
+    return project["name"], project["material"], parts, hours(project["time_s"]), f"{project['grams']:.0f}"
+
+
+def _fill_rows(projects: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """One row for parts that are filled alike."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for project in projects:
+        for piece in project["pieces"]:
+            name = project["name"] if project["zone"] else piece["name"]
+            alike.setdefault(_filling(piece), []).append(name)
+    return [(", ".join(names), fill, also) for (fill, also), names in alike.items()]
+
+
+def _filling(piece: Mapping[str, Any]) -> tuple[str, str]:
+    s = piece["settings"]
+    fill = f"{s['walls']} walls, {s['density_percent']:g} % {s['pattern']}"
+    for volume, own in piece["own_settings"].items():
+        fill += f"; {volume}: {own['density_percent']:g} % {own['pattern']}, no walls, no top, no bottom, anchors 0"
+    extra = (
+        f"brim {s['brim_mm']:g}" if s["brim_mm"] else "",
+        "support from the bed" if s["support"] else "",
+        f"outlines +{s['grow_mm']:.3f}" if s["grow_mm"] else "",
+    )
+    return fill, ", ".join(word for word in extra if word)

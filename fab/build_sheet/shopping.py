@@ -1,0 +1,95 @@
+"""What to buy and to have at hand, what keeps silicone from curing, and what the provenance letters mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cad.fasteners import BomLine
+from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
+from fab.build_sheet.data import SheetData
+
+LEGEND = (
+    ("P", "stated in the paper of the released sensor"),
+    ("M", "measured on a released file or photo"),
+    ("S", "a standard or data sheet"),
+    ("E", "our estimate: check it before you rely on it"),
+)
+
+
+def safety(data: SheetData) -> list[Block]:
+    """What stops the cure, and what ruins the mold; before anything is opened."""
+    name = data.recipe.silicone.name
+    return [
+        Heading("Before you open the silicone", 2),
+        Table(
+            ("keep away", "because"),
+            (
+                ("latex gloves, rubber bands and tubes that touch silicone, sulphur clay, tin-cure silicone, "
+                 "fresh resin prints, new epoxy or polyurethane paint",
+                 f"{name} is cured by platinum; sulphur, amines, tin and uncured resin stop it, and the surface stays "
+                 "sticky. Wear nitrile or vinyl gloves. A rubber band may hold the bowl from outside"),
+                ("urethane rubbers in this mold, ReoFlex 60 for one", "they bond to PLA and TPU and stay there; the "
+                 "mold is made for addition-cure silicone with a release agent"),
+                ("layer lines of the core and of the bowl's inside", "the dome copies them, and the camera sees those "
+                 "of the core as rings. Rub the core with grit 240, then 400, keep off its bumps; wash, dry, wipe with "
+                 "alcohol. Do not lacquer it: most lacquers hinder the cure"),
+                ("spray of release agent on the TPU interface", "silicone must hold in its gyroid"),
+            ),
+            (2, 3),
+        ),
+        Paragraph(
+            "First time, or another brand of filament: cure a spoonful of silicone on a spare print overnight. Is it "
+            "sticky where it touched the plastic, the cure was inhibited: do not cast. Read both data sheets; air the "
+            "room; eye protection while mixing and demolding."
+        ),
+    ]  # fmt: skip
+
+
+def bill(data: SheetData) -> list[Block]:
+    """Everything to make, to buy and to have, in that order."""
+    made = [line for line in data.lines if line.kind == "made"]
+    parts = [line for line in data.lines if line.kind == "part"]
+    casting = [line for line in data.lines if line.kind in ("silicone", "consumable")]
+    tools = [line for line in data.lines if line.kind == "tool"]
+    widths = (0.9, 2.2, 3.3, 0.8, 1.9, 0.7, 0.4)
+    header = ("", "item", "order as", "how many", "for", "USD", "")
+    return [
+        Heading("What you need", 1),
+        Paragraph(
+            "The same lines are in bom.csv. A part number names one that fits; any other of the same value, size and "
+            "rating does as well. Prices are estimates in US dollars, made parts by the grams they take. The last "
+            "column says where a line comes from: " + "; ".join(f"{letter} {words}" for letter, words in LEGEND) + "."
+        ),
+        Heading("Print"),
+        Table(
+            ("", "part", "how many", "for", "USD"),
+            tuple((_picture(data, line), line.item, _amount(line), line.use, _price(line)) for line in made),
+            (0.9, 3, 1, 2, 0.8),
+        ),
+        Heading("Buy: parts"),
+        Table(header, _rows(data, parts), widths),
+        Heading("Buy: silicone and what casting uses up"),
+        Table(header, _rows(data, casting), widths),
+        Heading("Have at hand"),
+        Table(("tool", "which", "for"), tuple((t.item, t.order_as, t.use) for t in tools), (1.5, 3, 2.5)),
+    ]
+
+
+def _rows(data: SheetData, lines: Sequence[BomLine]) -> tuple[tuple[str | Path, ...], ...]:
+    return tuple(
+        (_picture(data, line), line.item, line.order_as, _amount(line), line.use, _price(line), line.provenance)
+        for line in lines
+    )
+
+
+def _picture(data: SheetData, line: BomLine) -> str | Path:
+    return data.pictures.get(f"thumb_{line.owner}", "")
+
+
+def _amount(line: BomLine) -> str:
+    return f"{line.quantity:g} {line.unit}"
+
+
+def _price(line: BomLine) -> str:
+    return "" if line.price_usd is None else f"{line.price_usd:.2f}"

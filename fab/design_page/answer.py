@@ -1,0 +1,143 @@
+"""What the page shows for one choice of its knobs: numbers, section, refusal; and the region that can be made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from cad.dots import dot_pattern
+from cad.errors import ParameterError
+from cad.feasible import diameter_range_mm, wall_range_mm
+from cad.materials import silicone, silicones
+from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
+from fab.command import parse_design, parse_length
+from fab.design_page.estimate import estimate
+from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
+from fab.exports.preview import glb
+from fab.slice.printers import DEFAULT_PRINTER, printer, printers
+from fab.variant import Variant
+
+KNOBS = ("D", "T", "joint_clearance", "material", "printer")
+REGION_STEPS = 160
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One choice of the knobs that can be made.
+
+    Attributes:
+        variant: the two numbers, the joint clearance and the silicone.
+        printer: name of a row of the printers' table.
+    """
+
+    variant: Variant
+    printer: str
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Options of `make molds`, one word each, no shell between."""
+        layout = self.variant.layout
+        return (
+            f"D={layout.params.diameter_mm:.10g}",
+            f"T={layout.params.wall_mm:.10g}",
+            f"joint_clearance={layout.joint_clearance_mm:.10g}",
+            f"material={self.variant.silicone}",
+        )
+
+
+def parse_choice(knobs: Mapping[str, str]) -> Choice:
+    """Read the knobs as the command line reads them.
+
+    Raises:
+        ParameterError: a value that cannot be read or made; one line with the nearest valid choice.
+    """
+    if strangers := sorted(set(knobs) - set(KNOBS)):
+        raise ParameterError(f"{strangers[0]!r} is no knob: they are {', '.join(KNOBS)}", name=strangers[0])
+    params = parse_design({"D": knobs.get("D", "130"), "T": knobs.get("T", "8")})
+    clearance = parse_length("joint_clearance", knobs.get("joint_clearance", f"{JOINT_CLEARANCE_MM:g}"))
+    row = silicone(knobs.get("material") or next(iter(silicones())))
+    where = printer(knobs.get("printer") or DEFAULT_PRINTER)
+    return Choice(Variant(MoldLayout(params, clearance), row.name), where.name)
+
+
+def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
+    """What is shown for a choice: either ``refusal``, or facts, section and commands."""
+    try:
+        choice = parse_choice(knobs)
+    except ParameterError as error:
+        return {"refusal": str(error)}
+    variant = choice.variant
+    params, row = variant.params, silicone(variant.silicone)
+    volume = shell_volume_mm3(params)
+    costs = estimate(variant.layout, row, choice.printer)
+    low, high = joint_clearance_range_mm(params)
+    facts = [
+        ("height", f"{params.tip_height_mm:.1f} mm above the base's face"),
+        ("silicone", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
+        ("dots", f"{len(dot_pattern(params))}"),
+        ("endcap weighs", f"about {costs.endcap_g:.0f} g with camera and ring"),
+        ("mold", f"about {costs.mold_g:.0f} g of PLA"),
+        ("printing", f"about {costs.hours:.0f} h, mold, base and interface"),
+        ("cost", f"about {costs.usd:.0f} USD: plastic, silicone in the cast, camera, ring, screws"),
+        ("joint clearance", f"{low:.2f} to {high:.2f} mm a side at this size"),
+        ("bed", costs.bed),
+    ]
+    return {
+        "facts": facts,
+        "section": _section(variant.layout),
+        "label": variant.label,
+        "commands": [f"make molds {variant.words}", f"make slice {variant.words} printer={choice.printer}",
+                     f"make sheet {variant.words}"],
+    }  # fmt: skip
+
+
+def preview(knobs: Mapping[str, str]) -> bytes:
+    """GLB of the closed-form parts.
+
+    Raises:
+        ParameterError: the choice cannot be made.
+    """
+    layout = parse_choice(knobs).variant.layout
+    return _preview(layout)
+
+
+@lru_cache(maxsize=8)
+def _preview(layout: MoldLayout) -> bytes:
+    return glb(preview_parts(layout))
+
+
+@lru_cache(maxsize=1)
+def region() -> dict[str, Any]:
+    """The region that can be made, and what else the knobs offer."""
+    smallest, largest = diameter_range_mm()
+    low_d = math.ceil(smallest * 100) / 100
+    diameters = np.linspace(low_d, largest, REGION_STEPS)
+    ranges = [wall_range_mm(float(d)) for d in diameters]
+    rows = [[float(d), *walls] for d, walls in zip(diameters, ranges, strict=True) if math.isfinite(walls[0])]
+    return {
+        "region": [[round(v, 4) for v in row] for row in rows],
+        "diameter": [low_d, largest],
+        "wall": [min(row[1] for row in rows), max(row[2] for row in rows)],
+        "clearance": list(JOINT_CLEARANCE_RANGE_MM),
+        "silicones": list(silicones()),
+        "printers": [[each.name, f"{each.title}, {each.size}"] for each in printers().values()],
+        "start": {"D": "130", "T": "8", "joint_clearance": f"{JOINT_CLEARANCE_MM:g}", "printer": DEFAULT_PRINTER},
+    }
+
+
+def _section(layout: MoldLayout) -> list[dict[str, Any]]:
+    """Profiles of the endcap, for the section."""
+    return [
+        {
+            "name": part.name,
+            "color": [round(c, 3) for c in part.color],
+            "profiles": [[[round(x, 2), round(z, 2)] for x, z in profile] for profile in part.profiles],
+        }
+        for part in parts(layout)
+        if part.group == "endcap"
+    ]

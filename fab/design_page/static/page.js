@@ -1,0 +1,150 @@
+// The page to turn two knobs: every change asks the server for numbers, section and a coarse preview; "Make" runs the command.
+"use strict";
+const $ = (id) => document.getElementById(id), token = document.querySelector("meta[name=endcap-token]").content;
+const SLIDERS = ["D", "T", "joint_clearance"], KNOBS = [...SLIDERS, "material", "printer"];
+const viewer = new Viewer($("turn"));
+const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, real: "", label: "" };
+const say = () => document.dispatchEvent(new Event("shown"));
+const svg = (name, values, parent) => {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(values)) made.setAttribute(key, value);
+  parent?.append(made);
+  return made;
+};
+const query = () => new URLSearchParams(KNOBS.map((name) => [name, (SLIDERS.includes(name) ? $(name + "_number") : $(name)).value]));
+
+async function begin() {
+  const offer = page.offer = await (await fetch("region.json")).json();
+  for (const [name, [low, high]] of [["D", offer.diameter], ["T", offer.wall], ["joint_clearance", offer.clearance]]) {
+    const step = Number($(name).step); // the slider stops at round numbers; the field beside it takes any
+    $(name).min = step * Math.ceil(low / step - 1e-9); $(name).max = step * Math.floor(high / step + 1e-9);
+    $(name).value = $(name + "_number").value = offer.start[name];
+    $(name).addEventListener("input", () => { $(name + "_number").value = $(name).value; refresh(); });
+    $(name + "_number").addEventListener("input", () => { $(name).value = $(name + "_number").value; refresh(); });
+  }
+  $("material").append(...offer.silicones.map((name) => new Option(name)));
+  $("printer").append(...offer.printers.map(([name, title]) => new Option(title, name)));
+  $("printer").value = offer.start.printer;
+  for (const name of ["material", "printer"]) $(name).addEventListener("change", refresh);
+  $("pull").addEventListener("input", () => viewer.set({ pull: $("pull").value / 100 }));
+  $("cut").addEventListener("change", () => viewer.set({ cut: $("cut").checked }));
+  $("group").addEventListener("change", () => viewer.set({ group: $("group").value }));
+  $("make").addEventListener("click", make);
+  $("stop").addEventListener("click", () => post("stop", {}));
+  draw_region();
+  await refresh();
+  follow();
+}
+
+async function refresh() {
+  const number = ++page.asked, words = query();
+  const [answer, shape] = await Promise.all([
+    fetch("answer.json?" + words).then((r) => r.json()),
+    viewer.gl ? fetch("preview.glb?" + words).then((r) => (r.ok ? r.arrayBuffer() : null)) : null,
+  ]);
+  if (number !== page.asked) return; // a later change is on its way
+  page.answer = answer;
+  $("refusal").textContent = answer.refusal || "";
+  $("make").disabled = Boolean(answer.refusal) || Boolean(page.job?.running);
+  draw_point();
+  if (!answer.refusal) {
+    $("facts").replaceChildren(...answer.facts.map(([name, words]) => {
+      const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
+      head.textContent = name; cell.textContent = words; row.append(head, cell);
+      return row;
+    }));
+    $("commands").textContent = answer.commands.join("\n");
+    draw_section(answer.section);
+    if (shape && page.real !== answer.label) {
+      viewer.load(shape); page.label = answer.label; page.real = "";
+      $("stage").textContent = "in outline: no holes, screws, dots; the gyroid as its envelope";
+      if (page.job?.status === 0 && page.job.label === answer.label) show_real(answer.label);
+    }
+  }
+  page.shown = number;
+  say();
+}
+
+const X = (d) => 34 + 268 * (d - page.offer.diameter[0]) / (page.offer.diameter[1] - page.offer.diameter[0]);
+const top_wall = () => page.offer.wall[1] * 1.06, low_wall = () => page.offer.wall[0] * 0.8;
+const Y = (t) => 154 - 140 * (t - low_wall()) / (top_wall() - low_wall());
+function draw_region() {
+  const box = $("region"), rows = page.offer.region;
+  const points = [...rows.map(([d, low]) => [d, low]), ...rows.map(([d, , high]) => [d, high]).reverse()];
+  svg("polygon", { points: points.map(([d, t]) => `${X(d)},${Y(t)}`).join(" "), fill: "#bfe0dc", stroke: "#2f6f6a" }, box);
+  for (const d of [100, 150, 200, 250]) svg("text", { x: X(d), y: 170, "font-size": 11, "text-anchor": "middle" }, box).textContent = d;
+  for (const t of [10, 15, 20, 25]) svg("text", { x: 30, y: Y(t) + 4, "font-size": 11, "text-anchor": "end" }, box).textContent = t;
+  svg("text", { x: 44, y: 18, "font-size": 11 }, box).textContent = "sizes that can be made: T over D, mm";
+  svg("circle", { id: "point", r: 5, stroke: "#fff", "stroke-width": 1.5 }, box);
+  box.addEventListener("click", (event) => {
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(box.getScreenCTM().inverse());
+    const [d0, d1] = page.offer.diameter, d = d0 + (d1 - d0) * (place.x - 34) / 268, t = low_wall() + (top_wall() - low_wall()) * (154 - place.y) / 140;
+    $("D").value = $("D_number").value = (Math.round(2 * d) / 2).toString();
+    $("T").value = $("T_number").value = t.toFixed(1);
+    refresh();
+  });
+}
+function draw_point() {
+  const d = Number($("D_number").value), t = Number($("T_number").value);
+  $("point").setAttribute("cx", Math.max(34, Math.min(316, X(d)))); $("point").setAttribute("cy", Math.max(6, Math.min(160, Y(t))));
+  $("point").setAttribute("fill", page.answer.refusal ? "#c0391c" : "#2f6f6a");
+}
+function draw_section(parts) {
+  const all = parts.flatMap((part) => part.profiles.flat()), reach = Math.max(...all.map(([x]) => x)) + 4;
+  const heights = all.map(([, z]) => z), low = Math.min(...heights) - 4, high = Math.max(...heights) + 4;
+  $("section").setAttribute("viewBox", `${-reach} ${-high} ${2 * reach} ${high - low}`);
+  $("section").replaceChildren();
+  for (const part of parts) for (const sign of [-1, 1]) for (const profile of part.profiles) {
+    const shape = svg("polygon", { points: profile.map(([x, z]) => `${sign * x},${-z}`).join(" "), fill: `rgb(${part.color.map((c) => 255 * c)})`, stroke: "#20242a", "stroke-width": 0.25 }, $("section"));
+    svg("title", {}, shape).textContent = part.name;
+  }
+}
+
+const post = (path, body) => fetch(path, { method: "POST", headers: { "X-Endcap-Token": token, "Content-Type": "application/json" }, body: JSON.stringify(body) });
+async function make() {
+  $("make").disabled = true;
+  const answer = await post("make", { ...Object.fromEntries(query()), whole: $("whole").checked });
+  if (!answer.ok) { $("status").textContent = await answer.text(); $("make").disabled = false; say(); }
+}
+async function follow() { // asks, and is answered when something has changed
+  let seen = "";
+  for (;;) {
+    try {
+      const job = await (await fetch("job.json?seen=" + seen)).json();
+      if (String(job.number) !== seen) { seen = String(job.number); show_job(job); }
+    } catch (error) {
+      $("status").textContent = "The page's program has ended: start make design again.";
+      $("make").disabled = true;
+      say();
+      return;
+    }
+  }
+}
+function show_job(job) {
+  const ended = page.job?.running && !job.running;
+  page.job = job;
+  $("stop").disabled = !job.running;
+  $("make").disabled = job.running || Boolean(page.answer?.refusal);
+  $("lines").hidden = !job.lines.length;
+  $("lines").textContent = job.lines.join("\n"); $("lines").scrollTop = $("lines").scrollHeight;
+  if (job.running) $("status").textContent = `making ${job.label}: ${job.lines.at(-1)?.trim() ?? "starting"}`;
+  else if (job.status !== null) $("status").textContent = job.status === 0 ? `${job.label} is made.` : `${job.label} was not made (status ${job.status}); nothing was left behind.`;
+  $("status").className = job.status ? "failed" : "";
+  $("done").replaceChildren();
+  if (job.status === 0) {
+    const link = document.createElement("a");
+    link.href = `exports/${job.label}/index.html`; link.textContent = `open ${job.label}: files, pictures, next steps`;
+    $("done").append(link);
+    if (ended && page.answer?.label === job.label) show_real(job.label);
+  }
+  say();
+}
+async function show_real(label) {
+  const answer = await fetch(`exports/${label}/preview.glb`);
+  if (!answer.ok || page.answer?.label !== label) return;
+  if (viewer.gl) viewer.load(await answer.arrayBuffer());
+  page.real = label;
+  $("stage").textContent = "as made: the parts' own meshes, coarse";
+  say();
+}
+begin();

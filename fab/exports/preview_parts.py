@@ -1,0 +1,88 @@
+"""What the preview of an export shows: every part, coarse, with its displacement when the parts are pulled apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import trimesh
+
+from fab.design import PRODUCT, Design
+from fab.exports.preview import LARGEST_BYTES, PreviewPart, clustered, glb
+from fab.meshing.mesh import from_manifold, joined, tessellate, to_manifold
+
+TOLERANCES_MM = (0.1, 0.2, 0.4, 0.8)  # of the parts' surfaces, until the file is small enough
+CELL_MM = 2.0  # of the gyroid: its sheet becomes one layer
+SHELL_TOLERANCE_MM = 0.15
+
+Offsets = Mapping[str, tuple[float, float, float]]
+
+
+def preview_glb(design: Design, offsets: Offsets) -> bytes:
+    """The preview of a design, at most ``LARGEST_BYTES`` long where any tolerance reaches that.
+
+    Args:
+        design: solids and meshes.
+        offsets: displacements of the endcap's parts when pulled apart, mm.
+    """
+    shell = tessellate(design.parts["shell"].solid, SHELL_TOLERANCE_MM)
+    gyroid, flange = _interface(design)
+    data = b""
+    for tolerance_mm in TOLERANCES_MM:
+        data = glb(_parts(design, offsets, {"shell": shell, "interface": joined([gyroid, flange])}, tolerance_mm))
+        if len(data) <= LARGEST_BYTES:
+            break
+        gyroid = clustered(design.meshes["interface"], CELL_MM * tolerance_mm / TOLERANCES_MM[0])
+    return data
+
+
+def _interface(design: Design) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+    """(gyroid, flange): the sheet as one layer of triangles; the flange as it is."""
+    whole, height = to_manifold(design.meshes["interface"]), design.params.flange_thickness_mm
+    flange = from_manifold(whole.trim_by_plane((0.0, 0.0, -1.0), -height).simplify(TOLERANCES_MM[0]))
+    mesh = design.meshes["interface"]
+    above = mesh.triangles_center[:, 2] > height
+    return clustered(trimesh.Trimesh(mesh.vertices, mesh.faces[above], process=False, validate=False), CELL_MM), flange
+
+
+def _parts(
+    design: Design, offsets: Offsets, ready: Mapping[str, trimesh.Trimesh], tolerance_mm: float
+) -> list[PreviewPart]:
+    """All parts of endcap and mold; the interface is in both."""
+    mold = _mold_offsets(design)
+
+    def part(name: str, group: str, apart: tuple[float, float, float]) -> PreviewPart:
+        mesh = ready[name] if name in ready else simplified(design.meshes[name], tolerance_mm)
+        return PreviewPart(name, group, mesh, design.parts[name].color, apart)
+
+    endcap = [part(name, "endcap", offsets.get(name, (0.0, 0.0, 0.0))) for name in PRODUCT]
+    return [*endcap, *(part(name, "mold", mold[name]) for name in (*design.mold, "interface"))]
+
+
+def simplified(mesh: trimesh.Trimesh, tolerance_mm: float) -> trimesh.Trimesh:
+    """A closed mesh with fewer triangles, its surface moved by no more than a tolerance."""
+    return from_manifold(to_manifold(mesh).simplify(tolerance_mm))
+
+
+def _mold_offsets(design: Design) -> dict[str, tuple[float, float, float]]:
+    """Displacements that pull the mold apart: bowl up, collar outward, hanger down, core pieces apart in the middle."""
+    size = design.params.outer_radius_mm
+    heights = {
+        "cup_bowl": 1.6,
+        "cup_collar": -0.2,
+        "hanger": -1.5,
+        "core_centre": 0.55,
+        "core_": 0.55,
+        "interface": -0.7,
+    }
+    reaches = {"cup_bowl": 0.5, "cup_collar": 1.0, "core_key": 0.45, "core_wedge": 0.45}
+    found = {}
+    for name in (*design.mold, "interface"):
+        height = next(v for stem, v in heights.items() if name.startswith(stem))
+        reach = next((v for stem, v in reaches.items() if name.startswith(stem)), 0.0)
+        x, y = np.asarray(design.meshes[name].bounds).mean(axis=0)[:2]
+        far = math.hypot(x, y)
+        way = (x / far, y / far) if reach and far > 1e-6 else (0.0, 0.0)
+        found[name] = (size * reach * way[0], size * reach * way[1], size * height)
+    return found

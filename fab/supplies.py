@@ -1,0 +1,110 @@
+"""What is bought besides the parts: rows of ``supplies.csv``, with what to order, how much, and for which step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cad.errors import FileError
+from cad.fasteners import BomLine
+from fab.data_table import positive, read_table
+from fab.recipe import Recipe
+
+TABLE = Path(__file__).with_name("supplies.csv")
+KINDS = ("part", "consumable", "tool", "silicone")
+CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degassed
+PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
+
+
+@dataclass(frozen=True)
+class Supply:
+    """One row.
+
+    Attributes:
+        name: what it is; of a silicone, its name in ``cad/materials.csv``.
+        kind: one of ``KINDS``.
+        order_as: what to ask for; ``{cup_ml}`` and ``{scale_g}`` are filled in.
+        amount: how much, in ``unit``; of a silicone, what one kit weighs (g).
+        unit: of the amount.
+        use: what it is for.
+        price_usd: of the amount; ``None`` for tools that a workshop has.
+        provenance: letter of docs/provenance.md, and why.
+    """
+
+    name: str
+    kind: str
+    order_as: str
+    amount: float
+    unit: str
+    use: str
+    price_usd: float | None
+    provenance: str
+
+    @property
+    def letter(self) -> str:
+        """The first letter of the provenance."""
+        return self.provenance[:1]
+
+
+@cache
+def supplies() -> dict[str, Supply]:
+    """The table, name -> row.
+
+    Raises:
+        FileError: a missing or unreadable table, naming the line.
+    """
+    return read_table(TABLE, _supply)
+
+
+def supply_lines(mix: Recipe) -> list[BomLine]:
+    """Lines of parts, consumables and tools that no part of the design asks for itself."""
+    mixed_g = mix.part_a_g + mix.part_b_g
+    cup_ml = math.ceil(CUP_TIMES * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
+    blanks = {"cup_ml": f"{cup_ml:g}", "scale_g": f"{math.ceil(mixed_g / 500) * 500 + 500:g}"}
+    return [
+        BomLine(
+            row.name, row.amount, row.unit, row.name, row.use, row.price_usd, row.letter,
+            row.order_as.format(**blanks), row.kind,
+        )
+        for row in supplies().values()
+        if row.kind != "silicone" and row.name != "camera module"
+    ]  # fmt: skip
+
+
+def camera_supply() -> Supply:
+    """The camera's row.
+
+    Raises:
+        FileError: it is not in the table.
+    """
+    if "camera module" not in supplies():
+        raise FileError(f"{TABLE.name}: has no row 'camera module': restore it")
+    return supplies()["camera module"]
+
+
+def silicone_line(mix: Recipe) -> BomLine:
+    """Kits of the silicone to buy, and what of them goes into the cast."""
+    grams = round(mix.part_a_g + mix.part_b_g, 1)
+    item = f"{mix.silicone.name}: {mix.part_a_g:.1f} g A, {mix.part_b_g:.1f} g B"
+    kit = supplies().get(mix.silicone.name)
+    if kit is None:
+        return BomLine(item, grams, "g", "shell", "cast", None, "E", "add its kit to fab/supplies.csv", "silicone")
+    count = math.ceil(grams / kit.amount)
+    order = f"{count} x {kit.order_as} ({kit.amount:g} g)"
+    return BomLine(item, grams, "g", "shell", "cast", count * (kit.price_usd or 0.0), kit.letter, order, "silicone")
+
+
+def bag(count: int) -> str:
+    """The smallest bag of screws with at least so many, in words."""
+    size = next((size for size in PACKS if size >= count), count)
+    return f"bag of {size}"
+
+
+def _supply(row: dict[str, str]) -> Supply:
+    if row["kind"] not in KINDS:
+        raise ValueError(f"kind={row['kind']!r} is none of {', '.join(KINDS)}")
+    price = positive(row, "price_usd") if row["price_usd"] else None
+    amount = positive(row, "amount")
+    return Supply(row["name"], row["kind"], row["order_as"], amount, row["unit"], row["use"], price, row["provenance"])

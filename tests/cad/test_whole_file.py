@@ -1,0 +1,99 @@
+"""Files that appear whole or not at all, and that one module writes them."""
+
+import ast
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from cad.errors import FileError
+from cad.whole_file import PRIVATE, drafted, new_folder, put_file, replace_file
+
+ROOT = Path(__file__).resolve().parents[2]
+WRITERS = {"cad/whole_file.py", "fab/exports/whole_folder.py"}  # single files and new folders; folders with the user's
+
+
+def renames(source: str) -> list[int]:
+    """Lines that give a file another name: os.replace, os.rename, shutil.move, and Path's rename and replace."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+            continue
+        owner, name = ast.unparse(node.func.value), node.func.attr
+        plain = name == "replace" and len(node.args) == 1 and not node.keywords  # of a Path: text takes two words
+        if name == "rename" or plain or (owner, name) in {("os", "replace"), ("shutil", "move"), ("os", "link")}:
+            found.append(node.lineno)
+    return found
+
+
+def test_nobody_else_renames():
+    paths = [path for package in ("cad", "endcap", "fab", "sensing") for path in (ROOT / package).rglob("*.py")]
+    found = {str(path.relative_to(ROOT)): lines for path in paths if (lines := renames(path.read_text()))}
+    assert set(found) == WRITERS, found
+
+
+@pytest.mark.parametrize(
+    ("line", "seen"),
+    [
+        ("os.replace(a, b)", True),
+        ("Path(a).rename(b)", True),
+        ("draft.replace(path)", True),
+        ("shutil.move(a, b)", True),
+        ("text.replace('a', 'b')", False),
+        ("replace(record, x=1)", False),
+        ("moment.replace(tzinfo=None)", False),
+    ],
+)
+def test_the_scan_sees_twins(line, seen):
+    assert bool(renames(line)) == seen
+
+
+def test_a_file_is_replaced_and_nothing_else_is_left(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text("old")
+    replace_file(path, b"new")
+    put_file(tmp_path / "b", b"b", durable=True)
+    with drafted(tmp_path / "c.png") as draft:
+        assert draft.parent == tmp_path and draft.suffix == ".png" and not (tmp_path / "c.png").exists()
+        draft.write_bytes(b"c")
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.json": b"new", "b": b"b", "c.png": b"c"}
+
+
+def test_a_secret_is_private_from_its_first_byte(tmp_path, monkeypatch):
+    seen = []
+    fsync = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda number: (seen.append(os.fstat(number).st_mode), fsync(number)))
+    put_file(tmp_path / "token", b"secret", PRIVATE, durable=True)
+    assert [stat.S_IMODE(mode) for mode in seen] == [0o600]
+    assert stat.S_IMODE((tmp_path / "token").stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("write", [lambda p: replace_file(p, b"new"), lambda p: put_file(p, b"new")])
+def test_what_stood_there_stands_when_the_writer_fails(tmp_path, monkeypatch, write):
+    path = tmp_path / "a"
+    path.write_bytes(b"old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises((FileError, OSError), match="No space left"):
+        write(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["a"] and path.read_bytes() == b"old"
+
+
+def test_the_message_names_file_reason_and_remedy(tmp_path):
+    with pytest.raises(FileError, match="none/a: No such file or directory: choose another place"):
+        replace_file(tmp_path / "none" / "a", b"", "choose another place")
+
+
+def test_a_new_folder_appears_whole_or_not_at_all(tmp_path):
+    with new_folder(tmp_path / "set") as folder:
+        (folder / "a").write_text("a")
+        assert not (tmp_path / "set").exists()
+    with pytest.raises(FileError, match="not an empty folder"), new_folder(tmp_path / "set"):
+        pass
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "other") as folder:
+        raise KeyboardInterrupt
+    assert [p.name for p in tmp_path.iterdir()] == ["set"]

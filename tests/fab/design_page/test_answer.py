@@ -1,0 +1,91 @@
+"""What the page computes: closed forms against independent integrals, refusals in the words of the command line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from cad.interface import zone_volume_mm3
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab.design_page.answer import answer, parse_choice, preview, region
+from fab.design_page.estimate import _surface_mm2, _volume_mm3
+from fab.design_page.outline import interface_profiles, parts, revolved, shell_profile, shell_volume_mm3
+from fab.variant import Variant
+
+SIZES = [(98.86, 6.62), (130.0, 8.0), (171.3, 11.1), (250.0, 24.0)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_closed_volume_of_the_cast_is_that_of_its_profile_and_of_slices(size):
+    params = EndcapParams(*size)
+    low = params.flange_thickness_mm
+    heights = np.linspace(low, params.tip_height_mm, 200_001)
+    area = [math.pi * (params.outer_radius_at(z) ** 2 - params.inner_radius_at(z) ** 2) for z in heights]
+    gyroid = 0.1 * zone_volume_mm3(params)
+    assert shell_volume_mm3(params) == pytest.approx(np.trapezoid(area, heights) - gyroid, rel=1e-6)
+    assert _volume_mm3(shell_profile(params)) - gyroid == pytest.approx(shell_volume_mm3(params), rel=3e-3)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_every_outline_is_closed_turns_outward_and_reaches_no_axis_twice(size):
+    for part in parts(MoldLayout(EndcapParams(*size))):
+        for profile in part.profiles:
+            mesh = revolved(profile)
+            merged = trimesh.Trimesh(mesh.vertices, mesh.faces)  # corners on the axis fall together
+            merged.update_faces(merged.nondegenerate_faces())
+            assert merged.is_watertight and merged.volume > 0, part.name
+            assert merged.volume == pytest.approx(_volume_mm3(profile), rel=2e-3)
+            assert min(radius for radius, _ in profile) >= 0
+
+
+def test_pappus_gives_the_volume_and_the_surface_of_a_torus_of_square_section():
+    square = [(9.0, 0.0), (11.0, 0.0), (11.0, 2.0), (9.0, 2.0)]
+    assert _volume_mm3(square) == pytest.approx(2 * math.pi * 10 * 4)
+    assert _surface_mm2(square) == pytest.approx(2 * math.pi * 10 * 8)
+
+
+def test_the_zone_of_the_outline_is_the_zone_of_the_interface():
+    params = EndcapParams(130.0, 8.0)
+    assert _volume_mm3(interface_profiles(params)[1]) == pytest.approx(zone_volume_mm3(params), rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("knobs", "expected"),
+    [
+        ({"D": "90"}, "outside 98.86..250"),
+        ({"D": "130", "T": "20"}, "nearest valid choice D=130 T="),
+        ({"D": "１３０"}, "D="),
+        ({"D": "130", "T": "8", "joint_clearance": "0.4"}, "outside 0.05..0.21"),
+        ({"material": "Butter"}, "choose one of Smooth-Sil 950"),
+        ({"printer": "mk5"}, "choose one of mk4"),
+        ({"wheels": "4"}, "is no knob"),
+    ],
+)
+def test_a_choice_that_cannot_be_made_is_refused_in_one_line(knobs, expected):
+    found = answer(knobs)
+    assert set(found) == {"refusal"} and expected in found["refusal"] and "\n" not in found["refusal"]
+
+
+def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands():
+    knobs = {"D": "150", "T": "9", "joint_clearance": "0.2", "material": "Dragon Skin 30", "printer": "mk4"}
+    choice = parse_choice(knobs)
+    assert choice.variant == Variant(MoldLayout(EndcapParams(150.0, 9.0), 0.2), "Dragon Skin 30")
+    from fab.command import VARIANT_DEFAULTS, parse_options, parse_variant
+
+    assert parse_variant(parse_options(choice.words, VARIANT_DEFAULTS)) == choice.variant
+    assert answer(knobs)["commands"][0] == "make molds D=150 T=9 joint_clearance=0.2 material='Dragon Skin 30'"
+    assert answer(knobs)["label"] == choice.variant.label
+    assert preview(knobs)[:4] == b"glTF" and len(preview(knobs)) < 2_000_000
+
+
+def test_the_region_is_that_of_the_closed_forms_and_all_of_it_answers():
+    found = region()
+    for diameter, low, high in found["region"][::12]:
+        for wall in (low, (low + high) / 2, high):
+            inside = min(max(wall, low + 1e-4), high - 1e-4)
+            assert "refusal" not in answer({"D": f"{diameter:.4f}", "T": f"{inside:.4f}", "joint_clearance": "0.1"})
+        assert "refusal" in answer({"D": f"{diameter:.4f}", "T": f"{high + 0.02:.4f}"})

@@ -1,0 +1,152 @@
+"""Printers and plates: rows read or named by line, beds that are too small, parts that never touch, what each took."""
+
+from __future__ import annotations
+
+import shutil
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+import trimesh
+
+from cad.errors import FileError, ParameterError
+from cad.params import EndcapParams
+from fab.data_table import read_table
+from fab.slice import filaments, printers
+from fab.slice.gcode import read_gcode
+from fab.slice.nest import Standing, nested
+from fab.slice.printers import Printer, fitting_printers, printer, require_bed, turned
+from fab.slice.project_3mf import Piece, Project, Volume, write_orca, write_prusa
+from fab.slice.result import slice_project
+from fab.slice.run import NAMES, slice_to_gcode
+from fab.slice.settings import part_settings
+
+SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
+needs_slicer = pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")
+
+
+def box(x: float, y: float, z: float) -> trimesh.Trimesh:
+    mesh = trimesh.creation.box((x, y, z))
+    mesh.apply_translation((0, 0, z / 2))
+    return mesh
+
+
+@pytest.mark.parametrize(
+    ("table", "read", "row", "expected"),
+    [
+        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,0.4,G29,M84,,,,,E", "width_mm='wide'"),
+        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,200", "not one value for each column"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,-1,20,250,100,9,E", "density_g_cm3='-1'"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "PLA,PLA,1.2,20,250,100,9,E", "is there twice"),
+    ],
+)
+def test_a_bad_row_is_named_by_its_line(table, read, row, expected, tmp_path):
+    copy = tmp_path / table.name
+    copy.write_text(table.read_text() + row + "\n")
+    line = len(copy.read_text().splitlines())
+    with pytest.raises(FileError, match=rf"{table.name} line {line} .*") as caught:
+        read_table(copy, read)
+    assert expected in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_every_printer_homes_then_levels_then_heats_and_cools_down_at_the_end():
+    for name, each in printers.printers().items():
+        start = each.start_gcode(215, 60).split("\\n")
+        assert start.index("G28") < start.index(each.levelling[0]) < start.index("M109 S215"), name
+        assert any(line.startswith("G29") for line in each.levelling)
+        assert {"M104 S0", "M140 S0"} <= set(each.end)
+
+
+def test_a_bed_that_is_too_small_names_the_part_and_the_smallest_printer_that_takes_all():
+    parts = {"base": box(185, 20, 5).vertices, "hanger": box(200, 208 - 8, 5).vertices}
+    with pytest.raises(
+        ParameterError, match=r"printer=a1_mini: hanger \(200 x 200 x 5 mm\).*printer=generic220"
+    ) as caught:
+        require_bed(parts, printer("a1_mini"))
+    assert "base (" not in str(caught.value)  # it fits across
+    assert [p.name for p in fitting_printers(parts)][:2] == ["generic220", "ender3"]
+    tall = {"rod": box(5, 5, 251).vertices}
+    assert [p.name for p in fitting_printers(tall)] == ["generic256"]
+
+
+def footprint(mesh: trimesh.Trimesh, place) -> tuple[np.ndarray, np.ndarray]:
+    points = turned(mesh.vertices[:, :2], place.turn_deg) + np.array(place.place_mm)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def test_nested_parts_lie_on_the_bed_apart_and_each_once():
+    where = printer("generic180")
+    parts = {f"part_{k}": Standing(box(60 + 5 * k, 40 + 3 * k, 5), 3.0) for k in range(9)}
+    plates = nested(parts, where)
+    placed = [place for plate in plates for place in plate]
+    assert sorted(place.name for place in placed) == sorted(parts)
+    assert len(plates) < len(parts) / 2
+    for plate in plates:
+        bodies = []
+        for place in plate:
+            mesh = parts[place.name].mesh.copy()
+            mesh.vertices[:, :2] = turned(mesh.vertices[:, :2], place.turn_deg) + np.array(place.place_mm)
+            assert np.abs(mesh.vertices[:, :2]).max() <= 90.0 - 3.0  # brim on the bed, too
+            bodies.append(mesh)
+        for first, body in enumerate(bodies):
+            for other in bodies[first + 1 :]:
+                distance = trimesh.proximity.ProximityQuery(body).vertex(other.vertices)[0].min()
+                hit = trimesh.boolean.intersection([body, other], engine="manifold")
+                assert hit.is_empty and distance > 0
+
+
+def test_a_small_part_goes_into_the_hollow_of_a_ring_and_the_same_parts_give_the_same_plates():
+    ring = trimesh.creation.annulus(60, 80, 4)
+    parts = {"ring": Standing(ring, 0.0), "disc": Standing(trimesh.creation.cylinder(40, 4), 0.0)}
+    small = printer("generic180")
+    plates = nested(parts, small)
+    assert len(plates) == 1 and plates == nested(parts, small)
+    middle = {place.name: np.array(place.place_mm) for place in plates[0]}
+    assert np.linalg.norm(middle["ring"] - middle["disc"]) < 20.0
+
+
+def plate_of_two(where: Printer) -> Project:
+    first = Piece("cup_bowl_1", part_settings("cup_bowl_1", "PLA", where), (Volume("cup_bowl_1", box(30, 20, 3)),))
+    second = Piece("base", part_settings("base", "PLA", where), (Volume("base", box(15, 20, 3)),), (50.0, 10.0))
+    return Project("plate_1", (first, second))
+
+
+def test_both_dialects_hold_each_part_with_its_own_settings_at_its_place(tmp_path):
+    import lib3mf
+
+    project = plate_of_two(printer("mk4"))
+    for write, own in ((write_prusa, 'key="perimeters" value="4"'), (write_orca, 'key="wall_loops" value="4"')):
+        path = tmp_path / f"{write.__name__}.3mf"
+        write(project, path)
+        model = lib3mf.get_wrapper().CreateModel()
+        reader = model.QueryReader("3mf")
+        reader.ReadFromFile(str(path))
+        assert reader.GetWarningCount() == 0
+        items, places = model.GetBuildItems(), []
+        while items.MoveNext():
+            fields = items.GetCurrent().GetObjectTransform().Fields
+            places.append((fields[3][0], fields[3][1]))
+        assert places == [(125.0, 105.0), (175.0, 115.0)]
+        with ZipFile(path) as archive:
+            names = [name for name in archive.namelist() if "config" in name]
+            text = "".join(archive.read(name).decode() for name in names)
+        assert own in text and 'value="3"' in text and "MK4" in text and "G29 P1" in text
+
+
+@needs_slicer
+def test_a_plate_is_sliced_for_its_printer_and_each_part_has_its_grams(tmp_path):
+    where = printer("ender3")
+    project = plate_of_two(where)
+    result = slice_project(SLICER, project, tmp_path, EndcapParams(100.0, 8.0), keep_gcode=True)
+    assert [check.name for check in result.checks if not check.ok] == []
+    grams = {piece.name: piece.grams for piece in result.pieces}
+    assert sum(grams.values()) == pytest.approx(result.figures.grams)
+    moves = read_gcode(tmp_path / "plate_1.gcode")
+    assert set(moves.pieces) == {"cup_bowl_1", "base"}
+    labelled = moves.pick(moves.piece == moves.pieces.index("base"))
+    assert labelled.start.min(axis=0) == pytest.approx((160 - 7.5, 120 - 10), abs=0.6)
+    text = (tmp_path / "plate_1.gcode").read_text()
+    assert text.index("\nG28") < text.index("\nG29") < text.index(";LAYER_CHANGE")
+    slice_to_gcode(SLICER, tmp_path / "plate_1.prusa.3mf", tmp_path / "again.gcode", printer("a1_mini"))
+    small = read_gcode(tmp_path / "again.gcode")
+    assert small.end.max() > 160  # the bed alone moves nothing

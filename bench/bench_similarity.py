@@ -122,13 +122,13 @@ class _Alone:
 
 def compare(design: tuple[float, float], nodes: Path, folder: Path, config: FitConfig) -> dict[str, float]:
     """One row of the table."""
+    place, request = test_set(design, folder), DesignRequest(EndcapParams(*design))
     library, ratios = load_library(), ShellRatios.of(shell_geometry(*design))
     left = without(library, NODES.index(design)) if design in NODES else library
     own = _Alone(only(design, nodes))
     a, b = left.states(ratios), own.states(ratios)
     known = a.known & b.known
     apart = np.linalg.norm((a.surface - b.surface)[known], axis=(1, 2)) / np.linalg.norm(b.surface[known], axis=(1, 2))
-    place, request = test_set(design, folder), DesignRequest(EndcapParams(*design))
     simulator = shell_of(request.data("off", 1))[0]
     made, spent = {}, 0.0
     for name, source in (("library", left), ("own", own)):

@@ -189,7 +189,10 @@ def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> 
         np.array([[node.ratios.wall, node.ratios.clamp] for node in travel]),
         modes.reshape(count, -1, 3),
         *(_stored(part, table @ solver.T) for part, table in zip((travel, standing), tables, strict=True)),
-        np.array([node.capacity / _units(CAPACITY, node.ratios.wall) for node in travel], dtype=np.float32),
+        np.array(
+            [node.capacity / _units(CAPACITY, node.ratios.wall) for node in travel if node.capacity.size],
+            dtype=np.float32,
+        ),
         path_digest(),
     )
 

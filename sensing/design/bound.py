@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cad.dots import dot_pattern
 from cad.params import EndcapParams
@@ -26,6 +27,7 @@ from sensing.simulator.similarity.surface_modes import modes_at
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
+Mask = NDArray[np.bool_]
 STILL_PX, MOVING_PX, SHARE = 0.015, 0.05, 0.006  # M: tracking error (python bench/bench_wrench.py tracking)
 NEAR_TILT_DEG, NEAR_SHARE = 9.0, 0.5  # E: widths of the fit, degrees and part of the load
 STEP_DEG = 1.0  # turn for the azimuth's slope
@@ -142,11 +144,12 @@ class DesignBound:
         return Bound(tilt_deg, normal_n, wrench, covariance, moved, int(seen.sum()))
 
 
-def _seen(pixels: Array) -> Array:
-    return ((pixels > BORDER_PX - 0.5) & (pixels < SIZE_PX - BORDER_PX - 0.5)).all(axis=1)
+def _seen(pixels: Array) -> Mask:
+    inside = (pixels > BORDER_PX - 0.5) & (pixels < SIZE_PX - BORDER_PX - 0.5)
+    return np.asarray(inside.all(axis=1))
 
 
-def _places(wrench: Array, scale: LoadScale, known: Array) -> Array:
+def _places(wrench: Array, scale: LoadScale, known: Mask) -> Array:
     """(S, 4) tilt, normal and two tangential forces of every state, forces in those of D=130 T=8; NaN where unknown."""
     rows, row = np.full((len(wrench), 4), np.nan), 0
     for path in library_paths():

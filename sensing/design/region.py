@@ -174,7 +174,7 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
     for word, key in wishes:
         left = [place for place in good if all(place != choice.place for choice in chosen)]
         if left:
-            place = min(left, key=lambda p, key=key: (key(p), p.mass_g))
+            place = sorted(sorted(left, key=lambda p: p.mass_g), key=key)[0]
             chosen.append(Choice(place, _why(word, place, len(good))))
     return chosen
 

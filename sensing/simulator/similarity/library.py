@@ -185,14 +185,14 @@ def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> 
     gram = sum(table.reshape(-1, table.shape[2]).T @ table.reshape(-1, table.shape[2]) for table in tables)
     modes = np.linalg.eigh(gram)[1][:, ::-1][:, :count].T.astype(np.float16)
     solver = np.linalg.pinv(modes.astype(float).T)
+    coefficients = [table @ solver.T for table in tables]
+    curves = [node.capacity / _units(CAPACITY, node.ratios.wall) for node in travel if node.capacity.size]
     return Library(
         np.array([[node.ratios.wall, node.ratios.clamp] for node in travel]),
         modes.reshape(count, -1, 3),
-        *(_stored(part, table @ solver.T) for part, table in zip((travel, standing), tables, strict=True)),
-        np.array(
-            [node.capacity / _units(CAPACITY, node.ratios.wall) for node in travel if node.capacity.size],
-            dtype=np.float32,
-        ),
+        _stored(travel, coefficients[0]),
+        _stored(standing, coefficients[1]),
+        np.array(curves, dtype=np.float32),
         path_digest(),
     )
 

@@ -145,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     print(path, flush=True)
         if options.node is None:
             parts = [[read_node(options.out / f"{part}_{k:02d}.npz") for k in numbers] for part in ("node", "stands")]
-            save_library(joined(*parts, options.modes), options.library)
+            save_library(joined(parts[0], parts[1], options.modes), options.library)
             print(f"{options.library}: {len(NODES)} nodes, {options.library.stat().st_size / 1e6:.2f} MB")
     except EndcapError as error:
         print(f"sensing.simulator.similarity.solve: {error}", file=sys.stderr)

@@ -16,6 +16,7 @@ from sensing.simulator.similarity.library import Library
 from sensing.simulator.similarity.ratios import common_order, disc_points
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
+from sensing.simulator.solid.mesh import Index
 from sensing.simulator.solid.surface import InnerSurface, turn_about_axis
 
 REFERENCE = (130.0, 8.0)
@@ -38,7 +39,7 @@ def modes_at(library: Library, geometry: ShellGeometry, directions: Array, azimu
 
 
 @lru_cache(maxsize=1)
-def _reference() -> tuple[InnerSurface, Array]:
+def _reference() -> tuple[InnerSurface, Index]:
     geometry = shell_geometry(*REFERENCE)
     surface = Simulator(geometry, silicone().neo_hooke()).surface
     order = common_order(geometry, surface.position)

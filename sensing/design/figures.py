@@ -10,7 +10,7 @@ from enum import Enum
 
 import numpy as np
 
-from sensing.design.pressed import MEASURED_SHARE, TILTS_DEG, Study
+from sensing.design.pressed import EXPECTED_SHARE, TILTS_DEG, Study
 
 
 class Source(Enum):
@@ -123,7 +123,7 @@ def _errors(study: Study) -> list[Figure]:
         ),
         Figure(
             "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED,
-            f"{100 * MEASURED_SHARE:.2g} % of the range, as measured at other designs (docs/design.md)",
+            f"{100 * EXPECTED_SHARE:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
         ),
     ]  # fmt: skip
 

@@ -18,7 +18,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
-from sensing.design.pressed import MEASURED_SHARE, Study
+from sensing.design.pressed import EXPECTED_SHARE, Study
 
 Progress = Callable[[int, int], None]
 DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike
@@ -53,7 +53,7 @@ class Place:
     @property
     def error_n(self) -> float:
         """Force error an axis that trained weights are expected to have."""
-        return max(self.bound_n, MEASURED_SHARE * self.range_n)
+        return max(self.bound_n, EXPECTED_SHARE * self.range_n)
 
     @property
     def label(self) -> str:
@@ -175,7 +175,8 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
         left = [place for place in good if all(place != choice.place for choice in chosen)]
         if left:
             place = sorted(sorted(left, key=lambda p: p.mass_g), key=key)[0]
-            chosen.append(Choice(place, _why(word, place, len(good))))
+            others = "" if key(place) <= min(map(key, good)) else " but for those above,"
+            chosen.append(Choice(place, _why(word + others, place, len(good))))
     return chosen
 
 

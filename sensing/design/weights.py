@@ -46,22 +46,19 @@ class DesignRequest:
     Attributes:
         params: the design. silicone: row of cad/materials.csv.
         azimuths: at which every state is seen. pictures: render and track the states once, to scale the covariance.
-        path_count: how many of the library's paths, spread over the tilts; None for all.
+        numbers: of the library's paths that are used; None for all.
     """
 
     params: EndcapParams
     silicone: str = DEFAULT_SILICONE
     azimuths: int = AZIMUTHS
     pictures: bool = True
-    path_count: int | None = None
+    numbers: tuple[int, ...] | None = None
 
     @property
     def paths(self) -> list[LoadPath]:
         """The paths that are used."""
-        known = library_paths()
-        if self.path_count is None:
-            return known
-        return [known[k] for k in np.unique(np.linspace(0, len(known) - 1, self.path_count).round().astype(int))]
+        return [path for path in library_paths() if self.numbers is None or path.number in self.numbers]
 
     @property
     def scale(self) -> LoadScale:

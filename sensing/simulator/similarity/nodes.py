@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-NODES: tuple[tuple[float, float], ...] = (
+Design = tuple[float, float]
+NODES: tuple[Design, ...] = (
     (250.0, 6.5),
     (250.0, 25.0),
+    (165.0, 6.5),
     (121.0, 6.5),
     (125.0, 12.5),
-    (165.0, 11.0),
-    (99.0, 6.5),
-    (250.0, 10.0),
-    (165.0, 6.5),
-    (165.0, 16.5),
-    (100.0, 10.0),
     (110.0, 8.5),
-    (250.0, 15.0),
-    (121.0, 9.0),
-    (110.0, 6.5),
-    (108.0, 10.8),
-)  # corners first, so that a library of the first ones already spans the region
+    (99.0, 6.5),
+    (100.0, 10.0),
+)
+SOME_PATHS: dict[Design, tuple[int, ...]] = {  # near its snap level 2 hands most states over: one path at each tilt
+    (250.0, 6.5): (0, 4, 8, 9, 13, 17, 18, 22)
+}
+
+
+def file_name(part: str, design: Design) -> str:
+    """Name of a solved node's file.
+
+    Args:
+        part: ``node`` or ``stands``. design: D and T, mm.
+    """
+    return f"{part}_D{design[0]:g}_T{design[1]:g}.npz"

@@ -19,7 +19,7 @@ from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.weight_files import command_for, find_weights, weights_folder, weights_name
 
 DESIGN = EndcapParams(150, 12)
-QUICK = DesignRequest(DESIGN, azimuths=1, pictures=False, path_count=6)
+QUICK = DesignRequest(DESIGN, azimuths=1, pictures=False, numbers=(0, 4, 8, 9, 13, 17))
 CONFIG = FitConfig(components=20, hidden=8, epochs=2)
 
 

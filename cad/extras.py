@@ -17,6 +17,8 @@ from importlib.util import find_spec
 from traceback import walk_tb
 from types import TracebackType
 
+from cad.messages import LOG
+
 DISTRIBUTION = "endcap-toolkit"
 KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build123d brings one without VTK
 SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}
@@ -43,6 +45,8 @@ EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's modu
     "sensing.live": "live",
     "sensing.live.demo": "simulate",
     "sensing.setup": "live",
+    "sensing.weigh": "live",
+    "sensing.dwell": "live",
     "sensing.simulator": "simulate",
     "sensing.train": "train",
     "sensing.evaluate": "train",
@@ -98,7 +102,7 @@ def explain_missing_libraries() -> None:
         if line is None:
             before(kind, error, trace)
             return
-        print(f"{command}: {line}", file=sys.stderr)
+        LOG.error(f"{command}: {line}")
         raise SystemExit(2)  # what a hook raises decides on the exit status
 
     sys.excepthook = hook

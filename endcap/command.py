@@ -9,11 +9,14 @@ are the same. A module is imported only when it is called: ``endcap --help`` loa
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import takewhile
+
+from cad.messages import LOG, set_level
 
 
 @dataclass(frozen=True)
@@ -72,9 +75,17 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
         "run it",
         (
             Subcommand("cameras", "sensing.sources.__main__", "cameras of this computer and their modes"),
+            Subcommand(
+                "doctor",
+                "sensing.sources.__main__",
+                "what is wrong with a camera, and the fix",
+                ("check",),
+            ),
             Subcommand("setup", "sensing.setup", "find the cameras, take the zero, write endcaps.toml"),
             Subcommand("calibrate", "sensing.calibrate", "camera from one photo of the dots, or a chessboard"),
             Subcommand("zero", "sensing.zero", "take, check or watch the untouched reference"),
+            Subcommand("weigh", "sensing.weigh", "known weights, or a robot's own, to the gain of each endcap"),
+            Subcommand("dwell", "sensing.dwell", "rate effects of the silicone from one dwell test"),
             Subcommand("live", "sensing.live.cli", "wrench and contact: terminal, page, recording, ROS 2"),
             Subcommand("field", "sensing.field", "shear field of pictures or a video"),
             Subcommand("record", "sensing.record", "frames paired with a force/torque sensor"),
@@ -108,6 +119,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: that of the subcommand; 2 for an unknown one, or a library that is missing; 130 after Ctrl-C.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    quiet = words[:1] in (["--quiet"], ["-q"])
+    set_level(logging.WARNING if quiet else logging.INFO)
+    words = words[1:] if quiet else words
     if words[:1] == ["help"]:
         words = [*words[1:2], "--help"]
     if not words or words[0] in ("-h", "--help"):
@@ -119,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"endcap {cad.__version__}")
         return 0
     if words[0] not in SUBCOMMANDS:
-        print(f"endcap: {words[0]!r} is not a command{_nearest(words[0])}; endcap --help lists them", file=sys.stderr)
+        LOG.error(f"endcap: {words[0]!r} is not a command{_nearest(words[0])}; endcap --help lists them")
         return 2
     return run(SUBCOMMANDS[words[0]], words[1:])
 
@@ -134,10 +148,10 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
         line = explain(error, command.module)
         if line is None:
             raise
-        print(f"endcap {command.name}: {line}", file=sys.stderr)
+        LOG.error(f"endcap {command.name}: {line}")
         return 2
     except KeyboardInterrupt:
-        print(f"endcap {command.name}: interrupted", file=sys.stderr)
+        LOG.error(f"endcap {command.name}: interrupted")
         return 130
 
 
@@ -155,7 +169,8 @@ def help_text() -> str:
     lines = ["usage: endcap COMMAND [options]", "", "Make, understand and run large visuotactile endcaps."]
     for title, commands in GROUPS:
         lines += ["", f"{title}:", *(f"  {command.name:<{width}}  {command.summary}" for command in commands)]
-    lines += ["", "endcap COMMAND --help lists the options of one; endcap --version prints the version."]
+    lines += ["", "endcap COMMAND --help lists the options of one; endcap --version prints the version;"]
+    lines += ["endcap --quiet COMMAND leaves progress out."]
     return "\n".join(lines)
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import is_plain, plain
 from cad.whole_file import replace_file
@@ -104,10 +105,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         wanted = parsed(words)
         return make(wanted, _run)
     except EndcapError as error:
-        print(f"make endcap: {error}", file=sys.stderr)
+        LOG.error(f"make endcap: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nmake endcap: interrupted; what was made before stays", file=sys.stderr)
+        LOG.error("\nmake endcap: interrupted; what was made before stays")
         return 130
 
 
@@ -160,7 +161,7 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     for step in wanted.steps(folder):
         status = run(step)
         if status and not step.optional:
-            print(f"make endcap: {step.title} failed; {folder} holds what was made before", file=sys.stderr)
+            LOG.error(f"make endcap: {step.title} failed; {folder} holds what was made before")
             return status
         if status:
             skipped.append(step.title)
@@ -181,7 +182,7 @@ def _folder(wanted: Wanted) -> Path:
 
 
 def _run(step: Step) -> int:
-    print(f"== {step.title}", file=sys.stderr, flush=True)
+    LOG.info(f"== {step.title}")
     env = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
     return subprocess.run([sys.executable, "-m", step.module, *step.words], env=env, check=False).returncode
 

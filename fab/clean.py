@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import FileError
+from cad.messages import LOG
 from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
 
@@ -63,7 +64,7 @@ def remove_made(exports: Path) -> int:
         try:
             listed = listed_files(folder, record.name)
         except FileError as error:
-            print(f"make clean: {error}", file=sys.stderr)
+            LOG.error(f"make clean: {error}")
             continue
         if not listed:
             continue  # not ours, or an older one: nothing in it says what is ours

@@ -7,7 +7,6 @@ import difflib
 import os
 import re
 import signal
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from pathlib import Path
 from cad import feasible
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.plain_numbers import is_plain, plain
@@ -113,7 +113,7 @@ class Command:
             except (Exception, KeyboardInterrupt):
                 if interrupts.signal is None:
                     raise
-                print(f"{self.name}: {_ending(interrupts.signal)}; nothing was left behind", file=sys.stderr)
+                LOG.error(f"{self.name}: {_ending(interrupts.signal)}; nothing was left behind")
                 return 128 + interrupts.signal
 
     def _status(
@@ -124,12 +124,12 @@ class Command:
             return act(parse_options(words, self.defaults), interrupts)
         except ChecksFailedError as error:
             for line in error.lines:
-                print(f"{self.name}: check failed: {line}", file=sys.stderr)
-            print(f"{self.name}: {error}", file=sys.stderr)
+                LOG.error(f"{self.name}: check failed: {line}")
+            LOG.error(f"{self.name}: {error}")
             return 1
         except EndcapError as error:
             interrupts.raise_swallowed()  # a worker that ended, a file that closed: what came of the signal
-            print(f"{self.name}: {error}", file=sys.stderr)
+            LOG.error(f"{self.name}: {error}")
             return 2
 
 

@@ -6,8 +6,9 @@ one plain line when it is done.
 
 from __future__ import annotations
 
-import sys
 import time
+
+from cad.messages import LOG, transient
 
 
 class Progress:
@@ -24,8 +25,8 @@ class Progress:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self._finish()
-        elif self._step is not None and sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)  # the step was not done
+        elif self._step is not None:
+            transient()  # the step was not done
 
     @property
     def seconds(self) -> float:
@@ -36,12 +37,11 @@ class Progress:
         """Begin a step; the one before it is done."""
         self._finish()
         self._step, self._since = step, time.monotonic()
-        if sys.stderr.isatty():
-            print(f"  ...    {step}", end="", file=sys.stderr, flush=True)
+        transient(f"  ...    {step}")
 
     def _finish(self) -> None:
         if self._step is None:
             return
-        begin = "\r\033[K" if sys.stderr.isatty() else ""
-        print(f"{begin}{time.monotonic() - self._since:6.1f} s {self._step}", file=sys.stderr, flush=True)
+        transient()
+        LOG.info(f"{time.monotonic() - self._since:6.1f} s {self._step}")
         self._step = None

@@ -13,10 +13,10 @@ warning says so.
 from __future__ import annotations
 
 import argparse
-import sys
 
 from cad.errors import EndcapError
 from cad.identity import identity
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return _from_board(options) if options.board else _from_dots(options)
     except EndcapError as error:
-        print(f"sensing.calibrate: {error}", file=sys.stderr)
+        LOG.error(f"sensing.calibrate: {error}")
         return 2
 
 
@@ -102,7 +102,7 @@ def _check_design(
                 f"another design fits this photo better: {other.line()}; against {given.line()}: give its --diameter, "
                 "or --trust-design if the one given is right"
             )
-        print(f"sensing.calibrate: another design fits alike: {other.line()}; kept {given.line()}", file=sys.stderr)
+        LOG.warning(f"sensing.calibrate: another design fits alike: {other.line()}; kept {given.line()}")
 
 
 def _from_board(options: argparse.Namespace) -> int:
@@ -127,7 +127,7 @@ def _photographed(
     found = [find_board(image, corners, square_mm) for image in images]
     for path, view in zip(paths, found, strict=True):
         if view is None:
-            print(f"{path}: no board of {corners[0]}x{corners[1]} inner corners found, left out", file=sys.stderr)
+            LOG.warning(f"{path}: no board of {corners[0]}x{corners[1]} inner corners found, left out")
     return sizes.pop(), [view for view in found if view is not None]
 
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
 from cad.identity import MUST_AGREE, require_same
+from cad.messages import LOG
 from cad.whole_file import replace_file
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
@@ -37,7 +38,8 @@ from sensing.learning.found_camera import camera_of_set
 from sensing.learning.samples import Samples, shared_between
 from sensing.learning.scores import Score, score, table
 from sensing.learning.timeliness import LATENCY_S, filtered_score
-from sensing.live.core.model import LiveModel, live_model
+from sensing.live.core.config import known_models
+from sensing.live.core.model import LiveModel, live_model, load_model
 from sensing.records_labelled import LabelledSet
 from sensing.wrench.model import WrenchModel, load_wrench_model
 
@@ -59,8 +61,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scores: dict[str, Score] = {}
         by_cell: dict[str, list[Cell]] = {}
         if options.test:
+            model = None
+            if options.model != "default":
+                model = load_model(options.model, LabelledSet(options.test[0]).params, options.weights)
             scores, by_cell = evaluate(
-                options.test, options.weights, options.train, options.paper_epochs, options.true_camera
+                options.test, options.weights, options.train, options.paper_epochs, options.true_camera, model
             )
         scores |= cross_validate(options.train, options.holdout, options.paper_epochs, options.seed)
         print(table(scores))
@@ -71,10 +76,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.cells_csv and by_cell:
             replace_file(options.cells_csv, cells_csv(by_cell))
     except EndcapError as error:
-        print(f"sensing.evaluate: {error}", file=sys.stderr)
+        LOG.error(f"sensing.evaluate: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.evaluate: stopped, nothing written", file=sys.stderr)
+        LOG.error("\nsensing.evaluate: stopped, nothing written")
         return 130
     return 0
 
@@ -221,6 +226,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("test", type=Path, nargs="*", metavar="TEST", help="folders of labelled frames")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="from python -m sensing.train (those that ship)")
+    parser.add_argument(
+        "--model", choices=known_models(), default="default", help="default: ours; a plug-in's runs in its place"
+    )
     parser.add_argument(
         "--train", type=Path, nargs="+", default=[], metavar="DATA", help="fit the comparisons to these"
     )

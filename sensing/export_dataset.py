@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.messages import LOG, transient
 from cad.whole_file import new_folder
 from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
 from sensing.records import Wrench
@@ -70,10 +71,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         count = export_dataset(LabelledSet(options.data), options.out)
     except EndcapError as error:
-        print(error, file=sys.stderr)
+        LOG.error(error)
         return 2
     except KeyboardInterrupt:
-        print("stopped; nothing was written", file=sys.stderr)
+        LOG.error("stopped; nothing was written")
         return 130
     print(f"{options.out}: {count} fields and index.csv")
     return 0
@@ -92,8 +93,8 @@ def _label(wrench: Wrench) -> str:
 
 
 def _progress(done: int) -> None:
-    if sys.stderr.isatty() and done % 100 == 0:
-        print(f"\r{done} frames ", end="", file=sys.stderr)
+    if done % 100 == 0:
+        transient(f"{done} frames")
 
 
 if __name__ == "__main__":

@@ -21,13 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
+from cad.messages import LOG, transient
 from cad.whole_file import replace_file
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
-from sensing.tracking.methods import METHODS, DotField, FieldMethod, field_method
+from sensing.tracking.methods import DotField, FieldMethod, field_method, known_methods
 from sensing.tracking.zero import load_zero
 
 
@@ -56,7 +57,7 @@ def compute_fields(
     """Fields of frames against one undeformed reference, one by one.
 
     Args:
-        method: one of :data:`sensing.tracking.methods.METHODS`.
+        method: one of :func:`sensing.tracking.methods.known_methods`.
         reference: the undeformed picture.
         frames: pictures of the same size.
         shape: (H, W) of the field.
@@ -86,10 +87,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _run(options)
     except EndcapError as error:
-        print(f"sensing.field: {error}", file=sys.stderr)
+        LOG.error(f"sensing.field: {error}")
         return 2
     except KeyboardInterrupt:
-        print("sensing.field: stopped, nothing written", file=sys.stderr)
+        LOG.error("sensing.field: stopped, nothing written")
         return 130
     return 0
 
@@ -110,10 +111,10 @@ def _run(options: argparse.Namespace) -> None:
     results = []
     for result in compute_fields(options.method, reference, frames, options.shape, channels):
         results.append(result)
-        if options.video is not None and sys.stderr.isatty():
-            print(f"\r{len(results)} frames", end="", file=sys.stderr)
-    if options.video is not None and sys.stderr.isatty():
-        print(file=sys.stderr)
+        if options.video is not None:
+            transient(f"{len(results)} frames")
+    if options.video is not None:
+        transient(f"{len(results)} frames", done=True)
     if options.out is not None:
         _save(options.out, results, single=options.video is None)
     if options.picture is not None:
@@ -197,7 +198,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Shear field of a picture, or of a video, against the undeformed picture of the same sensor.",
         epilog="Unit of u, v: pixels of the 200x200 centre crop. Bad input: one line on stderr, exit status 2.",
     )
-    parser.add_argument("--method", choices=METHODS, default="dots", help="gelslim: exactly the released pipeline")
+    parser.add_argument("--method", choices=known_methods(), default="dots", help="gelslim: the released pipeline")
     parser.add_argument(
         "--reference", type=Path, required=True, help="picture of the untouched sensor, or its zero (.npz)"
     )

@@ -31,6 +31,7 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.frames import ACTION, REACTION, FtMount
@@ -70,10 +71,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ):
             result = record(frames, stream, recording, options.slop, options.rest, options.frames)
     except EndcapError as error:
-        print(f"sensing.record: {error}", file=sys.stderr)
+        LOG.error(f"sensing.record: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.record: stopped; what is written stays, the same command goes on", file=sys.stderr)
+        LOG.error("\nsensing.record: stopped; what is written stays, the same command goes on")
         return 130
     print(
         f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "
@@ -82,10 +83,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if stream.note:
         print(stream.note)
     if not result.written:
-        print(
+        LOG.error(
             f"sensing.record: nothing was written: {options.rest} untouched frames with a force, then those to "
-            "learn from, are needed; do frames and forces have the same clock?",
-            file=sys.stderr,
+            "learn from, are needed; do frames and forces have the same clock?"
         )
     return 0 if result.written else 1
 

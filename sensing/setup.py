@@ -22,8 +22,9 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
@@ -226,10 +227,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         set_up(LiveConfig(endcaps, options.model, options.weights, weight_n=options.weight), options.out)
     except EndcapError as error:
-        print(f"sensing.setup: {error}", file=sys.stderr)
+        LOG.error(f"sensing.setup: {error}")
         return 2
     except (KeyboardInterrupt, EOFError):
-        print("\nsensing.setup: stopped, nothing written", file=sys.stderr)
+        LOG.error("\nsensing.setup: stopped, nothing written")
         return 130
     return 0
 
@@ -249,7 +250,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--camera", metavar="N[,N]", help="only these cameras (default: all that are found)")
     where.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another endcap")
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
-    parser.add_argument("--model", choices=MODELS, default="default")
+    parser.add_argument("--model", choices=known_models(), default="default")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
     parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")

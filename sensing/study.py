@@ -18,6 +18,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG, transient
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
@@ -49,10 +50,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _options(words)
         return _design(options) if options["D"] else _map(options)
     except EndcapError as error:
-        print(f"sensing.study: {error}", file=sys.stderr)
+        LOG.error(f"sensing.study: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.study: interrupted; nothing was written", file=sys.stderr)
+        LOG.error("\nsensing.study: interrupted; nothing was written")
         return 130
 
 
@@ -137,8 +138,7 @@ def _plain(value: object) -> object:
 
 
 def _progress(done: int, total: int) -> None:
-    if sys.stderr.isatty():
-        print(f"\r{done}/{total} designs ", end="\n" if done == total else "", file=sys.stderr)
+    transient(f"{done}/{total} designs", done=done == total)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG, transient
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
@@ -34,10 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(options)
     except EndcapError as error:
-        print(f"sensing.train: {error}", file=sys.stderr)
+        LOG.error(f"sensing.train: {error}")
         return 2
     except KeyboardInterrupt:
-        print("\nsensing.train: stopped; the same command goes on from here", file=sys.stderr)
+        LOG.error("\nsensing.train: stopped; the same command goes on from here")
         return 130
 
 
@@ -67,8 +68,7 @@ def _run(options: argparse.Namespace) -> int:
         start = load_wrench_model(samples.design, given, silicone=None)  # fine-tuning fits another stiffness
 
     def progress(part: str, spent: float, error: float) -> None:
-        if sys.stderr.isatty():
-            print(f"\r{part}: {spent:.0f} s, {error:.4f}   ", end="", file=sys.stderr)
+        transient(f"{part}: {spent:.0f} s, {error:.4f}")
 
     kept = options.out.with_name(f".{options.out.name}.checkpoint")
     model = fit(samples, config, start, progress, kept, pictures)
@@ -108,7 +108,7 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         print(f"{known}: weights of {request.params.label} in {request.silicone} are there")
         return _copied(known, options.copy_to)
     begin = time.monotonic()
-    model = design_weights(request, config, lambda text: print(f"{text} ...", file=sys.stderr))
+    model = design_weights(request, config, lambda text: LOG.info(f"{text} ..."))
     model.save(out)
     rmse, top = model.about["metrics"]["validation_rmse"], request.scale.top_n
     force = (sum(value**2 for value in rmse[:3]) / 3) ** 0.5

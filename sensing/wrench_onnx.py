@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.messages import LOG
 from cad.whole_file import replace_file
 from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model
 
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         data = onnx_graph(load_wrench_model(path=options.weights), options.storage).SerializeToString()
         replace_file(options.out, data)
     except EndcapError as error:
-        print(f"sensing.wrench_onnx: {error}", file=sys.stderr)
+        LOG.error(f"sensing.wrench_onnx: {error}")
         return 2
     print(f"{options.out}: {len(data) / 1000:.0f} kB, matrices in {options.storage}")
     return 0

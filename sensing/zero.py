@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 
 from cad.errors import EndcapError, ParameterError
 from cad.identity import Identity, identity
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.sources.choose import open_frames
@@ -49,10 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options.run(options)
     except EndcapError as error:
-        print(f"sensing.zero: {error}", file=sys.stderr)
+        LOG.error(f"sensing.zero: {error}")
         return 2
     except KeyboardInterrupt:
-        print("sensing.zero: stopped", file=sys.stderr)
+        LOG.error("sensing.zero: stopped")
         return 130
     return 0
 

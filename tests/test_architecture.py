@@ -29,6 +29,8 @@ BOTTOM = {
         "materials",
         "identity",
         "whole_file",
+        "plugins",
+        "messages",
     )
 }
 PLAIN = BOTTOM | {
@@ -43,6 +45,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "tracking": {"camera"},
     "wrench": {"camera", "tracking"},
     "recording": {"tracking"},
+    "doctor": {"calibration", "camera", "sources"},
     "learning": {"calibration", "camera", "tracking", "wrench"},
     "design": {"camera", "learning", "simulator", "tracking", "wrench"},  # weights and study of a design, by similarity
     "live.core": {"calibration", "camera", "sources", "tracking", "wrench"},
@@ -50,6 +53,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.web": {"live.core", "live.outputs"},
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
+    "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
     "evaluation": {
         "calibration",
         "camera",
@@ -62,6 +66,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
         "calibration",
         "camera",
         "design",
+        "doctor",
         "evaluation",
         "learning",
         "live",
@@ -69,6 +74,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
         "recording",
         "sources",
         "tracking",
+        "weighing",
         "wrench",
     },
 }
@@ -132,8 +138,10 @@ def own(names: set[str]) -> set[str]:
 
 
 def part(module: str) -> str:
-    """Package of sensing that a module lies in, "" for the modules beside the packages."""
+    """Package of sensing that a module lies in, "" for commands: modules beside the packages, and that of sources."""
     names = module.split(".")
+    if module == "sensing.sources.__main__":
+        return ""
     inner = ".".join(names[1:3])
     return next((name for name in (inner, *names[1:2]) if name in ARROWS), "")
 

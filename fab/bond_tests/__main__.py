@@ -12,6 +12,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
+from cad.messages import LOG
 from cad.whole_file import drafted, put_file
 from fab.bond_tests.files import read_record
 from fab.bond_tests.results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
@@ -47,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         groups, comparisons = summarize(specimens), compare(specimens)
         write_results(specimens, groups, comparisons, arguments.out or arguments.folder)
     except EndcapError as error:
-        print(f"bond_tests: {error}", file=sys.stderr)
+        LOG.error(f"bond_tests: {error}")
         return 2
     print(report(groups, comparisons))
     return 0

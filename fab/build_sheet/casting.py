@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.data import SheetData
+from fab.build_sheet.shopping import safety
 from fab.build_sheet.steps import stage_blocks
 from fab.recipe import RELEASE_AGENT
 
@@ -32,6 +33,8 @@ def silicone(data: SheetData) -> list[Block]:
     clock = tuple((f"{step.start_min:g} to {step.end_min:g} min", step.what) for step in recipe.timeline)
     return [
         Heading("Silicone", 1),
+        *safety(data),
+        Heading("What to weigh"),
         Table(("", ""), rows, (1, 3)),
         Heading("Clock, from the moment A and B meet"),
         Table(

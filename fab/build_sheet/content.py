@@ -5,11 +5,12 @@ from __future__ import annotations
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
+from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling, light_check, painting
 from fab.build_sheet.lighting import led_ring
 from fab.build_sheet.prints import bed_needed, mold_sums, prints
-from fab.build_sheet.shopping import bill, safety
+from fab.build_sheet.shopping import bill
 
 PAPER_MOLD_USD = 8.50  # P
 
@@ -19,7 +20,6 @@ def build_document(data: SheetData) -> Document:
     params = data.layout.params
     blocks = [
         *_cover(data),
-        *safety(data),
         *bill(data),
         *prints(data),
         *silicone(data),
@@ -38,6 +38,7 @@ def build_document(data: SheetData) -> Document:
 def _cover(data: SheetData) -> list[Block]:
     params, recipe = data.layout.params, data.recipe
     facts = [
+        ("made by", f"{make_command('molds', data)} (joint clearance {data.layout.joint_clearance_mm:g})"),
         ("silicone dome", f"{params.diameter_mm:g} outside, wall {params.wall_mm:g}, {params.tip_height_mm:.1f} high"),
         ("dots", f"{len(dot_pattern(params))} dents of {2 * DOT_RADIUS_MM:g} diameter, {DENT_DEPTH_MM:g} deep"),
         ("silicone", f"{recipe.silicone.name}: {recipe.part_a_g:.1f} g A + {recipe.part_b_g:.1f} g B"),
@@ -56,7 +57,8 @@ def _cover(data: SheetData) -> list[Block]:
         Table(("", ""), tuple(facts), (1, 4)),
         Paragraph(
             "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
-            "buy, cast, demold, paint, assemble, test. Commands are typed in the toolkit's folder."
+            "buy, cast, demold, paint, assemble, test. What stops the cure is in the chapter Silicone: no latex. "
+            "Commands are typed in the toolkit's folder."
         ),
     ]
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import shlex
 
 from cad.dots import DOT_RADIUS_MM, POLAR_STEP_DEG, dot_pattern, ring_count
 from cad.params import EndcapParams
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import program_command
+from fab.build_sheet.commands import INTERPRETER, program_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import DISC_PX, FRAME_PX, SQUARE_PX, camera_pixels, dots_in, first_light, gores, ruler
 from fab.build_sheet.steps import stage_blocks, steps
@@ -110,5 +111,11 @@ def light_check(data: SheetData) -> list[Block]:
                 "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
             )
             + " (after `make setup`). fit.png shows the same dots with circles on them."
+        ),
+        Paragraph(
+            "To run it: "
+            + program_command("sensing.setup", params, "--silicone", shlex.quote(data.recipe.silicone.name))
+            + " takes the untouched reference and writes endcaps.toml; then "
+            + f"{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact."
         ),
     ]  # fmt: skip

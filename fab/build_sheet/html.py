@@ -26,6 +26,7 @@ tr { border-bottom: 1px solid #d5dade; break-inside: avoid; }
 td img { max-height: 18mm; }
 section.step { display: grid; grid-template-columns: 1fr 84mm; gap: 5mm; break-inside: avoid;
   border-top: 1px solid #d5dade; padding: 3mm 0; }
+section.words { grid-template-columns: 1fr; }
 section.step h3 { margin: 0 0 1mm; font-size: 11pt; }
 section.step ul { margin: 0; padding-left: 5mm; }
 .drawing { display: inline-block; vertical-align: top; break-inside: avoid; margin: 1mm; }
@@ -85,6 +86,9 @@ def _cell(cell: str | Path) -> str:
 
 def _step(step: Step) -> str:
     lines = "".join(f"<li>{escape(line)}</li>" for line in step.lines)
-    picture = _image(step.picture) if step.picture else ""
+    if not step.picture:
+        title = f"<h3>{escape(step.number)} {escape(step.title)}</h3>"
+        return f'<section class="step words"><div>{title}<ul>{lines}</ul></div></section>'
+    picture = _image(step.picture)
     title = f"<h3>{escape(step.number)} {escape(step.title)}</h3>"
     return f'<section class="step"><div>{title}<ul>{lines}</ul></div><div>{picture}</div></section>'

@@ -18,7 +18,7 @@ _HEAD = """\
 #set par(leading: 0.62em)
 #show heading.where(level: 1): it => {{ pagebreak(weak: true); text(15pt, it.body); v(-2mm)
   line(length: 100%, stroke: 1.2pt + rgb("#2f6f6a")) }}
-#show heading.where(level: 2): it => {{ v(2mm); text(11.5pt, it.body); v(1mm) }}
+#show heading.where(level: 2): it => block(sticky: true, above: 5mm, below: 3mm, text(11.5pt, it.body))
 #text(24pt, weight: "bold", {title})
 
 #text(fill: rgb("#5a626c"), {subtitle})
@@ -93,13 +93,15 @@ class _Printer:
         )
 
     def step(self, step: Step) -> str:
-        """Words at the left, picture at the right, on one page."""
+        """Words at the left, picture at the right if there is one, on one page."""
         lines = ", ".join(f"[#{_text(line)}]" for line in step.lines)
         words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
-        picture = self.image(step.picture, "width: 100%") if step.picture else "[]"
+        body = words
+        if step.picture:
+            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {self.image(step.picture, 'width: 100%')})"
         return (
             '#block(breakable: false, width: 100%, above: 2mm, stroke: (top: 0.5pt + rgb("#d5dade")), '
-            f"inset: (y: 2.5mm), grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {picture}))"
+            f"inset: (y: 2.5mm), {body})"
         )
 
     def image(self, path: Path, size: str) -> str:

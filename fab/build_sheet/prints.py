@@ -39,6 +39,10 @@ def prints(data: SheetData) -> list[Block]:
             f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data)} printer=NAME. Times and "
             f"grams were measured on the G-code of {data.sliced['slicer']}."
         ),
+        Paragraph(
+            "First the fit coupon: make coupons, print fit_plate, fit_tab in PLA and fit_nuts in TPU; if another step "
+            f"than {data.layout.joint_clearance_mm:g} mm fits, make the molds again with it (joint_clearance=)."
+        ),
         Heading("Open the projects"),
         Paragraph(
             "PrusaSlicer: File, Open Project, <plate>.prusa.3mf. OrcaSlicer or Bambu Studio: File, Open Project, "
@@ -67,7 +71,8 @@ def prints(data: SheetData) -> list[Block]:
             if project["zone"]
         ),
         Paragraph(
-            "Before you go on: rub the cup's inside and the core's outside with a fingernail; a blob there becomes a "
+            "Break off brims and supports, scrape the ramps of the core smooth. Rub the cup's inside and the core's "
+            "outside with a fingernail; a blob there becomes a "
             "pit in the dome. The interface's infill must be open at its sides: hold it against a lamp."
         ),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def bill(data: SheetData) -> list[Block]:
         Heading("Print"),
         Table(
             ("", "part", "how many", "for", "USD"),
-            tuple((_picture(data, line), line.item, _amount(line), line.use, _price(line)) for line in made),
+            _alike(data, made),
             (0.9, 3, 1, 2, 0.8),
         ),
         Heading("Buy: parts"),
@@ -74,6 +75,21 @@ def bill(data: SheetData) -> list[Block]:
         Heading("Have at hand"),
         Table(("tool", "which", "for"), tuple((t.item, t.order_as, t.use) for t in tools), (1.5, 3, 2.5)),
     ]
+
+
+def _alike(data: SheetData, made: Sequence[BomLine]) -> tuple[tuple[str | Path, ...], ...]:
+    """Made parts, those of one kind (cup_bowl_1, _2, _3) in one row."""
+    kinds: dict[str, list[BomLine]] = {}
+    for line in made:
+        kinds.setdefault(re.sub(r"_\d$", "", line.owner), []).append(line)
+    rows = []
+    for kind, lines in kinds.items():
+        count = sum(line.quantity for line in lines)
+        name = lines[0].item if len(lines) == 1 else lines[0].item.replace(lines[0].owner, f"{kind}_1 to {len(lines)}")
+        price = "" if lines[0].price_usd is None else f"{sum(line.price_usd or 0.0 for line in lines):.2f}"
+        use = lines[0].use + (" each" if len(lines) > 1 and "g" in lines[0].use else "")
+        rows.append((_picture(data, lines[0]), name, f"{count:g} pc", use, price))
+    return tuple(rows)
 
 
 def _rows(data: SheetData, lines: Sequence[BomLine]) -> tuple[tuple[str | Path, ...], ...]:

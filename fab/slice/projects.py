@@ -6,6 +6,7 @@ interface_gyroid    the mesh with its explicit gyroid, every outline moved out b
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +16,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from cad.errors import FileError
+from cad.errors import EndcapError, FileError
 from cad.identity import identity, recorded, require_same
+from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
@@ -76,13 +78,26 @@ def read_export(variant: Variant, exports: Path) -> Export:
         [part["name"] for part in manifest["parts"]]
         made_of = recorded(manifest.get("identity"), variant.params)
     except OSError as error:
-        raise FileError(f"{folder}: no export here ({error.strerror}): {again} first") from error
+        raise FileError(
+            f"{folder}: no export here ({error.strerror}): {again} first{_others(variant, exports)}"
+        ) from error
     except (ValueError, KeyError, TypeError) as error:
         raise FileError(f"{folder / MANIFEST}: not a manifest of ours, or an older one: {again} again") from error
     if found != (variant.params.digest, variant.layout.joint_clearance_mm, variant.silicone):
         raise FileError(f"{folder}: made for other parameters than its name says: {again} again")
     require_same(folder, "made", made_of, identity(variant.params), f"{again} again", ("dots", "camera"))
     return Export(folder, variant, manifest)
+
+
+def _others(variant: Variant, exports: Path) -> str:
+    """Which variants of the same two numbers have been made, as the words that name them."""
+    found = []
+    for path in sorted(exports.glob(f"{variant.params.label}_*/{MANIFEST}")):
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, EndcapError):
+            manifest = json.loads(path.read_text(encoding="utf-8"))
+            layout = MoldLayout(variant.params, float(manifest["joint_clearance_mm"]))
+            found.append(Variant(layout, str(manifest["silicone"])).words)
+    return f", or name what has been made: {'; '.join(found)}" if found else ""
 
 
 def read_part(export: Export, name: str) -> Any:

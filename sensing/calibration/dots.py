@@ -79,7 +79,7 @@ def find_blobs(image_bgr: NDArray[np.uint8]) -> tuple[Array, Array]:
     area = stats[:, cv2.CC_STAT_AREA] / scale**2
     weight = np.maximum(contrast, 0).ravel()
     rows, columns = np.indices(labels.shape)
-    total = np.bincount(labels.ravel(), weight, count)
+    total = np.maximum(np.bincount(labels.ravel(), weight, count), 1e-9)  # a black picture has no weight
     centres = np.stack(
         [np.bincount(labels.ravel(), weight * axis.ravel(), count) / total for axis in (columns, rows)], -1
     )

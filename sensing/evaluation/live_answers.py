@@ -9,7 +9,6 @@ the sphere's centre, N and N m.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError
+from cad.messages import transient
 from cad.params import EndcapParams
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.live.core.config import EndcapConfig
@@ -83,8 +83,8 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
             to_sphere @ estimate.covariance @ to_sphere.T,
             bool(estimate.flags), float(item.labels["tilt_deg"]), item.contact,
         ))  # fmt: skip
-        if sys.stderr.isatty() and len(rows) % 50 == 0:
-            print(f"\r{data.folder}: {len(rows)} frames through the pipeline", end="", file=sys.stderr)
+        if len(rows) % 50 == 0:
+            transient(f"{data.folder}: {len(rows)} frames through the pipeline")
     if not rows:
         raise FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
     return LiveAnswers(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError, ParameterError
 from cad.identity import Identity, identity, require_same
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.frames import T_sphere_endcap, wrench_adjoint
@@ -174,8 +174,8 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
         for count, row in enumerate(seen(data, design, method, shape), 1):
             for name, value in zip(ROW_ARRAYS, row, strict=True):
                 found[name].append(value)
-            if sys.stderr.isatty() and count % 50 == 0:
-                print(f"\r{data.folder}: {count} fields", end="", file=sys.stderr)
+            if count % 50 == 0:
+                transient(f"{data.folder}: {count} fields")
         rows = {name: np.array(values) for name, values in found.items()}
         _keep(cache, rows, digest)
     stands_for = "dots" if method == MARKERS else method

@@ -58,7 +58,7 @@ def _answers(
     for row in rows[times + latency_s <= times[-1]]:
         at = test.time_s[row]
         smooth.update(Wrench(at, value[row, :3], value[row, 3:], "sphere", covariance[row]))
-        answer = smooth.at(at + latency_s if predict else at)
+        answer = smooth.now(at + latency_s) if predict else smooth.at(at)
         reported.append([*answer.force_n, *answer.torque_nm])
         spread.append(answer.covariance)
     now = times[: len(reported)] + latency_s

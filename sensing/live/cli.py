@@ -11,9 +11,10 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import MODELS, EndcapConfig, LiveConfig, load_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, load_config
 from sensing.live.core.model import known_weights
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
@@ -21,7 +22,7 @@ from sensing.live.options import complete
 from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, reduce_pauses, run_until_stopped
 from sensing.sources.choose import is_camera_number
-from sensing.tracking.methods import METHODS
+from sensing.tracking.methods import known_methods
 from sensing.wrench.weight_files import command_for
 
 DESCRIPTION = """\
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(complete(options))
     except EndcapError as error:
-        print(f"sensing.live: {error}", file=sys.stderr)
+        LOG.error(f"sensing.live: {error}")
         return 2
     except KeyboardInterrupt:  # before the loop runs
         return 130
@@ -74,17 +75,20 @@ def _run(options: argparse.Namespace) -> int:
     if any(endcap.pipeline.model.method == "dots" for endcap in endcaps):
         from sensing.live.core.warm_up import warm_up
 
-        warm_up(lambda text: print(text, file=sys.stderr))
+        warm_up(lambda text: LOG.info(text))
     run = LiveRun(config, endcaps, min(options.workers, len(endcaps)))
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
         add_outputs(run, options, outputs, lines)
+        for endcap in config.endcaps:
+            if endcap.weighed:
+                lines.write(f"{endcap.name}: {endcap.weighed}\n")
         reduce_pauses()
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]
     losses += [said for endcap in endcaps if (said := getattr(endcap.feed, "damage", ""))]
     for line in dict.fromkeys(losses):
-        print(f"sensing.live: {printable(line)}", file=sys.stderr)
+        LOG.warning(f"sensing.live: {printable(line)}")
     return LOST if losses else 0
 
 
@@ -97,7 +101,7 @@ def _check(path: Path, config: LiveConfig) -> int:
         raise FileError(f"{path}: no frame in it: record for longer than it takes to zero")
     print(f"{path}: {check.frames} frames computed again, {check.different} differ")
     if check.end is not None:
-        print(f"sensing.live: {check.end}", file=sys.stderr)
+        LOG.error(f"sensing.live: {check.end}")
     return LOST if check.different or isinstance(check.end, DamagedError) or not check.frames else 0
 
 
@@ -170,7 +174,9 @@ def _sources(options: argparse.Namespace) -> list[str]:
                 value=options.camera,
             )
         return numbers
-    return [str(word) for word in (options.video, options.photos) if word is not None] + (options.url or [])
+    return [str(word) for word in (options.video, options.photos) if word is not None] + (
+        options.url or options.source or []
+    )
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -187,14 +193,15 @@ def _parser() -> argparse.ArgumentParser:
         "--photos", type=Path, metavar="DIR", help="a folder of pictures; the first is the untouched endcap"
     )
     what.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another endcap")
+    what.add_argument("--source", action="append", metavar="NAME:ADDRESS", help="a plug-in's camera; again for another")
     what.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
     what.add_argument("--config", type=Path, metavar="FILE", help="endcaps.toml")
     model = parser.add_argument_group("what is computed")
-    model.add_argument("--model", choices=MODELS, help="default: ours; paper: the released field and network")
+    model.add_argument("--model", choices=known_models(), help="default: ours; paper: the released field and network")
     model.add_argument(
         "--weights", type=Path, metavar="FILE", help="weights of the model, else those of the design (printed)"
     )
-    model.add_argument("--method", choices=METHODS, help="another field method than the model's own")
+    model.add_argument("--method", choices=known_methods(), help="another field method than the model's own")
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
     model.add_argument("--diameter", type=plain_number, metavar="MM", help="of the design (130)")
     model.add_argument("--wall", type=plain_number, metavar="MM", help="of the design (8)")
@@ -213,6 +220,7 @@ def _parser() -> argparse.ArgumentParser:
     out.add_argument("--check", action="store_true", help="with --replay: compare every wrench with the recorded one")
     out.add_argument("--ros", action="store_true", help="ROS 2 topics over DDS, domain ROS_DOMAIN_ID")
     out.add_argument("--rerun", action="store_true", help="also show in the Rerun viewer, if it is installed")
+    out.add_argument("--output", action="append", metavar="NAME[=WORDS]", help="a plug-in's output; again for another")
     out.add_argument("--json", action="store_true", help="one line of JSON a frame on stdout; the rest on stderr")
     out.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
     return parser

@@ -11,15 +11,17 @@ Forces in N, torques in N m on the endcap at the origin of its frame, times on t
 
 from __future__ import annotations
 
-import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import EndcapReading
+from sensing.live.core.reading import EndcapReading, predicted
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.core.warm_up import warm_up
@@ -72,6 +74,17 @@ class Endcap:
         """
         for reading in self.readings():
             yield reading.wrench
+
+    def now(self) -> Wrench:
+        """The newest wrench, predicted to this moment where its motion can be followed, held where it cannot.
+
+        Raises:
+            ParameterError: no frame has given a reading yet.
+        """
+        last = self._endcap.stats.last
+        if last is None:
+            raise ParameterError("no reading yet: wait for the first of stream() or readings()", name="now")
+        return predicted(last, time.monotonic())
 
     def zero(self, confirmed: bool = False) -> None:
         """Take a new reference from the next frames: it must be untouched.
@@ -137,7 +150,7 @@ def open_endcap(
     endcap = EndcapConfig("endcap_0", source, taken, diameter_mm, wall_mm, silicone=silicone)
     models = None if model is None else lambda _: model
     opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
-    warm_up(lambda text: print(text, file=sys.stderr))
+    warm_up(lambda text: LOG.info(text))
     return opened
 
 

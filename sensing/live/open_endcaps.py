@@ -40,14 +40,20 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
     return endcaps
 
 
-def configured_models(config: LiveConfig) -> Models:
-    """Loads the configuration's model once for each design."""
+def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:
+    """Loads the configuration's model once for each design.
+
+    Args:
+        config: names model and weights.
+        any_silicone: take weights that were trained for another silicone; so it is for endcaps that were weighed.
+    """
     loaded: dict[str, LiveModel] = {}
 
     def of(endcap: EndcapConfig) -> LiveModel:
-        key = endcap.identity.digest
+        silicone = None if any_silicone or endcap.weighed else endcap.silicone
+        key = f"{endcap.identity.digest} {silicone}"
         if key not in loaded:
-            loaded[key] = load_model(config.model, endcap.params, config.weights, config.method, endcap.silicone)
+            loaded[key] = load_model(config.model, endcap.params, config.weights, config.method, silicone)
         return loaded[key]
 
     return of

@@ -7,6 +7,8 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+from cad import plugins
+from cad.errors import ParameterError
 from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun
 
@@ -44,6 +46,8 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         run.notes.append(lambda: topics.note)
     if options.rerun:
         _add_rerun(run, outputs)
+    for words in options.output or ():
+        _add_plugin(run, words, outputs)
     if not options.no_page:
         from sensing.live.web.access import qr_code
         from sensing.live.web.page import PageServer
@@ -56,6 +60,27 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         if page.token and lines.isatty():
             lines.write(qr_code(page.url))
     outputs.callback(recording.stop)  # the file is closed first
+
+
+def _add_plugin(run: LiveRun, words: str, outputs: ExitStack) -> None:
+    """An output that a plug-in adds: ``NAME`` or ``NAME=WORDS``.
+
+    Raises:
+        ParameterError: no such plug-in, or a broken one.
+    """
+    name, _, given = words.partition("=")
+    known = plugins.names(plugins.Kind.OUTPUT)
+    if name not in known:
+        raise ParameterError(
+            f"--output {words}: no plug-in adds {name!r} ({', '.join(known) or 'none'} installed): install one, or see "
+            "docs/extending.md",
+            name="output",
+            value=words,
+        )
+    sink = plugins.make(plugins.Kind.OUTPUT, name, "put", given, run.latest.names)
+    run.engine.add_sink(sink)
+    if hasattr(sink, "close"):
+        outputs.callback(sink.close)
 
 
 def _add_rerun(run: LiveRun, outputs: ExitStack) -> None:

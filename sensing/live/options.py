@@ -7,22 +7,22 @@ import argparse
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 
-SOURCES = ("camera", "video", "photos", "url", "replay", "config")  # options that say where frames come from
+SOURCES = ("camera", "video", "photos", "url", "source", "replay", "config")  # options that say where frames come from
 ROBOT = "the simulated robot"
 USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meaning for
-    "rate": ("camera", "photos", ROBOT),
-    "exposure": ("camera",),
-    "zero": ("camera", "video", "photos", "url"),
-    "diameter": ("camera", "video", "photos", "url", ROBOT),
-    "wall": ("camera", "video", "photos", "url", ROBOT),
-    "silicone": ("camera", "video", "photos", "url", ROBOT),
+    "rate": ("camera", "photos", "source", ROBOT),
+    "exposure": ("camera", "source"),
+    "zero": ("camera", "video", "photos", "url", "source"),
+    "diameter": ("camera", "video", "photos", "url", "source", ROBOT),
+    "wall": ("camera", "video", "photos", "url", "source", ROBOT),
+    "silicone": ("camera", "video", "photos", "url", "source", ROBOT),
     "speed": ("video", "photos", "replay"),
 }
 IN_FILE = {
     "rate": "rate_hz", "exposure": "exposure", "zero": "zero", "diameter": "diameter_mm", "wall": "wall_mm",
     "silicone": "silicone",
 }  # fmt: skip
-NOT_WITH_CHECK = ("record", "json", "ros", "rerun", "seconds", "speed", "workers", "host", "port")
+NOT_WITH_CHECK = ("record", "json", "output", "ros", "rerun", "seconds", "speed", "workers", "host", "port")
 DEFAULTS = {
     "rate": 0.0, "exposure": 0.0, "diameter": 130.0, "wall": 8.0, "speed": 1.0, "workers": 1, "host": "127.0.0.1",
     "silicone": DEFAULT_SILICONE,

@@ -7,8 +7,9 @@ import sys
 
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
 from cad.plain_numbers import plain_number
-from sensing.simulator.contact.indenter import KINDS
+from sensing.simulator.contact.indenter import known_kinds
 from sensing.simulator.dataset import cli as data_cli
 from sensing.simulator.levels import Simulator
 from sensing.simulator.solid.geometry import shell_geometry
@@ -21,10 +22,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return int(options.run(options))
     except EndcapError as error:
-        print(error, file=sys.stderr)
+        LOG.error(error)
         return 2
     except KeyboardInterrupt:
-        print("stopped; run the same command again to go on", file=sys.stderr)
+        LOG.error("stopped; run the same command again to go on")
         return 130
 
 
@@ -61,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     press.add_argument("--meridian", type=float, default=0, help="tangential travel away from the tip, mm")
     press.add_argument("--lateral", type=float, default=0, help="tangential travel across, mm (needs the whole mesh)")
     press.add_argument("--friction", type=float, default=0.5, help="Coulomb coefficient (default 0.5)")
-    press.add_argument("--body", choices=list(KINDS), default="plane", help="what presses (default plane)")
+    press.add_argument("--body", choices=known_kinds(), default="plane", help="what presses (default plane)")
     press.add_argument("--radius", type=float, default=20, help="radius of sphere or edge, mm")
     press.set_defaults(run=_press)
     data = commands.add_parser(

@@ -1,19 +1,31 @@
-"""Lists the cameras of this computer and their modes: ``python -m sensing.sources``."""
+"""Cameras of this computer and their modes: ``python -m sensing.sources``; with ``check``, what is wrong with them."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 from cad.errors import EndcapError
+from cad.messages import LOG
+from sensing.records import Frame
 from sensing.sources.camera import list_devices, list_modes
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Prints one line per camera and mode; returns the exit status (2 if a camera cannot be asked)."""
-    parser = argparse.ArgumentParser(prog="python -m sensing.sources", description="Cameras and their modes.")
+    """Prints one line per camera and mode, or checks sources; returns the exit status."""
+    words = sys.argv[1:] if arguments is None else arguments
+    if words[:1] == ["check"]:
+        from sensing.doctor.command import main as check
+
+        return check(words[1:], _recorded)
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.sources", description="Cameras and their modes.",
+        epilog="python -m sensing.sources check --help: what is wrong with a camera or its picture, and the fix",
+    )  # fmt: skip
     parser.add_argument("device", nargs="?", type=int, metavar="N", help="only /dev/videoN (default: all that capture)")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(words)
     known = dict(list_devices())
     devices = list(known) if options.device is None else [options.device]
     if not devices:
@@ -25,9 +37,17 @@ def main(arguments: list[str] | None = None) -> int:
             for mode in list_modes(device):
                 print(f"  {mode}")
         except EndcapError as error:
-            print(f"sensing.sources: {error}", file=sys.stderr)
+            LOG.error(f"sensing.sources: {error}")
             status = 2
     return status
+
+
+def _recorded(path: Path) -> Iterator[tuple[str, Iterator[Frame]]]:
+    """Frames of every endcap of a recording."""
+    from sensing.live.replay import read_config, recorded_frames
+
+    for endcap in read_config(path).endcaps:
+        yield endcap.name, (each.frame for each in recorded_frames(path, endcap.name))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from cad import plugins
 from cad.errors import FileError
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource
@@ -19,7 +20,8 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     """(function that opens the source anew, whether it is live and worth reopening when it ends).
 
     Args:
-        word: ``0`` for /dev/video0, ``http://...``, a folder of pictures, a video or a picture.
+        word: ``0`` for /dev/video0, ``http://...``, ``NAME:ADDRESS`` of a plug-in, a folder of pictures, a video or a
+            picture.
         camera: mode and exposure for a camera; its device number is replaced by ``word``.
 
     Raises:
@@ -31,6 +33,11 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
         return lambda: CameraSource(config), True
     if word.startswith(("http://", "https://")):
         return lambda: MjpegSource(word), True
+    name, colon, address = word.partition(":")
+    if colon and name in plugins.names(plugins.Kind.CAMERA):
+        plugins.load(plugins.Kind.CAMERA, name)  # a broken one is named now, not in the thread that reopens it
+        base = camera or CameraConfig()
+        return lambda: plugins.make(plugins.Kind.CAMERA, name, "__iter__", address, base), True
     path = Path(word)
     if os.path.isdir(word):
         return lambda: FolderSource(path), False

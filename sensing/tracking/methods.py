@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from cad import plugins
 from cad.errors import ParameterError
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField, normalised
@@ -13,6 +14,11 @@ from sensing.tracking.gelslim import CROP_PX, GelslimConfig, GelslimField
 from sensing.tracking.tracker import DotTracker, TrackerConfig
 
 METHODS = ("dots", "gelslim", "farneback", "dis", "lk", "dense")
+
+
+def known_methods() -> tuple[str, ...]:
+    """Names of the methods here and of those that plug-ins add."""
+    return (*METHODS, *(name for name in plugins.names(plugins.Kind.FIELD_METHOD) if name not in METHODS))
 
 
 class FieldMethod(Protocol):
@@ -53,6 +59,11 @@ class DotField:
 def field_method(name: str, reference: Frame, shape: tuple[int, int] = (30, 30)) -> FieldMethod:
     """The method of that name, ready for frames of the same camera as the reference.
 
+    Args:
+        name: one of :func:`known_methods`.
+        reference: the undeformed picture.
+        shape: (H, W) of the field.
+
     Raises:
         ParameterError: no such method.
     """
@@ -68,4 +79,7 @@ def field_method(name: str, reference: Frame, shape: tuple[int, int] = (30, 30))
         return LucasKanadeField(reference, shape)
     if name == "dense":
         return DisField(reference, shape, normalised)
-    raise ParameterError(f"method={name!r}: choose from {', '.join(METHODS)}", name="method", value=name)
+    if name in known_methods():
+        made: FieldMethod = plugins.make(plugins.Kind.FIELD_METHOD, name, "update", reference, shape)
+        return made
+    raise ParameterError(f"method={name!r}: choose from {', '.join(known_methods())}", name="method", value=name)

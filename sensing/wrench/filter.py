@@ -3,7 +3,7 @@
     tracker = WrenchFilter()
     for wrench in estimates:                      # each stamped with the middle of its frame's exposure
         tracker.update(wrench)
-        print(tracker.at(time.monotonic()))       # lag removed: predicted for now, not for the frame
+        print(tracker.now(time.monotonic()))      # lag removed where that can be known: for now, not for the frame
 
 Six motions are followed at once, from one that stands nearly still to one that jumps; each axis weights those by how
 well they predicted its last measurements (mode probabilities). Measurement noise is the estimate's own covariance where
@@ -16,12 +16,13 @@ Notes:
     stays positive definite; what surprises all motions widens them first, so that an impact is followed at once. They
     are mixed as autonomous multiple models (ibid., sec. 11.6.2) whose past fades. Of the lag behind a ramp well over
     the noise 0.3 % is left, of that behind a sine of frequency w an order (w lag)^2; a force that turns too fast to be
-    predicted is held by the motions without a rate. The arithmetic is in :mod:`sensing.wrench.kernels`.
+    predicted is held by the motions without a rate. ``at`` gives the mean of that mixture, ``now`` weights its rate by
+    what came of it lately (:mod:`sensing.wrench.trend`). The arithmetic is in :mod:`sensing.wrench.kernels`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.kernels import correct, mixture, mode_probabilities, predict
 from sensing.wrench.quantiles import chi_square_quantile
+from sensing.wrench.trend import Trend
 
 Array = NDArray[np.float64]
 MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # innovation beyond this: the motion changed faster than the model
@@ -112,6 +114,7 @@ class WrenchFilter:
         self._weight = np.full((len(motions), 6), 1 / len(motions))
         self._state = np.zeros((len(motions), 2, 6))  # values, rates
         self._covariance = np.zeros((len(motions), 3, 6))  # of value, of value with rate, of rate
+        self._trend = Trend()
 
     def update(self, wrench: Wrench) -> Wrench:
         """Take one estimate; returns the filtered wrench at its capture time.
@@ -149,6 +152,8 @@ class WrenchFilter:
         )
         correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
         self._last = wrench
+        value = (self._weight * self._state[:, 0]).sum(axis=0)
+        self._trend.update(wrench.time_s, measured, variance, value, self._rate())
         return self._reported(wrench.time_s, wrench.flags)
 
     @property
@@ -170,11 +175,38 @@ class WrenchFilter:
             )
         return self._predicted(time_s, self._last.flags)
 
+    def now(self, time_s: float) -> Wrench:
+        """The wrench at a time at or after the last estimate, its rate weighted by what it was worth lately.
+
+        On a steady motion this is :meth:`at`; where the force turns faster than the delay, or only noise moves it, the
+        last value is held. What is left out of the rate widens the covariance.
+
+        Raises:
+            ParameterError: as :meth:`at`.
+        """
+        full = self.at(time_s)
+        assert self._last is not None
+        left = (self._rate() - self.trend) * min(time_s - self._last.time_s, self.config.ahead_s)
+        covariance = full.covariance + np.diag(left**2)
+        return replace(
+            full, force_n=full.force_n - left[:3], torque_nm=full.torque_nm - left[3:], covariance=covariance
+        )
+
+    @property
+    def trend(self) -> Array:
+        """(6,) change a second that :meth:`now` counts on."""
+        return np.asarray(self._trend.factor * self._rate())
+
+    def _rate(self) -> Array:
+        """(6,) of all motions together."""
+        return np.asarray((self._weight * self._state[:, 1]).sum(axis=0))
+
     def _start(self, wrench: Wrench, measured: Array, variance: Array) -> Wrench:
         self._weight[:] = 1 / len(self._weight)
         self._state[:, 0], self._state[:, 1] = measured, 0.0
         self._covariance[:, 0], self._covariance[:, 1], self._covariance[:, 2] = variance, 0.0, self._rates
         self._last, self.nis = wrench, float("nan")
+        self._trend.restart()
         return self._reported(wrench.time_s, wrench.flags)
 
     def _predict_step(self, step: float) -> tuple[Array, Array]:

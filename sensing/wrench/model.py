@@ -231,7 +231,8 @@ def load_wrench_model(
             f"otherwise; leave the file out, or make one with {command_for(design, silicone or DEFAULT_SILICONE)}"
         )
     if design is not None:
-        fix = f"make them with {command_for(design, silicone or DEFAULT_SILICONE)}"
+        made = command_for(design, silicone or DEFAULT_SILICONE)
+        fix = f"make them with {made}; of another silicone, weigh it (docs/weigh.md)"
         require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
 

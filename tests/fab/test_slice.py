@@ -323,6 +323,16 @@ def test_a_changed_or_foreign_export_is_refused(tmp_path):
         read_part(Export(folder, SMALL_MOLD, manifest), "base")
 
 
+def test_a_variant_that_is_missing_names_those_that_have_been_made(tmp_path):
+    other = Variant(MoldLayout(SMALL, 0.1), "Dragon Skin 30")
+    folder = tmp_path / other.label
+    folder.mkdir()
+    (folder / "manifest.json").write_text(json.dumps({"joint_clearance_mm": 0.1, "silicone": "Dragon Skin 30"}))
+    (tmp_path / "D100_T8_notes").mkdir()
+    with pytest.raises(FileError, match=r"first, or name what has been made: D=100 T=8 joint_clearance=0.1 material="):
+        read_export(SMALL_MOLD, tmp_path)
+
+
 def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, monkeypatch):
     from fab.checks.check import Check
 

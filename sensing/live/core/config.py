@@ -15,6 +15,11 @@
     lens = "released"
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
+    gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
+    gain_sd = 0.008
+    gain_date = "2026-01-01"
+    gain_weights = "0123456789abcdef"   # digest of the model's weights that it was found with
+    relaxation = [[0.054, 0.1, 0.005], [0.033, 1.0, 0.003]]    # of sensing.dwell: strength, tau in s, sd of strength
     T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
 
 Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such a file.
@@ -31,21 +36,32 @@ from typing import Any
 
 import numpy as np
 
+from cad import plugins
 from cad.errors import FileError, ParameterError, printable
 from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.frames import Array, rigid
-from sensing.tracking.methods import METHODS
+from sensing.tracking.methods import METHODS, known_methods
+from sensing.wrench.relaxation import MOST_TERMS, Term
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
-TEXTS = ("name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens")
+GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
+TEXTS = (
+    "name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens", "gain_date",
+    "gain_weights",
+)  # fmt: skip
 OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
 MOST_BYTES = 1 << 20  # of endcaps.toml
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
+
+
+def known_models() -> tuple[str, ...]:
+    """Names of the models here and of those that plug-ins add."""
+    return (*MODELS, *(name for name in plugins.names(plugins.Kind.WRENCH_MODEL) if name not in MODELS))
 
 
 @dataclass(frozen=True)
@@ -62,6 +78,9 @@ class EndcapConfig:
         rate_hz: frames a second asked of a camera (0: 30), or pictures a second of a folder (0: one, each for itself).
         camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None
             for the nominal one.
+        gain, gain_sd: of its silicone (:mod:`sensing.weigh`) and standard deviation; 1 and 0 where it was not weighed.
+        gain_date, gain_weights: when, and with which weights of the model (digest); empty where it was not.
+        relaxation: terms (strength, tau_s, sd) of :mod:`sensing.dwell`; empty where the silicone was not identified.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
         silicone: row of cad/materials.csv.
         dots, lens: dot pattern and lens for which it was set up (:func:`cad.identity.label_of`); empty for those of
@@ -81,6 +100,11 @@ class EndcapConfig:
     exposure: float = 0.0
     rate_hz: float = 0.0
     camera: Path | None = None
+    gain: float = 1.0
+    gain_sd: float = 0.0
+    gain_date: str = ""
+    gain_weights: str = ""
+    relaxation: tuple[tuple[float, ...], ...] = ()
     T_robot_endcap: Array = field(default_factory=lambda: np.eye(4))
     silicone: str = DEFAULT_SILICONE
     dots: str = ""
@@ -102,9 +126,14 @@ class EndcapConfig:
                 name="contact_on_n",
                 value=self.contact_on_n,
             )
-        for name, value, most in (("exposure", self.exposure, 1e6), ("rate_hz", self.rate_hz, 1000)):
-            if not 0 <= value <= most:
-                raise ParameterError(f"{name}={value:g} of {self.name} outside 0..{most:g}", name=name, value=value)
+        for name, value, least, most in (
+            ("exposure", self.exposure, 0, 1e6), ("rate_hz", self.rate_hz, 0, 1000),
+            ("gain", self.gain, *GAINS), ("gain_sd", self.gain_sd, 0, self.gain),
+        ):  # fmt: skip
+            if not least <= value <= most:
+                raise ParameterError(
+                    f"{name}={value:g} of {self.name} outside {least:g}..{most:g}", name=name, value=value
+                )
         if self.source.startswith(("http://", "https://")):
             for name, what in CAMERA_ONLY.items():
                 if getattr(self, name):
@@ -114,6 +143,8 @@ class EndcapConfig:
                         value=getattr(self, name),
                     )
         object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
+        object.__setattr__(self, "relaxation", tuple(tuple(map(float, term)) for term in self.relaxation))
+        _ = self.relaxation_terms
         self._check_identity()
 
     def _check_identity(self) -> None:
@@ -138,6 +169,19 @@ class EndcapConfig:
     def params(self) -> EndcapParams:
         """The design."""
         return EndcapParams(self.diameter_mm, self.wall_mm)
+
+    @property
+    def relaxation_terms(self) -> tuple[Term, ...]:
+        """Of the rate effects of its silicone."""
+        return tuple(Term(*term) for term in self.relaxation)
+
+    @property
+    def weighed(self) -> str:
+        """How it was calibrated by weight, in words; empty where it was not."""
+        if self.gain == 1.0 and self.gain_sd == 0.0:
+            return ""
+        date = self.gain_date and f" on {self.gain_date[:10]}"
+        return f"calibrated by weight{date}: gain {self.gain:.3f} ± {self.gain_sd:.3f}"
 
 
 @dataclass(frozen=True)
@@ -169,11 +213,13 @@ class LiveConfig:
                 f"endcaps={', '.join(twice) or len(names)}: need 1..{MOST_ENDCAPS} endcaps of different names",
                 name="endcaps",
             )
-        if self.model not in MODELS:
-            raise ParameterError(f"model={self.model!r}: choose {' or '.join(MODELS)}", name="model", value=self.model)
-        if self.method is not None and self.method not in METHODS:
+        if self.model not in MODELS and self.model not in known_models():
             raise ParameterError(
-                f"method={self.method!r}: choose {', '.join(METHODS)}, or leave it out",
+                f"model={self.model!r}: choose {' or '.join(known_models())}", name="model", value=self.model
+            )
+        if self.method not in (None, *METHODS) and self.method not in known_methods():
+            raise ParameterError(
+                f"method={self.method!r}: choose {', '.join(known_methods())}, or leave it out",
                 name="method",
                 value=self.method,
             )
@@ -203,6 +249,21 @@ def load_config(path: Path) -> LiveConfig:
         raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
     made = tuple(EndcapConfig(**(OF_BEFORE | _checked(path, EndcapConfig, endcap))) for endcap in endcaps)
     return LiveConfig(made, **_checked(path, LiveConfig, reported))
+
+
+def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:
+    """The endcap of that name; without a name the only one.
+
+    Raises:
+        ParameterError: no such endcap, or several and no name.
+    """
+    names = [endcap.name for endcap in config.endcaps]
+    if name is None and len(names) == 1:
+        return config.endcaps[0]
+    if name not in names:
+        known = ", ".join(names)
+        raise ParameterError(f"--endcap {name or 'missing'}: choose one of {known}", name="endcap", value=name)
+    return config.endcaps[names.index(name)]
 
 
 def save_config(config: LiveConfig, path: Path) -> None:
@@ -250,6 +311,8 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
             good = isinstance(value, str)
         elif key == "T_robot_endcap":
             good = _is_matrix(value)
+        elif key == "relaxation":
+            good = isinstance(value, list) and len(value) <= MOST_TERMS and all(_is_row(term, 3) for term in value)
         else:
             good = _is_number(value)
         if not good:
@@ -265,12 +328,11 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
 
 
 def _is_matrix(value: Any) -> bool:
-    return (
-        isinstance(value, list)
-        and len(value) == 4
-        and all(isinstance(row, list) and len(row) == 4 for row in value)
-        and all(_is_number(x) for row in value for x in row)
-    )
+    return isinstance(value, list) and len(value) == 4 and all(_is_row(row, 4) for row in value)
+
+
+def _is_row(value: Any, length: int) -> bool:
+    return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
 
 
 def _is_number(value: Any) -> bool:

@@ -31,6 +31,8 @@ from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.filter import WrenchFilter
+from sensing.wrench.relaxation import RateFilter
+from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, weights_digest
 
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
 COARSE = 8  # reduction at which methods without dots compare whole pictures
@@ -61,8 +63,11 @@ class Measurement:
         self._check = check
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
+        self._stiffness = Stiffness(endcap.gain, endcap.gain_sd)
+        digest = weights_digest(model.estimator) if endcap.gain_weights else ""
+        self._foreign = frozenset({OTHER_WEIGHTS} if endcap.gain_weights != digest else ())
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
-        self._gate, self._filter = Gate(), WrenchFilter()
+        self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
         self._count = 0
@@ -95,12 +100,17 @@ class Measurement:
         estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
         if self._check is not None and tracks is not None:
             estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
+        estimate = self._stiffness.applied(replace(estimate, flags=estimate.flags | self._foreign))
         watch.lap("wrench")
         alike = likeness(small_picture(gray), self._alike_to)
+        rated = self._rate.step(estimate)
+        estimate = rated.wrench
         verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
         watch.lap("gate")
         seen = verdict.event is not Event.UNSEEN
         used = seen and not verdict.held
+        if used:
+            self._rate.take(rated)
         smooth = self._filter.update(estimate if used else replace(estimate, flags=estimate.flags | {"missing"}))
         watch.lap("filter")
         nothing = np.full(3, np.nan)
@@ -117,6 +127,7 @@ class Measurement:
             blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
             estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
             wrench=self._at_origin(smooth, flags, seen),
+            trend=self._to_endcap @ self._filter.trend if used else blank.trend,
             reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
         )  # fmt: skip
 

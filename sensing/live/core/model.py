@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from cad import plugins
 from cad.errors import FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
@@ -75,14 +76,14 @@ def load_model(
     params: EndcapParams,
     weights: Path | None = None,
     method: str | None = None,
-    silicone: str = DEFAULT_SILICONE,
+    silicone: str | None = DEFAULT_SILICONE,
 ) -> LiveModel:
     """The model of that name for a design.
 
     Args:
-        name: ``default`` or ``paper``. params: the design. weights: file; None for :func:`known_weights`.
+        name: ``default``, ``paper`` or a plug-in's. params: the design. weights: file; None for :func:`known_weights`.
         method: another field method than the model's own, for comparison.
-        silicone: row of cad/materials.csv that the endcap is cast of.
+        silicone: row of cad/materials.csv that the endcap is cast of; None where a gain makes any weights fit.
 
     Raises:
         ParameterError: unknown name. FileError: no weights, or those of another endcap.
@@ -104,4 +105,8 @@ def load_model(
 
         torch.set_num_threads(1)  # a network of 1800 x 64 gains nothing from more
         return live_model(name, PaperEstimator(load_paper_model(weights)), (30, 30), method or "gelslim")
-    raise ParameterError(f"model={name!r}: choose default or paper", name="model", value=name)
+    if name in plugins.names(plugins.Kind.WRENCH_MODEL):
+        made = plugins.make(plugins.Kind.WRENCH_MODEL, name, "estimate", params, weights)
+        own = str(getattr(made, "method", "dots"))
+        return live_model(name, made, getattr(made, "shape", (30, 30)), method or own)
+    raise ParameterError(f"model={name!r}: choose default or paper, or a plug-in's", name="model", value=name)

@@ -6,16 +6,20 @@ Times are seconds of the monotonic clock. Wrenches act on the endcap, at the ori
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from dataclasses import field as with_default
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sensing.live.core.state import MEASURED, Event, word
 from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracking.zero import Drift, Zero
 from sensing.wrench.contact import ContactState
 from sensing.wrench.contact_place import PressureCentre
+
+LONGEST_S = 0.15  # for which a trend is followed
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,7 @@ class EndcapReading:
         zero: the reference in use. epoch: counts up when reference or filter start anew.
         captured_s: capture on this run's clock (the frame's own time for a camera, the due time for a file).
         ready_s: when all this was known. stage_ms: time of each stage.
+        trend: (6,) change of ``wrench`` a second that can be counted on; zero where holding it has been better.
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
     """
 
@@ -51,6 +56,7 @@ class EndcapReading:
     stage_ms: Mapping[str, float]
     event: Event
     reason: str
+    trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros(6))
 
     @property
     def valid(self) -> bool:
@@ -68,6 +74,20 @@ class EndcapReading:
         if self.tracks is None:
             return 0, 0
         return int((~self.tracks.lost).sum()), len(self.tracks.ids)
+
+
+def predicted(reading: EndcapReading, time_s: float) -> Wrench:
+    """The wrench of a reading at a later time, by its trend; after :data:`LONGEST_S` it stays.
+
+    Args:
+        reading: valid or not (NaN stays NaN). time_s: on the clock of ``captured_s``, not before it.
+    """
+    moved = reading.trend * min(max(0.0, time_s - reading.captured_s), LONGEST_S)
+    wrench = reading.wrench
+    return replace(
+        wrench, time_s=time_s, force_n=wrench.force_n + moved[:3], torque_nm=wrench.torque_nm + moved[3:],
+        covariance=wrench.covariance + np.diag(moved**2),
+    )  # fmt: skip
 
 
 def plain(reading: EndcapReading) -> dict[str, Any]:

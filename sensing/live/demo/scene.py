@@ -8,7 +8,6 @@ are. Times in s on the monotonic clock, poses in mm.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Iterator
 from functools import lru_cache
@@ -17,6 +16,7 @@ from typing import Any
 
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
+from cad.messages import LOG, transient
 from cad.params import EndcapParams
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.records import Frame
@@ -129,8 +129,6 @@ def scene_number(word: str) -> int | None:
 
 
 def _progress(done: int, total: int) -> None:
-    if sys.stderr.isatty():
-        end = "\n" if done == total else ""
-        print(f"\rrendering the simulated robot, once: {done}/{total} pictures ", end=end, file=sys.stderr)
-    elif done == 1:
-        print(f"rendering the simulated robot, once: {total} pictures", file=sys.stderr)
+    if done == 1:
+        LOG.info(f"rendering the simulated robot, once: {total} pictures")
+    transient(f"{done}/{total} pictures", done=done == total)

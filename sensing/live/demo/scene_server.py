@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from cad.errors import EndcapError, ParameterError
+from cad.messages import LOG
 from sensing.live.demo.scene import ENDCAPS, SceneSource
 from sensing.sources.newest import FrameSource
 
@@ -66,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"http://127.0.0.1:{server.server_port}/0 to /{ENDCAPS - 1}", flush=True)
         server.serve_forever()
     except EndcapError as error:
-        print(f"sensing.live.demo.scene_server: {error}", file=sys.stderr)
+        LOG.error(f"sensing.live.demo.scene_server: {error}")
         return 2
     except KeyboardInterrupt:
         pass

@@ -47,7 +47,10 @@ def carried_files(config: LiveConfig) -> list[CarriedFile]:
     """
     weights = config.weights
     if weights is None and len({endcap.identity.digest for endcap in config.endcaps}) == 1:
-        weights = known_weights(config.model, config.endcaps[0].params, config.endcaps[0].silicone)
+        endcap = config.endcaps[0]  # weighed, it may answer with weights of the default silicone
+        weights = known_weights(config.model, endcap.params, endcap.silicone) or known_weights(
+            config.model, endcap.params
+        )
     paths = {} if weights is None else {WEIGHTS: weights}
     paths |= {f"camera/{endcap.name}": endcap.camera for endcap in config.endcaps if endcap.camera is not None}
     return [CarriedFile(name, _content(path)) for name, path in paths.items()]

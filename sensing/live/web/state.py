@@ -25,6 +25,7 @@ def hello(run: LiveRun) -> dict[str, Any]:
             "radius_mm": endcap.params.outer_radius_mm,
             "centre_mm": endcap.params.centre_height_mm,
             "T_robot_endcap": endcap.T_robot_endcap.tolist(),
+            "weighed": endcap.weighed,
         }
         for endcap in run.config.endcaps
     ]

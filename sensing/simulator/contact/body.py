@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple
 
 from sensing.simulator.solid.element import Array
+
+Distance = Callable[..., float]
 
 
 class BodyKind(IntEnum):
@@ -16,11 +19,27 @@ class BodyKind(IntEnum):
     EDGE = 2
 
 
+PLUGIN = 100  # kinds from here on are plug-ins', in the order in which they were first used
+_DISTANCES: list[Distance] = []
+
+
+def plugin_kind(distance: Distance) -> int:
+    """The number of a plug-in's signed distance."""
+    if distance not in _DISTANCES:
+        _DISTANCES.append(distance)
+    return PLUGIN + _DISTANCES.index(distance)
+
+
+def plugin_distance(kind: int) -> Distance | None:
+    """The signed distance of a body's kind; None for a :class:`BodyKind`."""
+    return _DISTANCES[kind - PLUGIN] if kind >= PLUGIN else None
+
+
 class Body(NamedTuple):
     """A body as compiled loops take it.
 
     Attributes:
-        kind: a :class:`BodyKind`, as a plain integer.
+        kind: a :class:`BodyKind` or a plug-in's number, as a plain integer.
         radius_mm: radius of sphere or edge; not used for the plane.
         point_mm: point on the plane, centre of the sphere, or point on the edge's axis (3,).
         axis: unit normal of the plane away from the shell's outside, or unit direction of the edge's axis (3,).

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.simulator.contact import kernels as contact_kernels
-from sensing.simulator.contact.body import Body
+from sensing.simulator.contact.body import Body, plugin_distance
 from sensing.simulator.solid.element import OUTER_FACE, Array, face_rule, shape_quad
 from sensing.simulator.solid.mesh import HexMesh, Index
 
@@ -134,9 +134,10 @@ def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation
 
     A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
     """
-    face, place, _ = contact_kernels.nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)
+    _, nearest = contact_kernels.loops(plugin_distance(body.kind))
+    face, place, _ = nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)
     shape, _ = shape_quad(np.clip(_BETWEEN[place] + _BETWEEN * (_SIDE[1] - _SIDE[0]), -1, 1))
-    return -float(contact_kernels.nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2])
+    return -float(nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2])
 
 
 def respond(
@@ -179,7 +180,7 @@ def respond(
         position=np.zeros((faces, points, 3)),
         gradient=np.zeros((faces, points, 3)),
     )
-    energy = contact_kernels.respond(
+    energy = contact_kernels.loops(plugin_distance(body.kind))[0](
         surface.quadrature(), memory.arrays(), body, position, translation, friction_law, out
     )
     return ContactResponse(energy, contact_fraction=friction_law.contact_fraction, **out._asdict())

@@ -9,16 +9,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 
+from cad import plugins
 from cad.errors import ParameterError
-from sensing.simulator.contact.body import Body, BodyKind
+from sensing.simulator.contact.body import Body, BodyKind, plugin_kind
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
 KINDS = {kind.name.lower(): kind for kind in BodyKind}
 MAX_TILT_DEG = 100.0  # beyond it a plane would cut the base before it presses the dome
+
+
+def known_kinds() -> tuple[str, ...]:
+    """Names of the bodies here and of those that plug-ins add."""
+    return (*KINDS, *(name for name in plugins.names(plugins.Kind.INDENTER) if name not in KINDS))
 
 
 @dataclass(frozen=True)
@@ -27,7 +35,8 @@ class Indenter:
 
     Attributes:
         tilt_deg: polar angle of first contact from the tip, 0..100.
-        kind: ``plane``; ``sphere`` (a small one is a bump); ``edge``, a cylinder whose axis lies in the tangent plane.
+        kind: ``plane``; ``sphere`` (a small one is a bump); ``edge``, a cylinder whose axis lies in the tangent plane;
+            or a plug-in's.
         radius_mm: radius of sphere or edge; ignored for the plane.
         axis_deg: direction of the edge's axis in the tangent plane, from the meridian.
 
@@ -41,9 +50,11 @@ class Indenter:
     axis_deg: float = 90.0
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
+        if self.kind not in KINDS and self.kind not in known_kinds():
             raise ParameterError(
-                f"kind={self.kind!r} is no indenter: choose one of {', '.join(KINDS)}", name="kind", value=self.kind
+                f"kind={self.kind!r} is no indenter: choose one of {', '.join(known_kinds())}",
+                name="kind",
+                value=self.kind,
             )
         if not 0 <= self.tilt_deg <= MAX_TILT_DEG:
             raise ParameterError(
@@ -62,7 +73,14 @@ class Indenter:
     @property
     def keeps_mirror(self) -> bool:
         """Whether the body itself is symmetric in y = 0."""
-        return self.kind != "edge" or self.axis_deg % 90 == 0
+        if self.kind in KINDS:
+            return self.kind != "edge" or self.axis_deg % 90 == 0
+        return bool(getattr(self._shape, "keeps_mirror", False))
+
+    @property
+    def _shape(self) -> Any:
+        """The plug-in's object."""
+        return _made(self.kind)
 
     def frame(self) -> Array:
         """Columns outward, meridian, lateral (3, 3)."""
@@ -76,13 +94,18 @@ class Indenter:
         outward, meridian, lateral = self.frame().T
         touch = np.array(geometry.centre_mm) + geometry.outer_radius_mm * outward
         angle = math.radians(self.axis_deg)
-        axis = {
-            "plane": -outward,
-            "sphere": -outward,
-            "edge": math.cos(angle) * meridian + math.sin(angle) * lateral,
-        }[self.kind]
+        along = math.cos(angle) * meridian + math.sin(angle) * lateral
+        if self.kind not in KINDS:
+            kind = plugin_kind(self._shape.distance)
+            return Body(kind, float(self.radius_mm), np.array(touch + self.radius_mm * outward), np.array(along))
+        axis = along if self.kind == "edge" else -outward
         point = touch if self.kind == "plane" else touch + self.radius_mm * outward
         return Body(int(KINDS[self.kind]), float(self.radius_mm), np.array(point), np.array(axis))
+
+
+@cache
+def _made(name: str) -> Any:
+    return plugins.make(plugins.Kind.INDENTER, name, "distance")
 
 
 def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) -> Array:

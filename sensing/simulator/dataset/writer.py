@@ -10,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import io
 import json
-import sys
 import time
 import zipfile
 from collections.abc import Iterator
@@ -24,6 +23,7 @@ import numpy as np
 
 from cad.errors import FileError, ParameterError
 from cad.identity import require_same
+from cad.messages import LOG, transient
 from cad.whole_file import put_file
 from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
@@ -173,11 +173,10 @@ def _is_whole(path: Path) -> bool:
                 return True
     except (zipfile.BadZipFile, OSError):
         pass
-    print(f"{path}: corrupt shard, made again", file=sys.stderr)
+    LOG.warning(f"{path}: corrupt shard, made again")
     return False
 
 
 def _progress(done: int, total: int, begin: float) -> None:
-    if sys.stderr.isatty():
-        left: Any = (time.monotonic() - begin) / done * (total - done)
-        print(f"\r{done}/{total} shards, {left:.0f} s left ", end="\n" if done == total else "", file=sys.stderr)
+    left = (time.monotonic() - begin) / done * (total - done)
+    transient(f"{done}/{total} shards, {left:.0f} s left", done=done == total)

@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG, transient
 from cad.plain_numbers import plain_number
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -83,7 +84,7 @@ def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, f
             try:
                 state = walk(Target(normal_n=normal, shift_mm=(float(shift[0]), float(shift[1]))))
             except Refusal as refusal:
-                print(f"tilt {tilt_deg:g}: {refusal}", file=sys.stderr)
+                LOG.info(f"tilt {tilt_deg:g}: {refusal}")
                 break
             tangential = np.array(state.tangential_n)
             found.append(Sample(tilt_deg, state))
@@ -171,8 +172,7 @@ def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Li
     """Solve and fit (minutes: :data:`TILTS_DEG` times ``states`` on level 2)."""
     samples: list[Sample] = []
     for count, tilt in enumerate(TILTS_DEG):
-        if sys.stderr.isatty():
-            print(f"\rtilt {tilt:g} degrees ({count + 1}/{len(TILTS_DEG)}) ", end="", file=sys.stderr)
+        transient(f"tilt {tilt:g} degrees ({count + 1}/{len(TILTS_DEG)})")
         samples += sample_tilt(simulator, tilt, states, seed, FRICTION)
         simulator.forget()
     return fit(simulator, samples)
@@ -231,7 +231,7 @@ def main(arguments: list[str] | None = None) -> int:
         library = fit_library(simulator, options.states, options.seed)
         library.save(options.out)
     except EndcapError as error:
-        print(error, file=sys.stderr)
+        LOG.error(error)
         return 2
     print(f"{options.out}: {len(library.modes)} modes, residual {100 * float(library.residual[0]):.2f} %")
     return 0

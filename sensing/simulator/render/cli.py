@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from cad.whole_file import replace_file
@@ -40,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
             image = np.hstack([np.asarray(fitted, dtype=np.uint8), photo])
         _write(options.out, image)
     except EndcapError as error:
-        print(f"sensing.simulator.render.cli: {error}", file=sys.stderr)
+        LOG.error(f"sensing.simulator.render.cli: {error}")
         return 2
     return 0
 

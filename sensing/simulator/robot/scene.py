@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError
 from cad.materials import silicone
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.whole_file import put_file
 from sensing.simulator.contact.indenter import Indenter
@@ -149,7 +150,7 @@ def solve_endcap(simulator: Simulator, plan: ScenePlan, stand: int, endcap: int)
     fields = np.array([to_nodes @ state.end.surface_mm for state in states])
     wrench = np.array([turn_wrench(state.end.wrench, azimuth) for state in states])
     wrench[:, 3:] /= 1000
-    print(f"stand {stand} endcap {endcap}: {states[-1].end.normal_n:.2f} N", file=sys.stderr)
+    LOG.info(f"stand {stand} endcap {endcap}: {states[-1].end.normal_n:.2f} N")
     return fields, wrench
 
 

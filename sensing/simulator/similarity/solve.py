@@ -20,6 +20,7 @@ import numpy as np
 
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
@@ -79,7 +80,7 @@ def solve_node(
             surfaces.append(_mean_surface(state, order, radius, len(order)))
             wrenches.append(np.full(6, np.nan) if state is None else about(state.end.wrench, centre) / units)
             labels.append(_labels(state, radius, units[0]))
-        print(f"path {path.number}: {len(found)} of {len(path.waypoints)} states", file=sys.stderr, flush=True)
+        LOG.info(f"path {path.number}: {len(found)} of {len(path.waypoints)} states")
     curves = capacity(geometry) if with_capacity else np.zeros((0,))
     return SolvedNode(ShellRatios.of(geometry), np.array(surfaces), np.array(wrenches), np.array(labels), curves)
 
@@ -97,7 +98,7 @@ def capacity(geometry: ShellGeometry) -> Array:
             try:
                 state = press.advance(state, Target(depth_mm=depth * radius))
             except Refusal as refusal:
-                print(f"tilt {tilt:g} depth {depth:.2f} R: {refusal}", file=sys.stderr)
+                LOG.info(f"tilt {tilt:g} depth {depth:.2f} R: {refusal}")
                 break
             area = 2 * contact_patch(model, state).area_mm2 / radius**2
             found[row, column] = depth, state.normal_n / force, area, _largest_stretch(model, state.displacement)
@@ -155,7 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             save_library(joined(parts[0], parts[1], options.modes), options.library)
             print(f"{options.library}: {len(NODES)} nodes, {options.library.stat().st_size / 1e6:.2f} MB")
     except EndcapError as error:
-        print(f"sensing.simulator.similarity.solve: {error}", file=sys.stderr)
+        LOG.error(f"sensing.simulator.similarity.solve: {error}")
         return 2
     return 0
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
+from cad.messages import LOG, transient
 from cad.whole_file import put_file
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.press import Press, Target
@@ -58,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
             title, *rest = SECTIONS[name](options.out).split("\n", 1)
             parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
     except EndcapError as error:
-        print(error, file=sys.stderr)
+        LOG.error(error)
         return 2
     text = [HEAD, *(f"{title}\n{parts[title]}" for title in sorted(parts, key=_place))]
     put_file(path, "\n".join(text).encode())
@@ -211,8 +212,7 @@ def _plot(out: Path, curves: dict[str, tuple[Array, Array]], geometry_line: floa
 
 
 def _say(what: str) -> None:
-    if sys.stderr.isatty():
-        print(what, file=sys.stderr)
+    transient(what)
 
 
 SECTIONS: dict[str, Callable[[Path], str]] = {

@@ -227,3 +227,64 @@ def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():
         moving = np.array([motion.start_rate > 0 for motion in STANDARD])
         definite = (value > 0).all() and (value * rate > mixed**2)[moving].all() and (rate[~moving] == 0).all()
         assert (np.isfinite(tracker._state).all() and definite) or tracker._last is None
+
+
+# --- prediction to now -------------------------------------------------------------------------------------------
+def late_errors(path, rate_hz=60.0, delay_s=0.05, noise_n=0.1, seconds=6.0, seed=0):
+    """(2,) RMSE of the force: the last value held, and what ``now`` says."""
+    rng = np.random.default_rng(seed)
+    tracker, rows = WrenchFilter(), []
+    covariance = np.diag([noise_n**2] * 3 + [1e-4] * 3)
+    for time_s in capture_times(rate_hz, int(seconds * rate_hz), rng, 0.05):
+        force = np.array([0.0, 0.0, path(time_s)]) + rng.normal(0, noise_n, 3)
+        held = tracker.update(wrench([*force, 0, 0, 0], time_s, covariance))
+        if time_s > 1.0:
+            rows.append(
+                [
+                    (held.force_n[2] - path(time_s + delay_s)) ** 2,
+                    (tracker.now(time_s + delay_s).force_n[2] - path(time_s + delay_s)) ** 2,
+                ]
+            )
+    return np.sqrt(np.mean(rows, axis=0))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        lambda t: -10.0,
+        lambda t: 5 * np.sin(2 * np.pi * 9 * t),
+        lambda t: 10.0 * np.sign(np.sin(2 * np.pi * 0.7 * t)),
+        lambda t: 6 * (4.0 * t % 1.0),
+        lambda t: -20 * max(0.0, np.sin(2 * np.pi * 3 * t)) ** 8,
+    ],
+    ids=["rest", "fast sine", "steps", "saw", "impacts"],
+)
+def test_now_is_no_worse_than_holding_where_nothing_can_be_known(path):
+    for seed in range(3):
+        held, now = late_errors(path, seed=seed)
+        assert now < 1.02 * held
+
+
+@pytest.mark.parametrize(
+    "path", [lambda t: 40 * abs(t % 2 - 1), lambda t: 5 * np.sin(2 * np.pi * 0.8 * t)], ids=["ramps", "sine"]
+)
+def test_now_is_better_than_holding_on_a_steady_motion(path):
+    held, now = late_errors(path)
+    assert now < 0.6 * held
+
+
+def test_now_is_at_when_the_rate_came_true_and_the_last_value_at_first():
+    tracker = WrenchFilter()
+    tracker.update(wrench(np.zeros(6), 0.0))
+    assert tracker.now(0.05).force_n == pytest.approx(np.zeros(3))
+    tracker.update(wrench([1, 0, 0, 0, 0, 0], 0.03))
+    assert tracker.now(0.08).force_n == pytest.approx(tracker.at(0.03).force_n)  # nothing was compared yet
+    for k in range(2, 90):
+        tracker.update(wrench([k, 0, 0, 0, 0, 0], 0.03 * k))
+    full, held, now = tracker.at(2.72).force_n[0], tracker.at(2.67).force_n[0], tracker.now(2.72)
+    assert (
+        0.9 * (full - held) < now.force_n[0] - held <= full - held
+        and now.covariance[0, 0] >= tracker.at(2.72).covariance[0, 0]
+    )
+    tracker.update(wrench([3, 0, 0, 0, 0, 0], 9.0))  # a gap starts anew
+    assert tracker.now(9.05).force_n[0] == pytest.approx(3.0)

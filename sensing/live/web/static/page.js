@@ -5,7 +5,7 @@ const AXES = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"], UNITS = ["N", "N", "N", "N m"
 const LEAST = [2, 2, 2, 0.1, 0.1, 0.1], WINDOW_S = 10;
 const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
 const QUIET_MS = 1000; // no answer for so long: what is shown is old
-let socket = null, chosen = 0, history = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null;
+let socket = null, chosen = 0, history = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [];
 const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
@@ -70,6 +70,7 @@ function watch() {
 
 function begin(shown) {
   Scene.set(shown.hello);
+  weighed = shown.hello.map((endcap) => endcap.weighed);
   history = shown.hello.map(() => ({ rows: [], gap: false, behind: 0 }));
   chosen = Math.min(chosen, shown.hello.length - 1);
   $("endcaps").replaceChildren(...shown.hello.map((endcap, k) => {
@@ -199,7 +200,7 @@ function plot(canvas, axis, now_s, endcap) {
 function health(endcap) {
   const stages = Object.entries(endcap.stage_ms).map(([name, ms]) => `${name} ${ms}`).join(", ");
   const rows = [
-    ["state", endcap.message ? `${endcap.status}: ${endcap.message}` : endcap.status], ["zeroed", zeroed(endcap)], ["rate", `${endcap.rate_hz} Hz`], ["age of the picture", `${endcap.age_ms ?? "–"} ms`],
+    ["state", endcap.message ? `${endcap.status}: ${endcap.message}` : endcap.status], ["zeroed", zeroed(endcap)], ["stiffness", weighed[chosen] || "not calibrated by weight"], ["rate", `${endcap.rate_hz} Hz`], ["age of the picture", `${endcap.age_ms ?? "–"} ms`],
     ["image to wrench", `${endcap.p50_ms ?? "–"} ms median, ${endcap.p99_ms ?? "–"} ms at 99 %`], ["stages, ms", stages],
     ["dropped, unusable, reopened", `${endcap.dropped}, ${endcap.faults}, ${endcap.reopened}`], ["dots", endcap.dots_known ? `${endcap.dots} of ${endcap.dots_known}` : "not used"],
     ["drift since zero", endcap.drift || "unknown"], ["warnings", (endcap.flags || []).join(", ") || "none"],

@@ -94,7 +94,7 @@ def test_progress_is_for_terminals(capsys: pytest.CaptureFixture, monkeypatch: p
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(time, "monotonic", lambda: 100.0)
     dataset._progress(1, 4, 90.0)
-    assert capsys.readouterr().err == "\r1/4 shards, 30 s left "
+    assert capsys.readouterr().err == "\r\033[K1/4 shards, 30 s left"
 
 
 def test_a_corrupt_shard_is_named_and_made_again(

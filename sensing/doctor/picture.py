@@ -1,0 +1,189 @@
+"""What is in the picture of an untouched endcap: light, focus, size of the dots, and which of them are missing.
+
+Limits are estimates (E) set on rendered pictures of the released sensor with planted faults
+(tests/sensing/doctor/test_doctor.py has them); the four released photos pass. Pixels at 480 rows, gray values 0 to 255.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.params import EndcapParams
+from sensing.calibration.dots import REFERENCE_HEIGHT_PX, CalibrationError, find_blobs
+from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.camera.nominal import nominal_mount
+from sensing.doctor.finding import Finding, Verdict, above, below, finding
+from sensing.records import Image
+
+Array = NDArray[np.float64]
+FEWEST_DOTS = 20
+DARK_GRAY, DIM_GRAY, BRIGHT_GRAY = 50.0, 80.0, 225.0
+WHITE_GRAY = 250
+SECTORS = 12  # of a ring of silicone, REACH of the way from the middle to the picture's edge
+REACH = (0.55, 0.95)
+EVEN = (0.9, 0.82)  # darkest sector over the brightest: 0.91 to 0.93 on the photos, 0.88 with three of nine LEDs off
+EDGE_PX = (5.4, 6.6)  # from dark to light at a dot's rim: 3.9 to 5.0 on the photos
+PAINT = 1.12  # M: radius of the ink over that of the dent
+SIZE = (0.9, 1.2), (0.75, 1.4)  # dot radius over the painted design's: good, worth a look
+MISSING = (0.04, 0.12)  # of the dots that there should be
+NAMED = 8  # missing dots that are listed
+
+
+def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
+    """Findings on one picture.
+
+    Args:
+        image_bgr: (h, w, 3) of the untouched endcap. params: its design.
+    """
+    gray = image_bgr[..., :2].astype(np.float64).mean(-1)  # blue and green, as the dots are found
+    exposure = _exposure(gray)
+    light = [exposure] if exposure.verdict is Verdict.BAD else [exposure, _evenness(gray)]
+    centres, radii = find_blobs(image_bgr)
+    if len(centres) < FEWEST_DOTS:
+        return [*light, _no_dots(len(centres))]
+    dots = [_focus(gray, centres, radii), _dot_size(radii, centres, params, gray.shape)]
+    return [*light, *dots, _missing(centres, params, gray.shape)]
+
+
+def _exposure(gray: Array) -> Finding:
+    middle = _middle(gray)
+    level, white = float(np.median(middle)), float((middle >= WHITE_GRAY).mean())
+    values: dict[str, float | list[str]] = {"median_gray": level, "white_fraction": white}
+    text = f"the silicone has gray value {level:.0f} of 255, {100 * white:.1f} % are white"
+    if white > 0.005 or level > BRIGHT_GRAY:
+        bad = white > 0.05 or level > 245
+        fix = "shorter exposure (--exposure) or less light: white dots and silicone carry no pattern"
+        return finding("exposure", Verdict.BAD if bad else Verdict.LOOK, text, fix, values)
+    fix = "plug the lamp in, free the lens, or expose longer (--exposure)"
+    return finding("exposure", above(level, DIM_GRAY, DARK_GRAY), text, fix, values)
+
+
+def _evenness(gray: Array) -> Finding:
+    """Median brightness of sectors around the middle, darkest over brightest of those opposite one another."""
+    rows, columns = np.indices(gray.shape)
+    x, y = columns - (gray.shape[1] - 1) / 2, rows - (gray.shape[0] - 1) / 2
+    away = np.hypot(x, y) / (gray.shape[0] / 2)
+    ring = (away > REACH[0]) & (away < REACH[1])
+    sector = ((np.arctan2(y, x)[ring] / (2 * np.pi) + 1) * SECTORS).astype(int) % SECTORS
+    level = np.array([np.median(gray[ring][sector == k]) for k in range(SECTORS)])
+    ratio = float(level.min() / max(level.max(), 1.0))
+    clock = round(((int(level.argmin()) + 0.5) * 360 / SECTORS + 90) % 360 / 30) or 12
+    values: dict[str, float | list[str]] = {"darkest_over_brightest": ratio, "darkest_clock": float(clock)}
+    return finding(
+        "light", above(ratio, *EVEN),
+        f"darkest side {100 * ratio:.0f} % of the brightest, at {clock} o'clock",
+        f"look for an LED that is off or covered at {clock} o'clock, and whether the camera sits on the axis", values,
+    )  # fmt: skip
+
+
+def _no_dots(count: int) -> Finding:
+    return finding(
+        "dots", Verdict.BAD, f"{count} dots found", "light and focus first; is this the inside of a painted endcap?",
+        {"found": float(count)},
+    )  # fmt: skip
+
+
+def _focus(gray: Array, centres: Array, radii: Array) -> Finding:
+    """Width of the dots' rims: contrast over the steepest slope, median over the dots."""
+    scale = gray.shape[0] / REFERENCE_HEIGHT_PX
+    smooth = cv2.GaussianBlur(gray, (0, 0), 0.7 * scale)
+    slope = np.hypot(cv2.Sobel(smooth, cv2.CV_64F, 1, 0), cv2.Sobel(smooth, cv2.CV_64F, 0, 1)) / 8
+    widths = []
+    for (u, v), radius in zip(centres, radii, strict=True):
+        reach = int(np.ceil(1.8 * radius))
+        top, left = max(0, round(v) - reach), max(0, round(u) - reach)
+        window = np.s_[top : round(v) + reach + 1, left : round(u) + reach + 1]
+        depth = float(np.percentile(smooth[window], 90) - np.percentile(smooth[window], 5))
+        widths.append(depth / max(float(np.percentile(slope[window], 90)), 1e-6))
+    width = float(np.median(widths)) / scale
+    return finding(
+        "focus", below(width, *EDGE_PX), f"the dots' rims are {width:.1f} px wide",
+        f"turn the lens until the rims are under {EDGE_PX[0]:g} px; wipe it", {"rim_px": width},
+    )  # fmt: skip
+
+
+def _dot_size(radii: Array, centres: Array, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
+    """Radius of the dots in the middle over that of the design's, seen by the released camera."""
+    middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
+    near = np.argsort(np.linalg.norm(centres - middle, axis=1))[: len(centres) // 2]
+    expected = PAINT * _expected_px(params, shape, middle, float(np.linalg.norm(centres[near] - middle, axis=1).max()))
+    ratio = float(np.median(radii[near])) / expected
+    (low, high), (lowest, highest) = SIZE
+    verdict = Verdict.GOOD if low <= ratio <= high else Verdict.LOOK if lowest <= ratio <= highest else Verdict.BAD
+    return finding(
+        "dot size", verdict, f"{2 * float(np.median(radii[near])):.1f} px across, {ratio:.2f} of what the design gives",
+        "give the design (--diameter, --wall); check the lens and the camera's height; paint within the dents",
+        {"diameter_px": 2 * float(np.median(radii[near])), "of_design": ratio},
+    )  # fmt: skip
+
+
+def _expected_px(params: EndcapParams, shape: tuple[int, ...], middle: Array, reach_px: float) -> float:
+    """Radius of the design's dots within so many px of the middle, as the released camera sees them."""
+    camera, inner = nominal_mount(params, shape[1], shape[0]), params.inner_radius_mm
+    centre = np.array([0.0, 0.0, params.centre_height_mm])
+    normals = np.array([dot.direction for dot in dot_pattern(params)])
+    aside = np.cross(normals, [1.0, 0.0, 0.0])
+    aside /= np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9)
+    pixels = camera.project(centre + inner * normals)
+    across = np.mean([np.linalg.norm(camera.project(centre + inner * normals + sign * DOT_RADIUS_MM * each) - pixels,
+                                     axis=1) for sign in (1, -1) for each in (aside, np.cross(normals, aside))],
+                     axis=0)  # fmt: skip
+    near = np.linalg.norm(pixels - middle, axis=1) <= reach_px
+    return float(np.median(across[near]))
+
+
+def _missing(centres: Array, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
+    """Dots of the pattern that should be seen and are not."""
+    try:
+        found = calibrate_from_dots(centres, params, (shape[1], shape[0]))
+    except CalibrationError as error:
+        fix = "give the design (--diameter, --wall); light and focus first"
+        return finding("dots", Verdict.BAD, f"{len(centres)} found: {error}", fix, {"found": float(len(centres))})
+    missing = _absent(found, params, shape)
+    fraction = len(missing) / max(1, len(missing) + len(found.pattern_index))
+    named = [f"ring {dot.ring} number {dot.index} at {dot.u_px:.0f}, {dot.v_px:.0f} px" for dot in missing]
+    text = f"{len(found.pattern_index)} of {len(missing) + len(found.pattern_index)} of the pattern are seen"
+    if named:
+        text += "; missing: " + "; ".join(named[:NAMED]) + (f"; {len(named) - NAMED} more" * (len(named) > NAMED))
+    return finding(
+        "dots", below(fraction, *MISSING), text, "wipe the lens and the dome there, free what covers it, or repaint",
+        {"seen": float(len(found.pattern_index)), "missing": float(len(missing)), "missing_dots": list(named)},
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Absent:
+    """A dot of the pattern and where it should be, px."""
+
+    ring: int
+    index: int
+    u_px: float
+    v_px: float
+
+
+def _absent(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> list[Absent]:
+    """Dots that lie whole in the picture and in the circle that the lens lights, and have no partner."""
+    pattern = dot_pattern(params)
+    centre = np.array([0.0, 0.0, params.centre_height_mm])
+    points = centre + params.inner_radius_mm * np.array([dot.direction for dot in pattern])
+    pixels, margin = found.mounted.project(points), 14 * shape[0] / REFERENCE_HEIGHT_PX
+    seen = pixels[found.pattern_index]
+    middle = np.median(seen, axis=0)
+    reach = float(np.linalg.norm(seen - middle, axis=1).max())
+    size = np.array([shape[1] - 1, shape[0] - 1])
+    whole = ((pixels > margin) & (pixels < size - margin)).all(axis=1)
+    whole &= np.linalg.norm(pixels - middle, axis=1) <= reach
+    whole[found.pattern_index] = False
+    return [Absent(pattern[k].ring, pattern[k].index, *map(float, pixels[k])) for k in np.flatnonzero(whole)]
+
+
+def _middle(gray: Array) -> Array:
+    """The lit circle, as far as every released lens lights it."""
+    rows, columns = np.indices(gray.shape)
+    away = np.hypot(columns - (gray.shape[1] - 1) / 2, rows - (gray.shape[0] - 1) / 2)
+    return gray[away < REACH[1] * gray.shape[0] / 2]

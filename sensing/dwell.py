@@ -1,0 +1,123 @@
+"""Constants of an endcap's rate effects from one dwell test: a weight put on, left standing, taken off.
+
+    python -m sensing.live --config endcaps.toml --record dwell.mcap       # untouched, weight on, 5 s, weight off, 5 s
+    python -m sensing.dwell --config endcaps.toml --endcap endcap_0 --source dwell.mcap --picture dwell.png
+
+Silicone that was pressed a moment ago pushes back harder than one that has relaxed, and no picture shows it. With the
+constants in endcaps.toml live adds what is missing (:mod:`sensing.wrench.relaxation`). N, s.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cad.errors import EndcapError
+from cad.messages import LOG
+from sensing.live.core.config import chosen_endcap, load_config
+from sensing.live.core.config_entries import change_entries
+from sensing.live.core.warm_up import warm_up
+from sensing.live.open_endcaps import configured_models
+from sensing.weighing.dwell import Dwell, DwellError, fit_dwell
+from sensing.weighing.film import film_readings
+from sensing.wrench.stiffness import Stiffness
+
+DESCRIPTION = """\
+Find the relaxation of an endcap's silicone in a recording of one dwell test, and store it in endcaps.toml. Record the
+untouched endcap, put a weight of 500 g or more on it at once, leave it for 5 s or more, take it off at once, and go on
+recording for 5 s. The weight need not be known.
+"""
+EPILOG = (
+    "exit status: 0 stored (or only shown with --dry-run), 2 refused or bad input (one line on stderr), 130 stopped"
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        _identify(options)
+    except EndcapError as error:
+        LOG.error(f"sensing.dwell: {error}")
+        return 2
+    except KeyboardInterrupt:
+        LOG.error("\nsensing.dwell: stopped, nothing stored")
+        return 130
+    return 0
+
+
+def _identify(options: argparse.Namespace) -> None:
+    config = load_config(options.config)
+    endcap = chosen_endcap(config, options.endcap)
+    warm_up(lambda text: LOG.info(text))
+    gain = Stiffness(endcap.gain, 0.0)
+    rows = []
+    for reading in film_readings(endcap, options.source, configured_models(config, any_silicone=True)(endcap)):
+        if reading.valid:
+            rows.append([reading.estimate.time_s, *gain.applied(reading.estimate).force_n])
+    if not rows:
+        raise DwellError(f"{options.source}: no reading that counts")
+    found = np.array(rows)
+    along = _along(found[:, 1:])
+    result = fit_dwell(found[:, 0], found[:, 1:] @ along)
+    for term in result.terms:
+        print(f"strength {term.strength:.4f} ± {term.sd:.4f} with tau {term.tau_s:.3f} s")
+    print(
+        f"weight {result.level_n:.2f} N; creep in the dwell and what is left after it: {result.before_n:.3f} N without "
+        f"the constants, {result.after_n:.3f} N with them (root mean square)"
+    )
+    if options.picture:
+        _draw(options.picture, found[:, 0], found[:, 1:] @ along, result)
+    if not options.dry_run:
+        terms = [[float(f"{x:.4g}") for x in (term.strength, term.tau_s, term.sd)] for term in result.terms]
+        change_entries(options.config, endcap.name, {"relaxation": terms})
+        print(f"{options.config}: stored for {endcap.name}")
+
+
+def _along(force_n: np.ndarray) -> np.ndarray:
+    """(3,) direction of the load, from the readings over half of the largest."""
+    size = np.linalg.norm(force_n, axis=1)
+    mean = force_n[size >= 0.5 * size.max()].mean(axis=0)
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
+
+
+def _draw(path: Path, time_s: np.ndarray, force_n: np.ndarray, result: Dwell) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 3.5), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for axis, shift in zip(axes, (0.0, result.level_n), strict=True):
+        axis.plot(time_s - time_s[0], force_n - shift, label="as the model reports it")
+        axis.plot(time_s - time_s[0], result.corrected_n - shift, label="with the constants")
+        axis.set_xlabel("s")
+    axes[0].set_ylabel("force along the load, N")
+    axes[1].set_ylabel("difference from the weight, N")
+    axes[1].set_ylim(-0.1 * result.level_n, 0.1 * result.level_n)
+    axes[0].legend()
+    figure.savefig(path, dpi=100)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.dwell", description=DESCRIPTION, epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument(
+        "--source",
+        required=True,
+        metavar="FILE",
+        help="recording, video or folder of pictures (the first one untouched)",
+    )
+    parser.add_argument("--config", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
+    parser.add_argument("--endcap", metavar="NAME", help="which one; may be left out where there is only one")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="force without and with the constants")
+    parser.add_argument("--dry-run", action="store_true", help="show the constants and store nothing")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""The reading of an endcap that stands still under a load, out of a stream of readings.
+
+    watch = RestWatch(); watch.add(reading) ...; watch.pressed()        # what to average, or why there is nothing
+
+An interval counts as rest when its two halves agree and it does not scatter; silicone creeps for seconds after a load,
+so of several the last one is taken. N, s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.live.core.reading import EndcapReading
+from sensing.weighing.gain import WeighingError
+
+HINTS = {"camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first"}
+Array = NDArray[np.float64]
+STILL_S = 1.0
+LEAST_READINGS = 5
+MOVED_N, MOVED_PART = 0.05, 0.01  # most that the halves differ by; the larger of both counts
+SCATTER_N, SCATTER_PART = 0.15, 0.02  # most standard deviation
+MOST_FLAGGED = 0.05  # of the readings
+
+
+@dataclass(frozen=True)
+class Rest:
+    """An interval at rest.
+
+    Attributes:
+        wrench: (6,) median estimate, endcap frame. covariance: (6, 6) of a single estimate: errors repeat, so averaging
+            makes it no smaller. moved_n: between its halves. readings: how many.
+    """
+
+    wrench: Array
+    covariance: Array
+    moved_n: float
+    readings: int
+
+
+@dataclass(frozen=True)
+class _Row:
+    time_s: float
+    wrench: Array
+    covariance: Array
+    touching: bool
+    flags: frozenset[str]
+    reason: str
+
+
+class RestWatch:
+    """Keeps the readings of one pose.
+
+    Args:
+        still_s: length of an interval at rest.
+
+    Attributes:
+        largest_n: largest force so far.
+    """
+
+    def __init__(self, still_s: float = STILL_S) -> None:
+        self._still_s = still_s
+        self._rows: list[_Row] = []
+        self._blind = ""
+        self.largest_n = 0.0
+
+    def add(self, reading: EndcapReading) -> None:
+        """One reading; one without numbers only leaves its reason."""
+        if not reading.valid:
+            self._blind = reading.reason
+            return
+        estimate = reading.estimate
+        wrench = np.concatenate([estimate.force_n, estimate.torque_nm])
+        row = _Row(
+            estimate.time_s,
+            wrench,
+            np.array(estimate.covariance),
+            reading.contact.touching,
+            estimate.flags,
+            reading.reason,
+        )
+        self._rows.append(row)
+        self.largest_n = max(self.largest_n, float(np.linalg.norm(estimate.force_n)))
+
+    def newest(self) -> tuple[float, float]:
+        """(force now, how far it moved within the last interval), N; NaN before there is one."""
+        rows = self._window(len(self._rows))
+        if not rows:
+            return float("nan"), float("nan")
+        rest = _rest(rows)
+        return float(np.linalg.norm(rest.wrench[:3])), rest.moved_n
+
+    def untouched(self) -> Rest:
+        """The newest interval, which must be free of load.
+
+        Raises:
+            WeighingError: it is not.
+        """
+        rows = self._window(len(self._rows))
+        if not rows:
+            raise WeighingError(self._nothing())
+        if any(row.touching for row in rows):
+            raise WeighingError(
+                f"{np.linalg.norm(rows[-1].wrench[:3]):.1f} N while it should be untouched: let it go, or zero it "
+                "again (python -m sensing.setup, or python -m sensing.zero take)"
+            )
+        return _rest(rows)
+
+    def pressed(self) -> Rest:
+        """The last interval at rest under a load.
+
+        Raises:
+            WeighingError: there is none, with the reason: no contact, flagged readings, or nothing that stands still.
+        """
+        if not self._rows:
+            raise WeighingError(self._nothing())
+        touching = [k for k, row in enumerate(self._rows) if row.touching]
+        if not touching:
+            raise WeighingError(
+                f"no contact: the largest force is {self.largest_n:.2f} N; does the weight stand on the dome?"
+            )
+        flagged, least = None, float("inf")
+        for end in range(touching[-1] + 1, 0, -1):
+            rows = self._window(end)
+            if not rows or not all(row.touching for row in rows):
+                continue
+            rest = _rest(rows)
+            if _still(rows, rest):
+                bad = [row for row in rows if row.flags]
+                if len(bad) <= MOST_FLAGGED * len(rows):
+                    return rest
+                flagged = flagged or bad[-1]
+            least = min(least, rest.moved_n)
+        if flagged is not None:
+            names = ", ".join(sorted(flagged.flags))
+            hint = flagged.reason or HINTS.get(names, "see docs/live.md")
+            raise WeighingError(f"the readings under the load are flagged ({names}): {hint}")
+        if least < float("inf"):
+            raise WeighingError(
+                f"not at rest: the force moves by {least:.2f} N or more within {self._still_s:g} s; let it stand still"
+            )
+        raise WeighingError(
+            f"the load lasts for less than {self._still_s:g} s or {LEAST_READINGS} pictures: leave it on for longer"
+        )
+
+    def _window(self, end: int) -> list[_Row]:
+        """The rows of one interval that ends before row ``end``; empty where it is too short."""
+        if end == 0:
+            return []
+        begin, last_s = end - 1, self._rows[end - 1].time_s
+        while begin > 0 and last_s - self._rows[begin].time_s < self._still_s:
+            begin -= 1
+        rows = self._rows[begin:end]
+        long_enough = last_s - rows[0].time_s >= self._still_s * (1 - 1e-6)
+        return rows if long_enough and len(rows) >= LEAST_READINGS else []
+
+    def _nothing(self) -> str:
+        if self._blind:
+            return f"no reading that counts: {self._blind}"
+        return f"fewer than {LEAST_READINGS} readings within {self._still_s:g} s: does the camera run?"
+
+
+def _rest(rows: list[_Row]) -> Rest:
+    forces = np.array([row.wrench for row in rows])
+    half = len(rows) // 2
+    moved = forces[half:, :3].mean(axis=0) - forces[:half, :3].mean(axis=0)
+    covariance = np.mean([row.covariance for row in rows], axis=0)
+    return Rest(np.median(forces, axis=0), covariance, float(np.linalg.norm(moved)), len(rows))
+
+
+def _still(rows: list[_Row], rest: Rest) -> bool:
+    force = float(np.linalg.norm(rest.wrench[:3]))
+    scatter = float(np.array([row.wrench[:3] for row in rows]).std(axis=0).max())
+    return rest.moved_n <= max(MOVED_N, MOVED_PART * force) and scatter <= max(SCATTER_N, SCATTER_PART * force)

@@ -1,0 +1,214 @@
+"""Constants of the rate effects from one dwell test: a weight put on, left standing, taken off (N, s).
+
+    found = fit_dwell(time_s, force_n, sd_n)
+    found.terms
+
+While a dead weight stands on the dome the true force is constant, and zero once it is gone; what the model reports
+creeps, because it knows the shell's shape only. The terms are those that make the corrected force constant in the dwell
+and zero after it: the weight itself need not be known, and nothing is asked of the moments at which it is put on and
+taken off.
+
+Notes:
+    For given relaxation times the corrected force is linear in the strengths b and the dwell's level F,
+    f(t_k) + sum_i b_i g_i(t_k) = F on the dwell and 0 after it, g_i the overstress of unit strength
+    (:func:`sensing.wrench.relaxation.advanced`): non-negative least squares for each pair of times on a logarithmic
+    grid, refined around the best (variable projection: Golub, Pereyra 1973, doi:10.1137/0710036). Deviations are those
+    of the linearised fit, times included, with the residuals' autocorrelation counted. Times that the test cannot
+    separate show as one term.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import EndcapError
+from sensing.wrench.contact import autocorrelation_time
+from sensing.wrench.relaxation import Term, advanced
+
+Array = NDArray[np.float64]
+LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0
+LEAST_LOAD_N = 3.0
+JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what still moves is creep
+GRID = 13  # relaxation times looked at in each round
+RESOLUTION = 0.002  # of the relaxation times, relative
+STEP = 1e-4  # of a relaxation time, for derivatives
+SIGNIFICANT = 3.0  # a term whose strength is below so many deviations is left out
+
+
+class DwellError(EndcapError):
+    """A dwell test that shows no constants: too short, no load, or no rate effect over the noise."""
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """The result.
+
+    Attributes:
+        terms: of the series, short times first. level_n: corrected force in the dwell.
+        before_n, after_n: root mean square of what creeps in the dwell and is left after it, without and with them.
+        used: (n,) bool, the readings that counted. corrected_n: (n,) force with the terms.
+    """
+
+    terms: tuple[Term, ...]
+    level_n: float
+    before_n: float
+    after_n: float
+    used: NDArray[np.bool_]
+    corrected_n: Array
+
+
+def fit_dwell(time_s: Array, force_n: Array) -> Dwell:
+    """Terms that one dwell test shows.
+
+    Args:
+        time_s: (n,) rising. force_n: (n,) the model's force along the load, positive under it; untouched at the start.
+
+    Raises:
+        DwellError: no load, a dwell or a time after it that is too short, or nothing that relaxes.
+    """
+    dwell, after = intervals(time_s, force_n)
+    used = dwell | after
+    centre, width = math.log(0.5), math.log(30.0)
+    times = np.exp(np.linspace(centre - width, centre + width, GRID))
+    best = _best(time_s, force_n, dwell, after, list(itertools.combinations(times, 2)))
+    width /= GRID - 1
+    while width > RESOLUTION:
+        near = np.exp([-width, 0.0, width])
+        found = _best(time_s, force_n, dwell, after, [(best[1][0] * a, best[1][1] * b) for a in near for b in near])
+        best, width = (found, width) if found[0] < best[0] * (1 - 1e-12) else (best, width / 2)
+    terms = _significant(time_s, force_n, dwell, after, best[1])
+    if not terms:
+        raise DwellError(
+            "no rate effect over the noise: the force under the weight does not creep; leave relaxation out, or repeat "
+            "with a heavier weight put on at once"
+        )
+    curves = unit_overstress(time_s, force_n, [term.tau_s for term in terms])
+    corrected = force_n + np.array([term.strength for term in terms]) @ curves
+    level = float(corrected[dwell].mean())
+    left = [np.concatenate([f[dwell] - f[dwell].mean(), f[after]]) for f in (force_n, corrected)]
+    before_n, after_n = (float(np.sqrt((each**2).mean())) for each in left)
+    return Dwell(terms, level, before_n, after_n, used, corrected)
+
+
+def intervals(time_s: Array, force_n: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(readings of the dwell, readings after it), without the moments around load and release.
+
+    Raises:
+        DwellError: the force does not rise, stand and fall.
+    """
+    if len(time_s) < 30 or not np.isfinite(force_n).all() or not (np.diff(time_s) > 0).all():
+        raise DwellError(f"{len(time_s)} readings: a dwell test has hundreds, in the order of time")
+    largest = float(np.quantile(force_n, 0.9))
+    if largest < LEAST_LOAD_N:
+        raise DwellError(f"the force never exceeds {largest:.1f} N: put a weight of {LEAST_LOAD_N:g} N or more on it")
+    top = float(np.median(force_n[force_n > 0.5 * largest]))
+    loaded = np.flatnonzero(force_n > 0.8 * top)
+    if force_n[: max(1, loaded[0] // 2)].min() > 0.2 * top:
+        raise DwellError("the test begins under load: begin with the untouched endcap")
+    slope = np.abs(np.diff(force_n) / np.diff(time_s))
+    first, last = _settled(slope, int(loaded[0]), 1), _settled(slope, int(loaded[-1]), -1)
+    if time_s[last] - time_s[first] < LEAST_DWELL_S:
+        stood_s = max(0.0, time_s[last] - time_s[first])
+        raise DwellError(f"the weight stands for {stood_s:.1f} s: leave it for {LEAST_DWELL_S:g} s or more")
+    gone = np.flatnonzero(np.abs(force_n[loaded[-1] :]) < 0.2 * top)
+    free = _settled(slope, int(loaded[-1] + gone[0]), 1) if len(gone) else len(time_s) - 1
+    if time_s[-1] - time_s[free] < LEAST_AFTER_S:
+        left_s = time_s[-1] - time_s[free]
+        raise DwellError(f"{left_s:.1f} s after the release: record {LEAST_AFTER_S:g} s or more without the weight")
+    place = np.arange(len(time_s))
+    return (place >= first) & (place <= last), place >= free
+
+
+def unit_overstress(time_s: Array, force_n: Array, taus_s: Sequence[float]) -> Array:
+    """(terms, n) overstress that terms of strength one would have."""
+    tau = np.asarray(taus_s, float)
+    found, now = np.zeros((len(tau), len(time_s))), np.zeros((len(tau), 1))
+    for k in range(1, len(time_s)):
+        now = advanced(
+            now, force_n[k : k + 1] - force_n[k - 1], float(time_s[k] - time_s[k - 1]), np.ones(len(tau)), tau
+        )
+        found[:, k] = now[:, 0]
+    return found
+
+
+def _settled(slope: Array, start: int, way: int) -> int:
+    """First reading from ``start`` on, in a direction, at which the jump around ``start`` is over."""
+    near = slope[max(0, start - 15) : start + 15]
+    limit = JUMP_PART * float(near.max())
+    place = start
+    while 0 < place < len(slope) and slope[place - 1 if way > 0 else place] > limit:
+        place += way
+    return place
+
+
+def _best(
+    time_s: Array, force_n: Array, dwell: NDArray, after: NDArray, pairs: Sequence[tuple[float, float]]
+) -> tuple[float, tuple[float, float]]:
+    """(least sum of squares, its pair of relaxation times)."""
+    taus = sorted({tau for pair in pairs for tau in pair})
+    curves = dict(zip(taus, unit_overstress(time_s, force_n, taus), strict=True))
+    results = [
+        (_solved(np.array([curves[tau] for tau in pair]), force_n, dwell, after)[0], (min(pair), max(pair)))
+        for pair in pairs
+    ]
+    return min(results)
+
+
+def _solved(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tuple[float, Array, Array]:
+    """(sum of squares, strengths (terms,) of at least zero, design matrix); negative terms are left out."""
+    matrix, wanted = _system(curves, force_n, dwell, after)
+    strength = np.zeros(len(curves))
+    active = list(range(len(curves)))
+    while active:
+        found = np.linalg.lstsq(matrix[:, active], wanted, rcond=None)[0]
+        if (found >= 0).all():
+            strength[active] = found
+            break
+        del active[int(found.argmin())]
+    left = wanted - matrix @ strength
+    return float(left @ left), strength, matrix
+
+
+def _system(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tuple[Array, Array]:
+    """Rows: the dwell without its mean (which eliminates the level), then what follows."""
+    rows = np.vstack([(curves[:, dwell] - curves[:, dwell].mean(axis=1, keepdims=True)).T, curves[:, after].T])
+    wanted = -np.concatenate([force_n[dwell] - force_n[dwell].mean(), force_n[after]])
+    return rows, wanted
+
+
+def _significant(
+    time_s: Array, force_n: Array, dwell: NDArray, after: NDArray, taus_s: tuple[float, ...]
+) -> tuple[Term, ...]:
+    """Terms over their deviations; the weaker one goes first."""
+    taus = list(taus_s)
+    while taus:
+        curves = unit_overstress(time_s, force_n, taus)
+        square, strength, matrix = _solved(curves, force_n, dwell, after)
+        wanted = _system(curves, force_n, dwell, after)[1]
+        repeated = autocorrelation_time(wanted - matrix @ strength)
+        variance = square / max(1, len(wanted) - 2 * len(taus) - 1) * repeated
+        moved = unit_overstress(time_s, force_n, [tau * (1 + STEP) for tau in taus])
+        by_time = strength[:, None] * (moved - curves) / STEP  # per part of a relaxation time
+        whole = np.hstack([matrix, _system(by_time, force_n, dwell, after)[0]])
+        scale = np.maximum(np.linalg.norm(whole, axis=0), 1e-12)
+        inverse = np.linalg.pinv((whole / scale).T @ (whole / scale), rcond=1e-10) / np.outer(scale, scale)
+        sd = np.sqrt(variance * np.diagonal(inverse))[: len(taus)]
+        ratio = strength / np.maximum(sd, 1e-12)
+        if (ratio > SIGNIFICANT).all():
+            return tuple(Term(float(b), float(tau), float(s)) for b, tau, s in zip(strength, taus, sd, strict=True))
+        del taus[int(ratio.argmin())]
+        if taus:
+            taus = [_best_single(time_s, force_n, dwell, after)]
+    return ()
+
+
+def _best_single(time_s: Array, force_n: Array, dwell: NDArray, after: NDArray) -> float:
+    taus = np.exp(np.linspace(math.log(0.02), math.log(20.0), 60)).tolist()
+    curves = unit_overstress(time_s, force_n, taus)
+    return float(min((_solved(c[None], force_n, dwell, after)[0], tau) for c, tau in zip(curves, taus, strict=True))[1])

@@ -1,0 +1,64 @@
+"""Readings of one endcap from a recording, a video or a folder of pictures, without a gain; nothing runs beside it.
+
+    for reading in film_readings(endcap, "press.mp4", model): ...
+
+A recording (``python -m sensing.live --record``) carries its references. The first picture of a video or folder is the
+untouched endcap.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from cad.errors import FileError
+from cad.messages import transient
+from sensing.live.core.config import EndcapConfig
+from sensing.live.core.model import LiveModel
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
+from sensing.live.replay import Recorded, recorded_frames
+from sensing.sources.choose import is_camera_number, source_opener
+
+RECORDING = ".mcap"
+
+
+def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterator[EndcapReading]:
+    """Readings of all pictures, in order.
+
+    Args:
+        endcap: its name, design and camera. source: file or folder. model: estimates the wrench.
+
+    Raises:
+        FileError: nothing of that name, a camera or an address, or no such endcap in a recording.
+    """
+    if is_camera_number(source) or source.startswith("http") or not os.path.exists(source):
+        raise FileError(f"{source}: no such file or folder: give a recording, a video or a folder of pictures")
+    recorded = source.lower().endswith(RECORDING)
+    pipeline = EndcapPipeline(as_trained(endcap), model, zero_frames=0 if recorded else 1)
+    frames: Iterator[Recorded] = (
+        recorded_frames(Path(source), endcap.name)
+        if recorded
+        else (Recorded(frame, None) for frame in source_opener(source)[0]())
+    )
+    count = -1
+    for count, item in enumerate(frames):
+        if item.zero is not None:
+            pipeline.set_zero(item.zero)
+        reading = pipeline.update(item.frame)
+        if count % 20 == 0:
+            transient(f"{Path(source).name}: picture {count}")
+        if reading is not None:
+            yield reading
+    transient()
+    if count < 0:
+        raise FileError(f"{source}: no picture of {endcap.name} in it: is it the recording of another endcap?")
+
+
+def as_trained(endcap: EndcapConfig) -> EndcapConfig:
+    """The endcap as if its silicone were that of the training data, without rate effects."""
+    on_n, off_n = endcap.contact_on_n / endcap.gain, endcap.contact_off_n / endcap.gain
+    plain = replace(endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=())
+    return replace(plain, contact_on_n=on_n, contact_off_n=off_n)

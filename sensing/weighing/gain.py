@@ -1,0 +1,193 @@
+"""One gain from loads that are known: generalised least squares, and the reasons to refuse.
+
+    found = fit_gain([Pose("500 g", load_n, load_sd_n, force_n, covariance), ...])
+    found.gain, found.sd, found.chi_square
+
+Forces in N on the endcap, endcap frame.
+
+Notes:
+    Pose k presses with the known force L_k = -W_k d_k (W_k its weight, d_k the vertical in the endcap frame) and the
+    model with gain one estimates f_k. With r_k = g f_k - L_k and
+
+        V_k = g^2 (C_k + m^2 f_k f_k') + s_k^2 d_k d_k' + (W_k a)^2 (I - d_k d_k'),
+
+    C_k the model's covariance, m :data:`MODEL_SD`, s_k the weight's deviation and a :data:`ATTITUDE_RAD`, the gain is
+    g = sum f' V^-1 L / sum f' V^-1 f (V from the gain before, until it stands still). Errors of the model repeat from
+    pose to pose, so their parts of the gain's deviation are added, those of the weights as squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import EndcapError
+from sensing.wrench.quantiles import chi_square_quantile
+
+Array = NDArray[np.float64]
+MODEL_SD = 0.01  # E: of a load, by which the model is off beside its covariance: wall, contact, mesh
+ATTITUDE_RAD = math.radians(1.0)  # E: how well a table is level and a tilt is set
+CONTRADICTION = 1e-3  # probability with which consistent weights are refused
+LEAST_POSES = 2
+LEAST_RATIO = 1.2  # of the largest load over the smallest: equal loads cannot contradict one another
+SOFTEST, STIFFEST = 0.04, 5.0  # E: gains that silicones of cad/materials.csv and harder ones have
+UNITS_G = {"N": 101.972, "oz": 28.3495}  # typed by mistake for g, in g (kg and lb are too few to be g)
+ROUNDS = 50
+
+
+class WeighingError(EndcapError):
+    """A weighing that cannot be used: too few poses, a load that is not there, weights that contradict one another."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One known load.
+
+    Attributes:
+        name: as the user knows it. load_n: (3,) force on the endcap. load_sd_n: standard deviation of its size.
+        force_n: (3,) what the model estimates with gain one. covariance: (3, 3) of that.
+    """
+
+    name: str
+    load_n: Array
+    load_sd_n: float
+    force_n: Array
+    covariance: Array
+
+    @property
+    def weight_n(self) -> float:
+        """Size of the load."""
+        return float(np.linalg.norm(self.load_n))
+
+    @property
+    def reading_n(self) -> float:
+        """Estimate along the load."""
+        return float(self.force_n @ self.load_n) / self.weight_n
+
+
+@dataclass(frozen=True)
+class Gain:
+    """The result.
+
+    Attributes:
+        gain, sd: dimensionless. chi_square: of the residuals. freedom: degrees of freedom of that.
+        residual_n: (n, 3) what is left of each pose.
+    """
+
+    gain: float
+    sd: float
+    chi_square: float
+    freedom: int
+    residual_n: Array
+
+    @property
+    def limit(self) -> float:
+        """Chi-square above which the poses contradict one another."""
+        return chi_square_quantile(1 - CONTRADICTION, self.freedom)
+
+
+def fit_gain(poses: Sequence[Pose]) -> Gain:
+    """The gain that poses agree on.
+
+    Raises:
+        WeighingError: fewer than two poses, all of one load, a unit mixed up, or poses that contradict one another.
+    """
+    require_poses(poses)
+    for pose in poses:
+        require_unit(pose)
+    found = _fitted(poses)
+    if found.chi_square > found.limit:
+        raise WeighingError(_contradiction(poses, found))
+    return found
+
+
+def require_poses(poses: Sequence[Pose]) -> None:
+    """Whether there are enough poses, and different ones.
+
+    Raises:
+        WeighingError: there are not.
+    """
+    if len(poses) < LEAST_POSES:
+        raise WeighingError(
+            f"{len(poses)} pose(s): at least {LEAST_POSES} needed, or a wrong weight could not be noticed; add another "
+            "weight"
+        )
+    loads = [pose.weight_n for pose in poses]
+    apart = max(float(np.linalg.norm(p.load_n / p.weight_n - poses[0].load_n / loads[0])) for p in poses)
+    if max(loads) < LEAST_RATIO * min(loads) and apart < math.radians(10):
+        raise WeighingError(
+            f"all poses press with {min(loads):.1f} to {max(loads):.1f} N in one direction: use weights that differ by "
+            f"a factor of {LEAST_RATIO:g} or more, or another tilt"
+        )
+
+
+def require_unit(pose: Pose) -> None:
+    """Whether a pose's gain is one that silicone can have.
+
+    Raises:
+        WeighingError: it is not; names the unit with which it would be.
+    """
+    gain = pose.weight_n / pose.reading_n if pose.reading_n > 0 else math.nan
+    if SOFTEST <= gain <= STIFFEST:
+        return
+    read = f"{pose.name}: {pose.weight_n:.3g} N are meant to press, the endcap reads {pose.reading_n:.3g} N"
+    if not gain > 0:
+        raise WeighingError(f"{read} the other way: is the tilt right, and was it zeroed untouched?")
+    likely = [(unit, gain * size) for unit, size in UNITS_G.items() if SOFTEST <= gain * size <= STIFFEST]
+    likely.sort(key=lambda entry: abs(math.log(entry[1])))
+    if likely:
+        words = " or ".join(f"{unit} (gain {value:.2f})" for unit, value in likely)
+        raise WeighingError(f"{read}: that is no weight in g; was it {words}? give g, or the unit with the number")
+    if 1 / STIFFEST <= gain / 1000 <= STIFFEST:
+        raise WeighingError(f"{read}: the weight is about a thousand times too large; was it mg? give g")
+    raise WeighingError(
+        f"{read}: a gain of {gain:.3g} is outside {SOFTEST:g}..{STIFFEST:g}, what silicones have: check weight and unit"
+    )
+
+
+def pose_gain(pose: Pose) -> tuple[float, float]:
+    """(gain, standard deviation) that one pose shows."""
+    found = _fitted([pose])
+    return found.gain, found.sd
+
+
+def _fitted(poses: Sequence[Pose]) -> Gain:
+    estimates, loads = np.array([p.force_n for p in poses]), np.array([p.load_n for p in poses])
+    size = np.linalg.norm(loads, axis=1)
+    along = np.einsum("ni,nj->nij", loads, loads) / size[:, None, None] ** 2
+    model = np.array([p.covariance for p in poses]) + MODEL_SD**2 * np.einsum("ni,nj->nij", estimates, estimates)
+    weight = np.array([p.load_sd_n**2 for p in poses])[:, None, None] * along
+    weight = weight + ((size * ATTITUDE_RAD) ** 2)[:, None, None] * (np.eye(3) - along)
+    gain = float((estimates * loads).sum() / (estimates**2).sum())
+    for _ in range(ROUNDS):
+        pull = np.linalg.solve(gain**2 * model + weight, estimates[:, :, None])[:, :, 0]  # V^-1 f
+        before, gain = gain, float((pull * loads).sum() / (pull * estimates).sum())
+        if abs(gain - before) < 1e-12 * abs(gain):
+            break
+    residual = gain * estimates - loads
+    share = pull / (pull * estimates).sum()
+    of_model = gain * np.sqrt(np.einsum("ni,nij,nj->n", share, model, share)).sum()
+    of_weight = math.sqrt(np.einsum("ni,nij,nj->", share, weight, share))
+    variance = gain**2 * model + weight
+    chi_square = float(np.einsum("ni,ni->", residual, np.linalg.solve(variance, residual[:, :, None])[:, :, 0]))
+    return Gain(gain, math.hypot(of_model, of_weight), chi_square, 3 * len(poses) - 1, residual)
+
+
+def _contradiction(poses: Sequence[Pose], found: Gain) -> str:
+    """Names the pose without which the others agree best; of two, both."""
+    head = f"the weights contradict one another (chi-square {found.chi_square:.0f}, at most {found.limit:.0f})"
+    single = {pose.name: pose_gain(pose)[0] for pose in poses}
+    if len(poses) == LEAST_POSES:
+        both = " and ".join(f"{name} shows a gain of {gain:.3f}" for name, gain in single.items())
+        return f"{head}: {both}; weigh both again, with a third"
+    rest = [_fitted([p for p in poses if p is not pose]).chi_square for pose in poses]
+    worst = poses[int(np.argmin(rest))].name
+    others = [gain for name, gain in single.items() if name != worst]
+    return (
+        f"{head}: {worst} shows a gain of {single[worst]:.3f}, the others {min(others):.3f} to {max(others):.3f}; "
+        "weigh it again"
+    )

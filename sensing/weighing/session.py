@@ -1,0 +1,155 @@
+"""Weighing an endcap while it runs: what is shown, what is asked, what is refused. N, g, s.
+
+    poses = weigh_live(endcap, Terms(tilt_deg=0.0), ask, say)
+
+``ask`` shows a line and waits for Enter or a word, ``say`` shows a line; tests give their own.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cad.errors import EndcapError
+from cad.messages import transient
+from sensing.live.core.engine import Engine, LiveEndcap
+from sensing.live.core.reading import EndcapReading
+from sensing.weighing.at_rest import Rest, RestWatch
+from sensing.weighing.gain import Pose, WeighingError, fit_gain, pose_gain, require_unit
+from sensing.weighing.words import PoseRequest, parse_weight_g
+
+ZERO_S, REST_S = 20.0, 15.0  # most that is waited for a reference, and for rest
+POLL_S = 0.1
+Ask = Callable[[str], str]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What holds for all poses of a session.
+
+    Attributes:
+        tilt_deg, azimuth_deg: attitude. sd_g: of the scale, 0 for the usual one. gravity_m_s2: local.
+    """
+
+    tilt_deg: float
+    azimuth_deg: float
+    sd_g: float
+    gravity_m_s2: float
+
+    def request(self, weight_g: float) -> PoseRequest:
+        """A pose with that weight."""
+        return PoseRequest(weight_g, self.tilt_deg, self.azimuth_deg, self.sd_g)
+
+
+class Listener:
+    """Sink that hands every reading to the watch of the moment."""
+
+    def __init__(self) -> None:
+        self._watch = RestWatch()
+        self._lock = threading.Lock()
+
+    def put(self, reading: EndcapReading) -> None:
+        """One reading, from the loop's thread."""
+        with self._lock:
+            self._watch.add(reading)
+
+    def anew(self) -> None:
+        """Forget what was seen."""
+        with self._lock:
+            self._watch = RestWatch()
+
+    def ask(self, what: Callable[[RestWatch], Rest]) -> Rest:
+        """Ask the watch."""
+        with self._lock:
+            return what(self._watch)
+
+    def newest(self) -> tuple[float, float]:
+        """See :meth:`RestWatch.newest`."""
+        with self._lock:
+            return self._watch.newest()
+
+
+def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pose]:
+    """Guide through as many poses as the user wants; one that is refused can be tried again.
+
+    Args:
+        endcap: not yet started, without a gain. terms: attitude and scale. ask, say: the user.
+
+    Raises:
+        EndcapError: no reference, or a load while it should be untouched.
+    """
+    listener, poses = Listener(), list[Pose]()
+    ask(f"{endcap.name}: leave it untouched, at the attitude in which it will be loaded, then press Enter ")
+    with Engine([endcap], [listener]):
+        _await_reference(endcap)
+        rest = _await(listener, RestWatch.untouched, "untouched")
+        say(f"  untouched: {np.linalg.norm(rest.wrench[:3]):.2f} N, as it should be")
+        while True:
+            more = "" if len(poses) < 2 else ", or Enter to finish"
+            word = ask(f"weight {len(poses) + 1}: what presses on the dome, everything included, in g{more}: ").strip()
+            if not word and more:
+                return poses
+            try:
+                request = terms.request(parse_weight_g(word))
+                ask(f"  load it with {request.name}, let it stand still, then press Enter ")
+                listener.anew()
+                pose = made_pose(request, _await(listener, RestWatch.pressed, "under the load"), terms.gravity_m_s2)
+                require_unit(pose)
+                if len(poses) > 1:
+                    fit_gain([*poses, pose])
+            except EndcapError as error:
+                say(f"  refused: {error}")
+                continue
+            poses.append(pose)
+            gain, sd = pose_gain(pose)
+            say(f"  the endcap reads {pose.reading_n:.2f} N, {pose.weight_n:.2f} N press: gain {gain:.3f} ± {sd:.3f}")
+
+
+def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
+    """Load and reading of one pose.
+
+    Raises:
+        WeighingError: a model that gives no covariance.
+    """
+    covariance = rest.covariance[:3, :3]
+    if not np.isfinite(covariance).all():
+        raise WeighingError("this model gives no covariance: weigh with the default model")
+    return Pose(
+        request.name, request.load_n(gravity_m_s2), request.load_sd_n(gravity_m_s2), rest.wrench[:3], covariance
+    )
+
+
+def _await_reference(endcap: LiveEndcap) -> None:
+    end_s = time.monotonic() + ZERO_S
+    while endcap.pipeline.zero is None:
+        if time.monotonic() > end_s:
+            raise WeighingError(
+                f"{endcap.name}: not zeroed in {ZERO_S:.0f} s: {endcap.health.message or 'no frame came'}"
+            )
+        time.sleep(POLL_S)
+
+
+def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:
+    """An interval at rest; shows what is waited for while a terminal looks."""
+    end_s = time.monotonic() + REST_S
+    while True:
+        time.sleep(POLL_S)
+        try:
+            found = listener.ask(what)
+            _show("")
+            return found
+        except WeighingError:
+            force, moved = listener.newest()
+            if force == force:
+                _show(f"  {where}: {force:.2f} N, moved by {moved:.2f} N in the last second")
+            if time.monotonic() > end_s:
+                _show("")
+                raise
+
+
+def _show(text: str) -> None:
+    transient(text)

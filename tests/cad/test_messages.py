@@ -1,0 +1,54 @@
+"""Messages of the commands go through one logger to standard error; results stay on standard output."""
+
+import logging
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cad.messages import LOG, set_level, transient
+from endcap.command import main
+
+ROOT = Path(__file__).resolve().parents[2]
+STRAY = re.compile(r"file=sys\.stderr|sys\.stderr\.write|stderr\.print")
+
+
+def test_nobody_else_prints_to_standard_error():
+    paths = [path for package in ("cad", "endcap", "fab", "sensing") for path in (ROOT / package).rglob("*.py")]
+    found = {str(path.relative_to(ROOT)) for path in paths if STRAY.search(path.read_text())}
+    assert found == {"cad/messages.py"}
+    assert STRAY.search('print("x", file=sys.stderr)')
+
+
+def test_a_message_is_a_plain_line_on_standard_error(capsys):
+    LOG.error("100 % of it")
+    LOG.info("a step")
+    LOG.debug("not shown")
+    transient("on a terminal only")
+    said = capsys.readouterr()
+    assert said.err == "100 % of it\na step\n" and said.out == ""
+
+
+def test_quiet_leaves_progress_out_and_keeps_errors(capsys):
+    assert main(["--quiet", "molds", "130"]) == 2
+    assert "a design is two numbers" in capsys.readouterr().err
+    LOG.info("a step")
+    assert capsys.readouterr().err == ""
+    set_level(logging.INFO)
+    LOG.info("a step")
+    assert capsys.readouterr().err == "a step\n"
+
+
+@pytest.mark.parametrize("words", [["--quiet", "nothing"], ["nothing"]])
+def test_a_program_may_take_the_messages_elsewhere(words, tmp_path):
+    code = (
+        "import logging; from cad.messages import LOG; LOG.handlers.clear()\n"
+        "logging.basicConfig(filename='log.txt'); LOG.propagate = True\n"
+        f"from endcap.command import main; main({words!r})"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
+    )
+    assert run.stderr == "" and "'nothing' is not a command" in (tmp_path / "log.txt").read_text()

@@ -1,0 +1,194 @@
+"""The camera doctor: faults planted in rendered pictures and in streams, and the command on every kind of source."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from live_stand_in import pipeline
+
+from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_mount
+from sensing.doctor.examine import examine, take_live
+from sensing.doctor.finding import Verdict
+from sensing.doctor.picture import picture_findings
+from sensing.doctor.stream import stream_findings
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.outputs.recorder import Recorder
+from sensing.records import Frame
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.render.settings import Lamp, Optics, RenderSettings, Sensor
+from sensing.sources.__main__ import main
+from sensing.sources.newest import SourceError
+
+GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
+PARAMS = EndcapParams(130, 8)
+SETTINGS = RenderSettings(seed=31).at_level("draft")
+PHOTOS = Path(__file__).resolve().parents[4] / "shared" / "reference" / "photos"
+
+
+def rendered(**changes) -> np.ndarray:
+    return DomeRenderer(PARAMS, nominal_mount(PARAMS), replace(SETTINGS, **changes)).render().image_bgr
+
+
+@pytest.fixture(scope="module")
+def nominal() -> np.ndarray:
+    return rendered()
+
+
+def verdicts(picture: np.ndarray) -> dict[str, Verdict]:
+    return {each.name: each.verdict for each in picture_findings(picture, PARAMS)}
+
+
+ALL_GOOD = {"exposure": GOOD, "light": GOOD, "focus": GOOD, "dot size": GOOD, "dots": GOOD}
+
+
+# --- pictures --------------------------------------------------------------------------------------------------
+def test_a_good_picture_has_no_complaint_at_any_size(nominal):
+    for picture in (nominal, cv2.resize(nominal, (1280, 960), interpolation=cv2.INTER_CUBIC)):
+        found = picture_findings(picture, PARAMS)
+        assert {each.name: each.verdict for each in found} == ALL_GOOD and not any(each.fix for each in found)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "verdict", "fix"),
+    [
+        ({"sensor": Sensor(exposure=0.05)}, "exposure", BAD, "expose longer"),
+        ({"sensor": Sensor(exposure=0.15)}, "exposure", LOOK, "expose longer"),
+        ({"lamp": Lamp(brightness=0.001)}, "exposure", BAD, "plug the lamp in"),
+        ({"sensor": Sensor(exposure=4.0)}, "exposure", BAD, "shorter exposure"),
+        ({"lamp": Lamp(dead=(0, 1, 2))}, "light", LOOK, "LED that is off or covered at 4 o'clock"),
+        ({"lamp": Lamp(dead=(0, 1, 2, 3, 4))}, "light", BAD, "o'clock"),
+        ({"optics": Optics(defocus_px=2.2, defocus_edge_px=2.2)}, "focus", LOOK, "turn the lens"),
+        ({"optics": Optics(defocus_px=4.0, defocus_edge_px=4.0)}, "focus", BAD, "turn the lens"),
+    ],
+)
+def test_a_planted_fault_of_light_or_lens_is_named_with_its_fix(changes, name, verdict, fix):
+    found = {each.name: each for each in picture_findings(rendered(**changes), PARAMS)}
+    assert found[name].verdict is verdict and fix in found[name].fix, found[name]
+    assert all(each.verdict is GOOD for each in found.values() if each.name not in (name, "dots", "dot size"))
+
+
+def test_covered_dots_are_listed_where_they_are(nominal):
+    covered = nominal.copy()
+    cv2.circle(covered, (420, 180), 60, (10, 10, 10), -1)
+    dots = picture_findings(covered, PARAMS)[-1]
+    assert dots.verdict is LOOK and dots.values["missing"] == len(dots.values["missing_dots"]) >= 5
+    places = np.array(
+        [[float(v) for v in text.split(" at ")[1][:-3].split(",")] for text in dots.values["missing_dots"]]
+    )
+    assert (np.linalg.norm(places - [420, 180], axis=1) < 80).all()
+    cv2.rectangle(covered, (320, 0), (640, 480), (10, 10, 10), -1)
+    assert verdicts(covered)["dots"] is BAD
+
+
+def test_another_design_shows_in_the_size_of_the_dots():
+    large = EndcapParams(180, 8)
+    image = DomeRenderer(large, nominal_mount(large), SETTINGS).render().image_bgr
+    assert verdicts(image)["dot size"] is not GOOD
+    assert {each.name: each.verdict for each in picture_findings(image, large)}["dot size"] is GOOD
+
+
+@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the released photos are not on this computer")
+def test_the_released_photos_have_nothing_bad():
+    for path in sorted(PHOTOS.iterdir()):
+        assert set(verdicts(cv2.imread(str(path))).values()) == {GOOD}, path
+
+
+# --- streams ---------------------------------------------------------------------------------------------------
+def stream(times: np.ndarray, sizes: int = 40_000) -> dict:
+    frames = [Frame(float(t), k, "test", jpeg=bytes([k % 251]) * sizes, size=(640, 480)) for k, t in enumerate(times)]
+    return {each.name: each for each in stream_findings(frames, 30.0)}
+
+
+def test_a_steady_stream_is_good_and_six_of_it_are_added_up():
+    found = stream(np.arange(90) / 30)
+    assert {each.verdict for each in found.values()} == {GOOD}
+    assert found["rate"].values["rate_hz"] == pytest.approx(30) and found["USB"].values["six_mb_s"] == pytest.approx(
+        7.2
+    )
+
+
+def test_a_slow_a_jumpy_a_lossy_and_a_heavy_stream_are_named():
+    steady = np.arange(90) / 30
+    assert stream(np.arange(90) / 15)["rate"].verdict is BAD and stream(np.arange(90) / 27)["rate"].verdict is LOOK
+    late = steady + np.where(np.arange(90) % 7 == 3, 0.008, 0.0)
+    assert stream(late)["jitter"].verdict is LOOK
+    assert stream(late)["jitter"].values["jitter_ms"] == pytest.approx(8.0)
+    lossy = stream(np.delete(steady, [7, 30, 31, 32, 60]))
+    assert lossy["dropped"].values["missing"] == 5 and lossy["dropped"].verdict is BAD
+    assert stream(np.delete(steady, 7))["dropped"].verdict is LOOK
+    assert stream(steady, 140_000)["USB"].verdict is LOOK and stream(steady, 220_000)["USB"].verdict is BAD
+
+
+def test_repeated_and_damaged_pictures_are_counted(nominal):
+    jpeg = cv2.imencode(".jpg", nominal)[1].tobytes()
+    frames = [Frame(k / 30, k, "test", jpeg=jpeg[:9000] if k == 4 else jpeg, size=(640, 480)) for k in range(20)]
+    found = {each.name: each for each in examine("test", frames, PARAMS, timed=True).findings}
+    assert found["dropped"].values["repeated"] == 17 and found["dropped"].verdict is BAD
+    assert found["pictures"].verdict is BAD and found["pictures"].text.startswith("1 of 20 pictures cannot be decoded")
+    assert found["dots"].verdict is GOOD  # the others are judged
+
+
+def test_a_camera_that_is_absent_or_gives_nothing_is_reported_and_not_waited_for_ever():
+    def absent():
+        raise SourceError("/dev/video9: no such camera")
+
+    frames, message = take_live(absent, 5)
+    assert frames == [] and "no such camera" in message
+    report = examine("test", frames, PARAMS, timed=True)
+    assert report.verdict is BAD and report.findings[0].text == "no frame came"
+
+
+# --- the command -----------------------------------------------------------------------------------------------
+def test_folder_video_and_recording_are_checked(nominal, tmp_path, capsys):
+    folder, video, recording = tmp_path / "photos", tmp_path / "rest.avi", tmp_path / "run.mcap"
+    folder.mkdir()
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 25, (640, 480))
+    recorder = Recorder(recording, LiveConfig((EndcapConfig("endcap_0", "test"),)), {"endcap_0": 0}, lambda _: None)
+    recorder.start()
+    pipe = pipeline()
+    for k in range(15):
+        picture = nominal.copy()
+        picture[-4:, : k + 1] ^= 8
+        cv2.imwrite(str(folder / f"{k:02d}.jpg"), picture)
+        writer.write(picture)
+        jpeg = (folder / f"{k:02d}.jpg").read_bytes()
+        reading = pipe.update(Frame(100 + k / 30, k, "test", jpeg=jpeg, size=(640, 480)))
+        if reading is not None:
+            recorder.put(reading)
+    writer.release()
+    recorder.close(60)
+    assert main(["check", str(folder), str(video), str(recording)]) == 0
+    said = capsys.readouterr().out
+    assert said.count(": good; ") == 3 and "run.mcap: endcap_0: good" in said
+    assert said.count("frames/s") == 1  # a folder and a video have no capture times
+    assert main(["check", str(recording), "--json"]) == 0
+    (report,) = json.loads(capsys.readouterr().out)
+    assert report["verdict"] == "good" and report["size"] == [640, 480] and report["frames"] == 15
+    rate = next(each for each in report["findings"] if each["name"] == "rate")
+    assert rate["values"]["rate_hz"] == pytest.approx(30, abs=0.01) and rate["fix"] == ""
+
+
+def test_what_is_bad_gives_status_1_and_its_fix_in_the_next_line(tmp_path, capsys):
+    path = tmp_path / "black.png"
+    cv2.imwrite(str(path), np.zeros((480, 640, 3), np.uint8))
+    assert main(["check", str(path)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("  bad   exposure"))
+    assert "-> plug the lamp in" in lines[at + 1] and lines[0].endswith("bad; 1 frames, 640 x 480 px")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["nowhere"], "nowhere"), (["--frames", "0", "x"], "--frames 0 outside"), (["x.mcap"], "x.mcap"),
+     (["x", "--diameter", "5"], "diameter_mm=5")],
+)  # fmt: skip
+def test_bad_input_is_one_line(words, said, capsys):
+    assert main(["check", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1

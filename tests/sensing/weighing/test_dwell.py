@@ -1,0 +1,92 @@
+"""Constants of rate effects out of dwell tests whose constants are known, and tests that show none."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from sensing import dwell as command
+from sensing.weighing.dwell import DwellError, fit_dwell, unit_overstress
+from sensing.wrench.relaxation import advanced
+
+STRENGTH, TAU_S = np.array([0.06, 0.04]), np.array([0.1, 1.0])
+
+
+def creep(weight_n=15.0, dwell_s=6.0, after_s=5.0, noise_n=0.01, seed=0, rise_s=0.1, rate_hz=30.0, strength=STRENGTH):
+    """(time, what the model reports) while a dead weight is put on and taken off; exact at every reading."""
+    rng = np.random.default_rng(seed)
+    time_s = np.cumsum(rng.uniform(0.8, 1.2, int((1 + dwell_s + after_s) * rate_hz)) / rate_hz)
+    load = weight_n * np.clip((time_s - 1) / rise_s, 0, 1) * np.clip((1 + dwell_s - time_s) / rise_s, 0, 1)
+    reported, state = np.zeros(len(time_s)), np.zeros((len(strength), 1))
+    for k in range(1, len(time_s)):
+        step = time_s[k] - time_s[k - 1]
+
+        def gap(value, k=k, step=step, state=state):
+            after = advanced(state, np.array([value - reported[k - 1]]), step, strength, TAU_S[: len(strength)])
+            return value + after.sum() - load[k]
+
+        reported[k] = brentq(gap, -2 * weight_n, 2 * weight_n)
+        change = np.array([reported[k] - reported[k - 1]])
+        state = advanced(state, change, step, strength, TAU_S[: len(strength)])
+    return time_s, reported + noise_n * rng.normal(size=len(time_s)), load
+
+
+def test_known_constants_come_back():
+    time_s, force_n, load = creep()
+    found = fit_dwell(time_s, force_n)
+    assert len(found.terms) == 2 and found.level_n == pytest.approx(15.0, abs=0.03)
+    for term, strength, tau in zip(found.terms, STRENGTH, TAU_S, strict=True):
+        assert term.strength == pytest.approx(strength, rel=0.15) and term.tau_s == pytest.approx(tau, rel=0.15)
+    assert found.before_n > 0.1 and found.after_n < 0.02
+    assert np.abs(found.corrected_n - load)[found.used].max() < 0.05
+
+
+def test_constants_hold_for_another_load_and_rhythm():
+    found = fit_dwell(*creep()[:2])
+    time_s, force_n, load = creep(25.0, 3.0, 3.0, 0.0, 5, 0.5, 15.0)
+    taus = [term.tau_s for term in found.terms]
+    corrected = force_n + np.array([term.strength for term in found.terms]) @ unit_overstress(time_s, force_n, taus)
+    assert np.abs(force_n - load).max() > 0.7 and np.abs(corrected - load).max() < 0.12
+
+
+def test_one_relaxation_time_gives_one_term_or_two_that_act_alike():
+    time_s, force_n, load = creep(strength=np.array([0.08]), noise_n=0.005)
+    found = fit_dwell(time_s, force_n)
+    assert sum(term.strength for term in found.terms) == pytest.approx(0.08, rel=0.15)
+    assert np.abs(found.corrected_n - load)[found.used].max() < 0.05
+
+
+def test_the_deviation_of_a_strength_is_that_of_repeated_tests():
+    runs = [fit_dwell(*creep(noise_n=0.03, seed=seed)[:2]).terms for seed in range(12)]
+    slow = [(terms[-1].strength, terms[-1].sd) for terms in runs]
+    assert np.std([b for b, _ in slow]) < 6 * np.mean([sd for _, sd in slow])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"weight_n": 1.0}, "never exceeds"), ({"dwell_s": 2.0}, "stands for"), ({"after_s": 0.5}, "after the release"),
+        ({"strength": np.array([1e-6]), "noise_n": 0.03}, "no rate effect over the noise"),
+    ],
+)  # fmt: skip
+def test_a_test_that_shows_nothing_is_refused(options, said):
+    with pytest.raises(DwellError, match=said):
+        fit_dwell(*creep(**options)[:2])
+
+
+def test_a_path_that_never_leaves_rest_or_begins_under_load_is_refused():
+    time_s = np.arange(300) / 30
+    with pytest.raises(DwellError, match="never exceeds"):
+        fit_dwell(time_s, 0.01 * np.sin(time_s))
+    with pytest.raises(DwellError, match="begins under load"):
+        fit_dwell(time_s, np.where(time_s < 6, 15.0, 0.0))
+    with pytest.raises(DwellError, match="hundreds"):
+        fit_dwell(time_s[:10], time_s[:10])
+
+
+def test_the_command_refuses_in_one_line(tmp_path, capsys):
+    path = tmp_path / "endcaps.toml"
+    path.write_text('[[endcap]]\nname = "a"\nsource = "0"\n')
+    assert command.main(["--config", str(path), "--source", "nowhere.mcap"]) == 2
+    assert "nowhere.mcap: no such file" in capsys.readouterr().err.splitlines()[-1]
+    assert command.main(["--config", str(path), "--endcap", "b", "--source", "x"]) == 2
+    assert "choose one of a" in capsys.readouterr().err

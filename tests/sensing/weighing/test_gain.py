@@ -1,0 +1,206 @@
+"""Gains against closed forms and repeated draws, and everything that is refused."""
+
+import numpy as np
+import pytest
+
+from cad.errors import ParameterError
+from sensing.records import Wrench
+from sensing.weighing.gain import CONTRADICTION, Pose, WeighingError, fit_gain, pose_gain, require_unit
+from sensing.weighing.postures import Posture, fit_gains
+from sensing.weighing.words import GRAVITY_M_S2, PoseRequest, parse_pose, parse_weight_g
+from sensing.wrench.stiffness import Stiffness
+
+COVARIANCE = np.diag([0.05, 0.05, 0.1]) ** 2
+
+
+def pose(weight_g, gain=0.73, tilt_deg=0.0, off=(0.0, 0.0, 0.0), typed_g=None, covariance=COVARIANCE):
+    """A pose whose silicone has that gain; ``typed_g`` is what the user typed for the weight."""
+    true, typed = (PoseRequest(grams, tilt_deg, 30.0) for grams in (weight_g, typed_g or weight_g))
+    return Pose(typed.name, typed.load_n(), typed.load_sd_n(), true.load_n() / gain + off, covariance)
+
+
+def test_the_gain_is_that_of_the_silicone_whatever_the_attitude():
+    for tilts in ((0.0, 0.0), (0.0, 30.0), (20.0, 50.0)):
+        found = fit_gain([pose(w, tilt_deg=tilt) for w, tilt in zip((500.0, 2000.0), tilts, strict=True)])
+        assert found.gain == pytest.approx(0.73, abs=1e-12) and found.chi_square < 1e-12 and found.freedom == 5
+
+
+def test_the_load_presses_into_the_dome_with_mass_times_gravity():
+    load = PoseRequest(1000.0, 30.0, 90.0).load_n()
+    assert load == pytest.approx(GRAVITY_M_S2 * np.array([0.0, -0.5, -np.sqrt(0.75)]))
+    assert PoseRequest(1000.0).load_n() == pytest.approx([0.0, 0.0, -GRAVITY_M_S2])
+
+
+@pytest.mark.parametrize("common", [True, False])
+def test_the_deviation_is_that_of_repeated_weighings(common):
+    """Errors of the model are one and the same in every pose, or independent: the stated deviation covers both."""
+    rng = np.random.default_rng(5)
+    weights, gains, stated = (400.0, 900.0, 2000.0), [], []
+    for _ in range(400):
+        unit = rng.normal(size=(1, 4)).repeat(3, 0) if common else rng.normal(size=(3, 4))
+        poses = []
+        for weight, each in zip(weights, unit, strict=True):
+            asked = PoseRequest(weight)
+            size = asked.load_n() + np.array([0, 0, asked.load_sd_n() * rng.normal()])
+            reading = size / 0.73 * (1 + 0.01 * each[3]) + np.sqrt(np.diag(COVARIANCE)) * each[:3]
+            poses.append(Pose(asked.name, asked.load_n(), asked.load_sd_n(), reading, COVARIANCE))
+        found = fit_gain(poses)
+        gains.append(found.gain)
+        stated.append(found.sd)
+    spread = float(np.std(gains))
+    assert np.mean(gains) == pytest.approx(0.73, abs=3 * spread / 20 + 1e-3)
+    assert (0.6 if common else 0.3) * np.mean(stated) < spread < 1.1 * np.mean(stated)
+
+
+def test_consistent_weights_are_refused_as_often_as_stated():
+    rng, refused = np.random.default_rng(8), 0
+    for _ in range(3000):
+        asked = [PoseRequest(500.0), PoseRequest(1500.0)]
+        poses = []
+        for each in asked:
+            load = each.load_n()
+            tilt = np.array([*(rng.normal(size=2) * np.radians(1.0) * -load[2]), each.load_sd_n() * rng.normal()])
+            reading = (load + tilt) / 0.8 * (1 + 0.01 * rng.normal()) + rng.multivariate_normal(np.zeros(3), COVARIANCE)
+            poses.append(Pose(each.name, load, each.load_sd_n(), reading, COVARIANCE))
+        try:
+            fit_gain(poses)
+        except WeighingError:
+            refused += 1
+    assert refused <= 3000 * CONTRADICTION + 4 * np.sqrt(3000 * CONTRADICTION)
+
+
+def test_a_wrong_weight_is_named():
+    three = [pose(500.0), pose(1000.0), pose(2000.0, typed_g=1600.0)]
+    with pytest.raises(
+        WeighingError, match=r"contradict .*: 1600 g shows a gain of 0\.584, the others 0\.730 to 0\.730"
+    ):
+        fit_gain(three)
+    with pytest.raises(WeighingError, match=r"500 g shows a gain of 0\.730 and 1600 g shows a gain of 0\.584"):
+        fit_gain([three[0], three[2]])
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"), [((), "0 pose"), ((800.0,), "1 pose"), ((800.0, 820.0), "differ by a factor")]
+)
+def test_too_little_to_notice_a_wrong_weight_is_refused(weights, said):
+    with pytest.raises(WeighingError, match=said):
+        fit_gain([pose(weight) for weight in weights])
+
+
+def test_one_load_at_two_tilts_is_enough():
+    assert fit_gain([pose(800.0), pose(800.0, tilt_deg=25.0)]).gain == pytest.approx(0.73)
+
+
+@pytest.mark.parametrize(("typed_g", "unit"), [(20.0, "N"), (60.0, "oz")])
+def test_a_unit_mixed_up_is_named(typed_g, unit):
+    true_g = {"N": 20 / GRAVITY_M_S2 * 1000, "oz": 60 * 28.3495}[unit]
+    with pytest.raises(WeighingError, match=rf"no weight in g; was it .*{unit} \(gain 0\.73\)"):
+        require_unit(pose(true_g, typed_g=typed_g))
+
+
+def test_a_load_the_wrong_way_is_refused():
+    lifted = pose(500.0)
+    with pytest.raises(WeighingError, match="the other way"):
+        require_unit(Pose("500 g", lifted.load_n, lifted.load_sd_n, -lifted.force_n, COVARIANCE))
+
+
+@pytest.mark.parametrize(
+    ("text", "grams"),
+    [("500", 500), ("0.5 kg", 500), ("0,5kg", 500), (" 5 N ", 509.858), ("1.1 lb", 498.952), ("2 lbf", 907.185)],
+)
+def test_weights_as_people_type_them(text, grams):
+    assert parse_weight_g(text) == pytest.approx(grams, abs=1e-3)
+
+
+@pytest.mark.parametrize("text", ["", "heavy", "1e3", "5 stone", "--5", "1.2.3", "nan"])
+def test_what_is_no_weight_is_refused(text):
+    with pytest.raises(ParameterError, match=r"no weight|no unit"):
+        parse_weight_g(text)
+
+
+def test_a_pose_in_words():
+    found = parse_pose("tilt=20,grams=0.6 kg,azimuth=-90,sd=3,source=films/a,b.mcap")
+    assert found == PoseRequest(600.0, 20.0, -90.0, 3.0, "films/a,b.mcap")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("tilt=0", "grams"), ("grams=500,grams=600", "grams=600"), ("grams=500,colour=red", "colour"),
+        ("grams=500,tilt=steep", "tilt='steep'"), ("grams=0.5", "was it 0.5 kg or 0.5 lb"),
+        ("grams=9 kg", "outside 20..6000"),
+        ("grams=500,tilt=80", "outside 0..60"), ("grams=500,source=", "source"),
+    ],
+)  # fmt: skip
+def test_a_pose_that_is_none_is_refused(text, said):
+    with pytest.raises(ParameterError, match=said):
+        parse_pose(text)
+
+
+def test_a_gain_scales_the_wrench_and_its_own_doubt_comes_on_top():
+    covariance = np.diag([0.1, 0.1, 0.2, 0.01, 0.01, 0.01]) ** 2
+    plain = Wrench(0.0, np.array([1.0, 2.0, -10.0]), np.array([0.1, 0.2, 0.0]), "sphere", covariance)
+    assert Stiffness().applied(plain) is plain
+    found = Stiffness(0.5, 0.02).applied(plain)
+    assert found.force_n == pytest.approx([0.5, 1.0, -5.0]) and found.torque_nm == pytest.approx([0.05, 0.1, 0.0])
+    assert found.covariance[2, 2] == pytest.approx(0.25 * 0.04 + 0.02**2 * 100)
+    assert found.covariance[0, 2] == pytest.approx(0.02**2 * -10)
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+
+
+# --- a robot's own weight ----------------------------------------------------------------------------------------
+NAMES = [f"endcap_{k}" for k in range(6)]
+TRUE = dict(zip(NAMES, (0.73, 1.0, 0.9, 1.2, 0.8, 1.05), strict=True))
+
+
+def stand(name, fractions, rng=None, weight_n=117.7):
+    """A posture in which each endcap carries a fraction of the weight, spread along the ground as cables do."""
+    generator = np.random.default_rng(list(name.encode()))
+    up = np.array([*(0.3 * generator.normal(size=2)), 1.0])
+    up /= np.linalg.norm(up)
+    force = {key: weight_n * part * up for key, part in fractions.items()}
+    side = np.cross(up, [1.0, 0.0, 0.0])
+    first, second = list(force)[:2]
+    force[first], force[second] = force[first] + 4 * side, force[second] - 4 * side
+    noise = (lambda: rng.multivariate_normal(np.zeros(3), COVARIANCE)) if rng is not None else (lambda: np.zeros(3))
+    read = {key: value / TRUE[key] + noise() for key, value in force.items()}
+    return Posture(name, up, read, dict.fromkeys(read, COVARIANCE))
+
+
+def postures(rng=None):
+    thirds = ((0.2, 0.3, 0.5), (0.5, 0.25, 0.25), (0.3, 0.5, 0.2))
+    made = [stand(f"a{k}", dict(zip(NAMES[::2], part, strict=True)), rng) for k, part in enumerate(thirds)]
+    return made + [stand(f"b{k}", dict(zip(NAMES[1::2], part, strict=True)), rng) for k, part in enumerate(thirds)]
+
+
+def test_a_robots_weight_gives_the_gains_of_all_its_endcaps():
+    found = fit_gains(postures(), 117.7, NAMES)
+    assert found.gain == pytest.approx(TRUE, abs=1e-9) and found.chi_square < 1e-9 and found.freedom == 12
+    noisy = fit_gains(postures(np.random.default_rng(2)), 117.7, NAMES)
+    assert all(abs(noisy.gain[name] - TRUE[name]) < 4 * noisy.sd[name] < 0.2 for name in NAMES)
+
+
+def test_endcaps_that_the_postures_do_not_show_are_named():
+    with pytest.raises(WeighingError, match="endcap_5 never carries load"):
+        fit_gains([*postures()[:3], stand("c", {"endcap_1": 0.5, "endcap_3": 0.5})], 117.7, NAMES)
+    even = [stand(f"d{k}", dict.fromkeys(NAMES[:3], 1 / 3)) for k in range(3)]
+    for posture in even:
+        for key in posture.force_n:
+            posture.force_n[key] = 117.7 / 3 * posture.up / TRUE[key]
+    with pytest.raises(WeighingError, match="do not separate endcap_0, endcap_1, endcap_2"):
+        fit_gains(even, 117.7, NAMES[:3])
+
+
+def test_postures_that_something_else_carries_are_refused():
+    fourths = ((0.4, 0.2, 0.4), (0.25, 0.45, 0.3))
+    more = [stand(f"c{k}", dict(zip(NAMES[1::2], part, strict=True))) for k, part in enumerate(fourths)]
+    bad = postures() + more
+    bad[4] = Posture("on a box", bad[4].up, {k: 0.6 * v for k, v in bad[4].force_n.items()}, bad[4].covariance)
+    with pytest.raises(WeighingError, match=r"contradict one another .*on a box the most"):
+        fit_gains(bad, 117.7, NAMES)
+    with pytest.raises(WeighingError, match="at least 2"):
+        fit_gains(postures()[:1], 117.7, NAMES[::2])
+
+
+def test_a_single_pose_shows_its_own_gain():
+    assert pose_gain(pose(1000.0))[0] == pytest.approx(0.73)

@@ -1,0 +1,141 @@
+"""Plug-ins by entry points: a distribution of somebody else is installed, and the commands use it by name."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import cv2
+import plugin_example
+import pytest
+
+from cad import plugins
+from cad.errors import ParameterError
+from endcap.command import main
+from sensing.simulator.contact import indenter
+from sensing.sources.drawn import Drawing, draw_dots
+
+BROKEN = """\
+[endcap.cameras]
+absent = no_such_package:Camera
+[endcap.field_methods]
+nothing = broken_plugin:raises
+wrong = broken_plugin:wrong
+[endcap.outputs]
+text = broken_plugin:TEXT
+"""
+
+
+def install(folder: Path, name: str, entry_points: str) -> None:
+    """What an installer leaves behind: metadata that the interpreter finds."""
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(entry_points)
+
+
+@pytest.fixture(autouse=True)
+def fresh():
+    yield
+    for cached in (plugins._entries, indenter._made):
+        cached.cache_clear()
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    install(tmp_path / "site", "my-endcap-parts", plugin_example.ENTRY_POINTS)
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    plugins._entries.cache_clear()
+    return tmp_path
+
+
+@pytest.fixture
+def broken(tmp_path, monkeypatch):
+    site = tmp_path / "bad"
+    install(site, "bad-parts", BROKEN)
+    (site / "broken_plugin.py").write_text(
+        "TEXT = 'no function'\ndef raises(*_):\n    raise RuntimeError('no licence\\nfound')\nwrong = lambda *_: 7\n"
+    )
+    monkeypatch.syspath_prepend(str(site))
+    plugins._entries.cache_clear()
+    yield site
+    sys.modules.pop("broken_plugin", None)
+
+
+@pytest.fixture
+def picture(tmp_path):
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), draw_dots(Drawing())[0])
+    return path
+
+
+def test_names_are_read_without_importing_anything(installed, monkeypatch):
+    monkeypatch.delitem(sys.modules, "plugin_example")
+    assert [plugins.names(kind) for kind in plugins.Kind] == [
+        ("still",), ("nothing",), ("ball",), ("constant",), ("file",)
+    ]  # fmt: skip
+    assert "plugin_example" not in sys.modules
+
+
+def test_camera_method_model_and_output_run_live(installed, picture, capsys, monkeypatch):
+    lines, put = installed / "lines.txt", plugin_example.Lines.put
+
+    def put_and_stop(self, reading):
+        put(self, reading)
+        os.kill(os.getpid(), signal.SIGINT)  # as a user stops it, once there is a number
+
+    monkeypatch.setattr(plugin_example.Lines, "put", put_and_stop)
+    words = ["--source", f"still:{picture}", "--model", "constant", "--output", f"file={lines}", "--seconds", "500"]
+    assert main(["live", "--no-page", *words]) == 0, capsys.readouterr().err
+    found = [line.split() for line in lines.read_text().splitlines()]
+    assert found and {name for name, _ in found} == {"endcap_0"}
+    assert float(found[-1][1]) == pytest.approx(-2.0, abs=0.2)
+
+
+def test_a_field_method_is_used_by_its_name(installed, picture, capsys):
+    words = ["--reference", str(picture), "--frame", str(picture), "--out", str(installed / "f.npy")]
+    assert main(["field", "--method", "nothing", *words]) == 0
+    assert "nothing" in capsys.readouterr().out
+
+
+def test_an_indenter_gives_what_the_same_body_here_gives(installed, capsys):
+    said = []
+    for body in ("ball", "sphere"):
+        words = ["--body", body, "--radius", "30", "--normal", "2", "--friction", "0.3", "--density", "draft"]
+        assert main(["press", *words]) == 0
+        said.append(capsys.readouterr().out.splitlines()[:4])
+    assert said[0] == said[1]  # depth, force, torque and patch, as printed
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["zero", "take", "--source", "absent:1", "--out", "z.npz"], "ModuleNotFoundError: No module named"),
+        (["field", "--method", "nothing", "--reference", "a.png", "--frame", "a.png", "--out", "f.npy"], "no licence"),
+        (
+            ["field", "--method", "wrong", "--reference", "a.png", "--frame", "a.png", "--out", "f.npy"],
+            "gave int without",
+        ),
+        (["live", "--no-page", "--photos", ".", "--output", "text"], "is str, not something that can be called"),
+        (["live", "--no-page", "--photos", ".", "--output", "none=1"], "no plug-in adds 'none' (text installed)"),
+    ],
+)
+def test_a_bad_plugin_is_one_line_that_names_it(broken, picture, monkeypatch, capsys, words, says):
+    monkeypatch.chdir(picture.parent)
+    assert main(words) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert says in said and ("bad-parts" in said or "none=1" in said) and "Traceback" not in said
+    assert not (picture.parent / "f.npy").exists()
+
+
+def test_two_distributions_with_one_name_are_refused(installed, broken):
+    with pytest.raises(ParameterError, match="bad-parts and my-endcap-parts both add 'nothing': uninstall one"):
+        plugins.load(plugins.Kind.FIELD_METHOD, "nothing")
+
+
+def test_an_unknown_name_lists_those_that_are_there(installed, capsys):
+    with pytest.raises(SystemExit):
+        main(["press", "--body", "cube"])
+    assert "'ball'" in capsys.readouterr().err

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.messages import LOG, transient
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
@@ -75,7 +76,7 @@ def _run(options: argparse.Namespace) -> int:
 def _parser() -> argparse.ArgumentParser:
     plain = FitConfig()
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.train",
+        prog=program("python -m sensing.train"),
         description="Train a wrench model on folders of labelled frames of one design.",
         epilog="Bad input: one line on stderr, exit status 2. Evaluate with python -m sensing.evaluate.",
     )

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap, load_config
@@ -125,7 +126,7 @@ def _say(text: str) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.weigh", description=DESCRIPTION, epilog=EPILOG,
+        prog=program("python -m sensing.weigh"), description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument(

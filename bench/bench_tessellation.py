@@ -13,10 +13,12 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from fab.design import build_solids
+from fab.design import build_core_solids
 from fab.meshing.mesh import TOLERANCE_MM, tessellate
+from fab.packed import HARDWARE
 
 HERE = Path(__file__).parent
 TOLERANCES_MM = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
@@ -25,8 +27,10 @@ STL_BYTES_A_FACE = 50
 
 def main() -> None:
     """Measure, write, plot."""
-    parts = build_solids(MoldLayout(EndcapParams(130, 8)), lambda _: None)
-    solids = {name: part.solid for name, part in parts.items() if part.role != "bought"}
+    layout = MoldLayout(EndcapParams(130, 8))
+    parts = [*cup_parts(layout), *build_core_solids(layout, lambda _: None)]
+    parts += [maker(layout.params) for maker in HARDWARE]
+    solids = {part.name: part.solid for part in parts if part.role != "bought"}
     rows = []
     for tolerance in TOLERANCES_MM:
         start = time.process_time()

@@ -2,7 +2,7 @@
 
     film = pressed_film(Path("exports/bench/weigh_0"), Recipe("Smooth-Sil 940", tilt_deg=0.0), targets)
 
-Made by the simulator (level 2, mesh ``data``) and its renderer, kept in a folder: ``frame_00000.jpg`` is the untouched
+Made by the simulator (level 2) and its renderer, kept in a folder: ``frame_00000.jpg`` is the untouched
 endcap, ``truth.csv`` the wrench at the endcap's origin. N, N m, s, degrees.
 """
 
@@ -35,7 +35,7 @@ class Recipe:
     Attributes:
         silicone: row of cad/materials.csv. tilt_deg, azimuth_deg: of first touch. friction: Coulomb's.
         rate_effects: whether the silicone relaxes. sensor: as of ``sensing.simulator data``.
-        noise: number of the first picture's noise.
+        noise: number of the first picture's noise. density: of the mesh.
     """
 
     silicone: str = "Smooth-Sil 950"
@@ -45,6 +45,7 @@ class Recipe:
     rate_effects: bool = False
     sensor: int = 0
     noise: int = 0
+    density: str = "data"
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def _make(folder: Path, recipe: Recipe, targets: Sequence[Target | None], began_
     request = DataRequest(1, silicone=recipe.silicone, sensor=recipe.sensor, lamp="steady")
     row = silicone(recipe.silicone)
     prony = row.prony_series() if recipe.rate_effects else ()
-    simulator = Simulator(shell_geometry(130, 8), row.neo_hooke(), "data", 2, 2e-3, prony=prony)
+    simulator = Simulator(shell_geometry(130, 8), row.neo_hooke(), recipe.density, 2, 2e-3, prony=prony)
     surface = simulator.surface
     renderer = DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
     states = simulator.follow(

@@ -8,6 +8,7 @@ import tempfile
 import time
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ RANDOM_SIZES = 1000
 # What decides whether a size comes out: solids, meshes, gates and the sweeps of the steps.
 CODE = (
     *("cad/*.py", "cad/*.csv", "fab/design.py", "fab/meshing/*.py", "fab/checks/*.py", "fab/steps/*.py"),
-    "fab/exports/writer.py",
+    *("fab/packed.py", "fab/exports/writer.py"),
 )
 
 
@@ -120,14 +121,12 @@ def clearance_sizes(count: int = 24) -> list[Size]:
 
 
 def survey() -> list[Size]:
-    """All sizes, stratified: edges first, then the kinds in turn, so that any part of a run covers the region."""
-    rounds, clearances = round_sizes(), clearance_sizes()
-    random.Random(SEED).shuffle(rounds)
-    random.Random(SEED).shuffle(clearances)
-    mixed: list[tuple[float, Size]] = []
-    for sizes in (random_sizes(SEED, RANDOM_SIZES), rounds, clearances):
-        mixed += [((k + 1) / len(sizes), size) for k, size in enumerate(sizes)]
-    return edge_sizes() + [size for _, size in sorted(mixed, key=lambda item: item[0])]
+    """All sizes: the four kinds in turn, each in an order drawn from the seed, so that any part of a run is a fair
+    sample of every kind."""
+    kinds = [edge_sizes(), random_sizes(SEED, RANDOM_SIZES), round_sizes(), clearance_sizes()]
+    for sizes in kinds:
+        random.Random(SEED).shuffle(sizes)
+    return [size for turn in zip_longest(*kinds) for size in turn if size is not None]
 
 
 def code_digest() -> str:

@@ -1,6 +1,6 @@
 """One endcap, built: every part as a solid, every printed or cast part as a mesh.
 
-The gyroid, which needs no CAD kernel but half of the time, is made in a second process beside the solids.
+Gyroid, cup and hardware are made in other processes beside the core.
 """
 
 from __future__ import annotations
@@ -11,18 +11,12 @@ from dataclasses import dataclass
 
 import trimesh
 
-from cad.arm_adapter import adapter_part
-from cad.base import base_part
-from cad.camera import camera_part
 from cad.hanger import hanger_part
 from cad.interface import build_interface
-from cad.led_ring import led_ring_part
 from cad.mold_core import core_body, core_parts
-from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
-from cad.ring_spacer import ring_spacer_part
 from cad.shell import shell_part
 from fab.cache import Cache
 from fab.kept import kept_interface_mesh
@@ -30,6 +24,7 @@ from fab.meshing.gyroid import InterfaceMesh, joint_band_mm, volume_above
 from fab.meshing.mesh import TOLERANCE_MM, from_manifold, to_manifold
 from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
+from fab.packed import packed_group
 
 Progress = Callable[[str], None]
 PRODUCT = ("shell", "interface", "base", "ring_spacer", "led_ring", "camera", "arm_adapter")  # what the robot carries
@@ -44,12 +39,14 @@ class Design:
         parts: all parts by name; mold first, then the endcap from the tip down.
         meshes: closed meshes by part name; that of ``interface`` has the gyroid, that of ``shell`` its imprint.
         gyroid: how the gyroid came out.
+        plain_shell: the shell before the gyroid's imprint, which nobody sees from outside.
     """
 
     layout: MoldLayout
     parts: dict[str, Part]
     meshes: dict[str, trimesh.Trimesh]
     gyroid: InterfaceMesh
+    plain_shell: trimesh.Trimesh
 
     @property
     def params(self) -> EndcapParams:
@@ -62,19 +59,13 @@ class Design:
         return {name: self.meshes[name] for name in self.parts if name.startswith(("cup_", "core_", "hanger"))}
 
 
-def build_solids(layout: MoldLayout, progress: Progress) -> dict[str, Part]:
-    """Build every part as a solid, shared bodies once."""
+def build_core_solids(layout: MoldLayout, progress: Progress) -> list[Part]:
+    """Build the core, and what shares its body or is soon made."""
     progress("core")
     core = core_body(layout)
-    parts = core_parts(layout, core)
-    progress("cup")
-    parts = [*cup_parts(layout), *parts, hanger_part(layout)]
-    progress("shell")
-    parts.append(shell_part(layout, core))
-    progress("interface, base, hardware")
-    makers = (build_interface, base_part, ring_spacer_part, adapter_part, led_ring_part, camera_part)
-    parts.extend(make(layout.params) for make in makers)
-    return {part.name: part for part in parts}
+    parts = [*core_parts(layout, core), hanger_part(layout)]
+    progress("shell, interface")
+    return [*parts, shell_part(layout, core), build_interface(layout.params)]
 
 
 def build_design(
@@ -88,22 +79,29 @@ def build_design(
 
     Args:
         layout: the two numbers and the joint clearance.
-        workers: where the gyroid is made, while this process makes the solids.
+        workers: where gyroid, cup and hardware are made, while this process makes the core.
         progress: called with the name of each step as it begins.
         tolerance_mm: chord tolerance of the meshes.
-        cache: where the interface's mesh is kept from run to run.
+        cache: where what does not change with the clearance is kept from run to run.
     """
+    cup = workers.submit(packed_group, "cup", layout, tolerance_mm, cache)
     pending = workers.submit(kept_interface_mesh, layout.params, cache)
-    parts = build_solids(layout, progress)
+    hardware = workers.submit(packed_group, "hardware", layout, tolerance_mm, cache)
+    parts = build_core_solids(layout, progress)
     progress("meshes")
     maker = PartMeshes(tolerance_mm)
-    meshes = {name: maker.of(part) for name, part in parts.items() if name != "interface"}
-    progress("gyroid")
+    made = [(part, maker.of(part)) for part in parts if part.name != "interface"]
+    progress("cup, gyroid, base, hardware")
     gyroid = pending.result()
-    meshes["interface"] = gyroid.mesh
-    imprinted = from_manifold(to_manifold(meshes["shell"]) - to_manifold(gyroid.mesh))
+    interface = next(part for part in parts if part.name == "interface")
+    unpacked = [[part.unpacked() for part in group.result()] for group in (cup, hardware)]
+    made = [*unpacked[0], *made, (interface, gyroid.mesh), *unpacked[1]]
+    meshes = {part.name: mesh for part, mesh in made}
+    progress("shell with the gyroid's imprint")
+    plain = meshes["shell"]
+    imprinted = from_manifold(to_manifold(plain) - to_manifold(gyroid.mesh))
     meshes["shell"] = without_crossings(imprinted, joint_band_mm(layout.params.flange_thickness_mm))
-    return Design(layout, parts, {name: meshes[name] for name in parts}, gyroid)
+    return Design(layout, {part.name: part for part, _ in made}, meshes, gyroid, plain)
 
 
 def mesh_volume_mm3(design: Design, name: str) -> float:

@@ -21,7 +21,7 @@ from fab.checks.check import Check
 from fab.meshing.gyroid import InterfaceMesh, interface_mesh
 
 MESH_FILE = "mesh.npz"
-SAME_AT_EVERY_CLEARANCE = ("interface", "base", "ring_spacer")
+SAME_AT_EVERY_CLEARANCE = ("interface", "base", "ring_spacer", "arm_adapter")
 
 
 def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceMesh:

@@ -10,9 +10,10 @@ Millimetres, endcap frame.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import manifold3d
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
@@ -66,21 +67,30 @@ class Extraction:
     rim_strain: float
 
 
-def extract_core(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Extraction]:
-    """Take the core apart in its stated order."""
+def extract_core(
+    layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], paths: Mapping[str, tuple[Leg, ...]] | None = None
+) -> list[Extraction]:
+    """Take the core apart in its stated order.
+
+    Args:
+        layout: mold sizes.
+        meshes: of the pieces.
+        paths: what :func:`core_path` gave for them, where it is known.
+    """
     inside = [name for name in REMOVAL_ORDER if name in meshes]
     results = []
     for name in tuple(inside):
         inside.remove(name)
         mesh = meshes[name]
-        legs = core_path(layout, name, mesh)
+        legs = paths[name] if paths else core_path(layout, name, mesh)
         rest = [meshes[other] for other in inside]
+        seams = [seam_azimuth_deg(layout, name, other) for other in inside]
         results.append(
             Extraction(
                 name,
                 legs,
                 max(float(depth_in_cast(layout, points).max()) for points in _swept(mesh, legs)),
-                least_gap_mm(mesh, rest, legs),
+                least_gap_mm(mesh, rest, legs, seams),
                 _draft_deg(mesh, _molding_faces(layout, mesh), legs[0]),
                 _rim_strain(layout, mesh, legs),
             )
@@ -113,7 +123,7 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
     out = Leg((0.0, 0.0, -1.0), layout.params.tip_height_mm)
     if name == "core_centre":
         return (out,)
-    azimuth = math.radians(layout.key_azimuths_deg[int(name[-1]) - 1] + (60.0 if "wedge" in name else 0.0))
+    azimuth = math.radians(_azimuth_deg(layout, name))
     faces = _molding_faces(layout, mesh)
     pulls = [_pull(azimuth, math.radians(slope)) for slope in SLOPES_DEG]
     direction = max(pulls, key=lambda pull: _draft_deg(mesh, faces, Leg(pull, 0.0)))
@@ -148,19 +158,60 @@ def depth_in_cast(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
     return np.where(height > 0, np.minimum(core, height), flange)
 
 
-def least_gap_mm(mesh: trimesh.Trimesh, others: list[trimesh.Trimesh], legs: tuple[Leg, ...]) -> float:
-    """Least gap between a piece on its path and the pieces still in place; 0 where they touch or overlap."""
-    if not others:
-        return SEARCH_MM
-    piece, rest = to_manifold(mesh), [to_manifold(other) for other in others]
-    placed = [piece.translate([float(v) for v in shift]) for shift in _shifts(legs)]
-    gaps = [
-        body.min_gap(moved, SEARCH_MM)
-        for moved in placed
-        for body in rest
-        if _boxes_within(body.bounding_box(), moved.bounding_box(), SEARCH_MM)
-    ]
-    return min(gaps, default=SEARCH_MM)
+def least_gap_mm(
+    mesh: trimesh.Trimesh,
+    others: Sequence[trimesh.Trimesh],
+    legs: tuple[Leg, ...],
+    seams_deg: Sequence[float] | None = None,
+) -> float:
+    """Least gap between a piece on its path and the pieces still in place; 0 where they touch or overlap.
+
+    Args:
+        mesh: the piece.
+        others: the pieces in place.
+        legs: the path.
+        seams_deg: azimuth of the seam with each of the others (:func:`seam_azimuth_deg`), for speed only.
+
+    Returns:
+        The gap in mm, at most :data:`SEARCH_MM`.
+    """
+    least = SEARCH_MM
+    for other, seam in zip(others, seams_deg or [0.0] * len(others), strict=True):
+        piece, body = (turned(to_manifold(item), seam) for item in (mesh, other))
+        for shift in turned_points(np.array(_shifts(legs)), seam):
+            moved = piece.translate(shift.tolist())
+            if _boxes_within(body.bounding_box(), moved.bounding_box(), least):
+                least = min(least, body.min_gap(moved, least))  # a gap beyond the least so far need not be known
+    return least
+
+
+def seam_azimuth_deg(layout: MoldLayout, first: str, second: str) -> float:
+    """Azimuth along or square to which the walls between two pieces of the core run; 0 where they share none.
+
+    Booleans of bodies are turned back by it: boxes round facets that lie along the axes are thin, and those of two
+    slanted walls that slide past each other meet by the thousand. Between a key and a wedge that is a factor of ten.
+    """
+    for stem in ("core_key_", "core_wedge_"):
+        for name in (first, second):
+            if name.startswith(stem) and all(other.startswith("core_") for other in (first, second)):
+                return _azimuth_deg(layout, name)
+    return 0.0
+
+
+def turned(body: manifold3d.Manifold, azimuth_deg: float) -> manifold3d.Manifold:
+    """A body turned about z, so that what lay at an azimuth lies at 0."""
+    return body.rotate((0.0, 0.0, -azimuth_deg)) if azimuth_deg else body
+
+
+def turned_points(points: np.ndarray, azimuth_deg: float) -> np.ndarray:
+    """Points or shifts (n, 3), turned as :func:`turned` turns a body."""
+    c, s = math.cos(math.radians(azimuth_deg)), math.sin(math.radians(azimuth_deg))
+    return points @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) if azimuth_deg else points
+
+
+def _azimuth_deg(layout: MoldLayout, name: str) -> float:
+    """Azimuth of the middle of a key or a wedge."""
+    return layout.key_azimuths_deg[int(name[-1]) - 1] + (60.0 if "wedge" in name else 0.0)
 
 
 def _pull(azimuth: float, slope: float) -> tuple[float, float, float]:

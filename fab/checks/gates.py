@@ -17,9 +17,16 @@ from cad.params import EndcapParams
 from cad.part import Part
 from fab.cache import Cache
 from fab.checks.bumps import bump_checks
-from fab.checks.cavity import balance_check, flange_air_check, leak_check, trapped_air_checks, wall_check
+from fab.checks.cavity import (
+    balance_check,
+    flange_air_check,
+    leak_check,
+    opened_space,
+    trapped_air_checks,
+    wall_check,
+)
 from fab.checks.check import Check
-from fab.checks.extraction import Extraction, extract_core, extract_cup
+from fab.checks.extraction import Extraction, core_path, extract_core, extract_cup
 from fab.checks.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
 from fab.checks.gyroid import gyroid_checks
 from fab.checks.meshes import mesh_checks, overlap_check, step_check
@@ -29,7 +36,8 @@ from fab.exports.whole_folder import file_sha256
 from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_checks
 from fab.meshing.mesh import read_stl, to_manifold
 from fab.steps.endcap import all_steps
-from fab.steps.sweep import sweep_checks
+from fab.steps.record import Step
+from fab.steps.sweep import step_bodies, sweep_checks
 
 SHELL = "shell"
 CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
@@ -52,25 +60,27 @@ def run_gates(
         All checks, in a fixed order, passed or not.
     """
     made = [part for part in design.parts.values() if part.role != "bought"]
-    single = [_submit(workers, design, part, folder, cache) for part in made]
     files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
-    gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
-    cavity = workers.submit(cavity_gates, design.layout, meshes, mesh_volume_mm3(design, SHELL))
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
+    progress("checks: way out")
+    paths = {name: core_path(design.layout, name, mesh) for name, mesh in pieces.items() if name.startswith("core_")}
+    steps = all_steps(design.layout, paths)
+    swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
+    cast_mm3 = mesh_volume_mm3(design, SHELL)
+    sweeps = workers.submit(silicone_gates, design.layout, steps, swept, cast_mm3)  # the longest first
+    gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     overlaps = [
         workers.submit(_overlap_check, label, [meshes[name] for name in names])
         for label, names in (("endcap", PRODUCT), ("mold", (*design.mold, "interface")))
     ]
-    progress("checks: extraction")
-    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
-    ways = [*extract_core(design.layout, pieces), *extract_cup(design.layout, pieces)]
+    cavity = workers.submit(cavity_gates, design.layout, meshes, cast_mm3)
+    single = [_submit(workers, design, part, files[part.name], folder, cache) for part in made]
+    ways = [*extract_core(design.layout, pieces, paths), *extract_cup(design.layout, pieces)]
     checks = extraction_checks(ways, design.layout.joint_clearance_mm)
-    steps = all_steps(design.layout, {way.piece: way.legs for way in ways})
-    swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
-    sweeps = workers.submit(sweep_checks, design.layout, steps, swept)
     progress("checks: fit")
     fit = fit_gates(design, meshes)
-    progress("checks: cavity, gyroid and files")
+    progress("checks: sweeps, cavity, gyroid and files")
     checks += sweeps.result() + cavity.result() + [overlap.result() for overlap in overlaps] + fit
     for pending in (*single, gyroid):
         checks += pending.result()
@@ -78,16 +88,25 @@ def run_gates(
 
 
 def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
-    """Balance, wall, bumps, leak and air of the closed mold."""
+    """Wall, bumps, leak and air of the closed mold."""
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     return [
-        balance_check(layout, pieces, meshes["interface"], cast_mm3),
         wall_check(layout, pieces),
         *bump_checks(layout, [mesh for name, mesh in pieces.items() if name.startswith("core_")]),
         leak_check(layout, cast_mm3),
         *trapped_air_checks(layout, meshes[SHELL]),
         flange_air_check(layout),
     ]
+
+
+def silicone_gates(
+    layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float
+) -> list[Check]:
+    """Sweeps of the steps, and the balance: what the closed mold encloses is made once for both."""
+    pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
+    opened = opened_space(layout, pieces)
+    sweeps = sweep_checks(layout, steps, step_bodies(layout, steps, meshes, opened))
+    return [*sweeps, balance_check(layout, pieces, meshes["interface"], cast_mm3, opened)]
 
 
 def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
@@ -99,7 +118,7 @@ def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Che
     for name, part in design.parts.items():
         if part.role == "printed":
             checks.append(bed_check(name, meshes[name]))
-        if part.material == "PLA":  # walls of the TPU part are those of its gyroid and its nut pockets
+        if part.role == "printed" and name != "interface":  # its walls are those of its gyroid and its nut pockets
             checks.append(min_wall_check(name, meshes[name]))
         if name.startswith("cup_"):
             checks.append(overhang_check(design.layout, name, meshes[name]))
@@ -119,23 +138,31 @@ def extraction_checks(extractions: Sequence[Extraction], joint_clearance_mm: flo
     return checks
 
 
-def _submit(workers: Executor, design: Design, part: Part, folder: Path, cache: Cache | None) -> Future[list[Check]]:
+def _submit(
+    workers: Executor, design: Design, part: Part, mesh: trimesh.Trimesh, folder: Path, cache: Cache | None
+) -> Future[list[Check]]:
     solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
     volumes = [float(solid.volume) for solid in solids]
     wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
     keeper = cache if part.name in SAME_AT_EVERY_CLEARANCE else None
-    return workers.submit(_file_checks, part.name, wanted, volumes, folder, keeper)
+    return workers.submit(_file_checks, part.name, mesh, wanted, volumes, folder, keeper)
 
 
 def _file_checks(
-    name: str, mesh_volume: float | None, solid_volumes: list[float], folder: Path, cache: Cache | None
+    name: str,
+    mesh: trimesh.Trimesh,
+    mesh_volume: float | None,
+    solid_volumes: list[float],
+    folder: Path,
+    cache: Cache | None,
 ) -> list[Check]:
+    """Checks of a part's files; the mesh is that of its STL, read back."""
     stl, step = folder / f"{name}.stl", folder / f"{name}.step"
     inputs = {"name": name, "mesh_mm3": mesh_volume, "solid_mm3": solid_volumes}
     inputs |= {"stl": file_sha256(stl), "step": file_sha256(step)}
 
     def make() -> list[Check]:
-        return [*mesh_checks(name, read_stl(stl), mesh_volume), step_check(name, solid_volumes, step)]
+        return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, step)]
 
     return kept_checks(cache, "files of a part", inputs, make)
 

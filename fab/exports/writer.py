@@ -136,7 +136,9 @@ def manifest(
                 "volume_mm3": {"solid": _figures(part.solid.volume), "mesh": _figures(mesh.volume)},
                 "bounding_box_mm": [[_figures(v) for v in corner] for corner in mesh.bounds],
                 "triangles": len(mesh.faces),
-                "watertight": bool(mesh.is_watertight),
+                "watertight": bool(
+                    values[checked] if (checked := f"{name}.watertight") in values else mesh.is_watertight
+                ),
                 "self_intersections": int(values.get(f"{name}.self_intersections", 0)),
                 "files": {path.name: file_sha256(path) for path in files},
             }
@@ -162,7 +164,8 @@ def write_manifest(content: dict[str, object], folder: Path) -> None:
 
 def _item(design: Design, name: str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PictureItem:
     part = design.parts[name]
-    return PictureItem(name, design.meshes[name], part.color, part.role, offset)
+    outside = design.plain_shell if name == "shell" else None
+    return PictureItem(name, design.meshes[name], part.color, part.role, offset, outside)
 
 
 def _figures(value: float) -> float:

@@ -23,8 +23,9 @@ options, as NAME=VALUE:
   leds={LED_COUNT}           LEDs in the string, {LED_RANGE[0]} to {LED_RANGE[1]}
   exports=DIR      folder that receives led_ring/, led_ring_D150_T9/ and so on (default: exports/)
 
-writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.png,
-led_ring-light.png and led_ring.json (values, budget, checks); the folder appears whole or not at all
+writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.kicad_pcb and
+led_ring.kicad_pro (the same copper), led_ring.png, led_ring-light.png and led_ring.json (values, budget, checks); the
+folder appears whole or not at all
 exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
 """
 
@@ -66,6 +67,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
     """
     from fab.led_ring.copper import build_copper
     from fab.led_ring.gerber import board_files, read_archive, write_archive
+    from fab.led_ring.kicad import kicad_checks, write_project
     from fab.led_ring.light import dome_light, light_checks
     from fab.led_ring.picture import draw_board, draw_light
     from fab.led_ring.rules import rule_checks
@@ -77,12 +79,14 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
     with whole_folder(final, RECORD) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")
+        write_project(copper, count, folder)
         checks = [
             *driver_checks(driver),
             *thermal_checks(driver, params),
             *circuit_checks(netlist(count), count),
             *rule_checks(layers, holes, copper.pads, places),
             *light_checks(light),
+            *kicad_checks(folder / "led_ring.kicad_pcb", layers, count),
         ]
         require_passed(checks, "of the ring")
         (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))

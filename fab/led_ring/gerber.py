@@ -119,7 +119,12 @@ def read_archive(path: Path) -> tuple[dict[str, BaseGeometry], list[tuple[float,
 
 def regions(shape: BaseGeometry) -> list[Region]:
     """Gerber regions of a shape; holes are cut open, for a region has none."""
-    return [Region(list(piece.exterior.coords), unit=MM) for polygon in _polygons(shape) for piece in _unholed(polygon)]
+    return [Region(list(piece.exterior.coords), unit=MM) for piece in pieces_without_holes(shape)]
+
+
+def pieces_without_holes(shape: BaseGeometry) -> list[Polygon]:
+    """A shape cut through its holes, until none is left."""
+    return [piece for polygon in _polygons(shape) for piece in _unholed(polygon)]
 
 
 def _unholed(polygon: Polygon) -> Iterable[Polygon]:

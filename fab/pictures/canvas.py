@@ -228,6 +228,7 @@ def _actors(surface: Surface) -> list[Any]:
     mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 1.0)
     actor.SetMapper(mapper)
     shade = actor.GetProperty()
+    shade.BackfaceCullingOn()  # of a closed mesh, faces turned away are never seen
     shade.SetAmbient(0.12)
     shade.SetDiffuse(0.88)
     shade.SetSpecular(0.10)

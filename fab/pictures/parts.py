@@ -39,6 +39,7 @@ class PictureItem:
         color: RGB in 0..1 as shown on a screen.
         role: second line of the label on the sheet of parts, for example ``printed``.
         offset: displacement (mm) in the exploded view.
+        outside: a mesh that looks the same from outside, without what the part hides; by default ``mesh``.
     """
 
     name: str
@@ -46,6 +47,12 @@ class PictureItem:
     color: tuple[float, float, float]
     role: str = ""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    outside: trimesh.Trimesh | None = None
+
+    @property
+    def seen(self) -> trimesh.Trimesh:
+        """What shows of the whole part."""
+        return self.mesh if self.outside is None else self.outside
 
 
 def render_exploded(
@@ -57,7 +64,7 @@ def render_exploded(
         GeometryError: no parts.
         FileError: the picture could not be written.
     """
-    places = [item.mesh.vertices + np.array(item.offset) for item in _some(items)]
+    places = [item.seen.vertices + np.array(item.offset) for item in _some(items)]
     low, high = _bounds(view, places)
     label = _label_px(width_px)
     band = 3 * label  # below the parts, for their names
@@ -65,7 +72,7 @@ def render_exploded(
     drawn = math.ceil((high[1] - low[1]) * scale) + 2 * label
     frame = Frame(view, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
     canvas = Canvas(width_px, drawn + band)
-    canvas.panel(frame, [Surface(p, i.mesh.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
+    canvas.panel(frame, [Surface(p, i.seen.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
     for item, points in zip(items, places, strict=True):
         x = frame.pixels(points)[:, 0]
         canvas.text((float(x.min() + x.max()) / 2, band / 2), _title(item.name), label)
@@ -121,10 +128,10 @@ def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH
     for index, item in enumerate(items):
         row, column = divmod(index, columns)
         left, bottom = column * cell, (rows - 1 - row) * (cell + caption) + caption
-        low, high = _bounds(PART_VIEW, [item.mesh.vertices])
+        low, high = _bounds(PART_VIEW, [item.seen.vertices])
         scale = 0.88 * cell / float(max(high - low))
         frame = Frame(PART_VIEW, (left, bottom, cell, cell), tuple((low + high) / 2), scale)
-        canvas.panel(frame, [Surface(item.mesh.vertices, item.mesh.faces, np.array(item.color))])
+        canvas.panel(frame, [Surface(item.seen.vertices, item.seen.faces, np.array(item.color))])
         size = " × ".join(f"{length:.0f}" for length in item.mesh.extents)
         middle = left + cell / 2
         canvas.text((middle, bottom - 0.5 * label), _title(item.name), label)

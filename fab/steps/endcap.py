@@ -11,8 +11,12 @@ HARDWARE = ("camera", "ring_spacer", "led_ring")
 
 def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
     """From the base to the endcap on the robot."""
+    return (*_into_the_base(), *_under_the_dome(layout))
+
+
+def _into_the_base() -> tuple[Step, ...]:
+    """Camera, spacer and LED ring."""
     up = (Leg(TO_DOME, 40.0),)
-    down = (Leg(TO_RIM, layout.params.tip_height_mm),)
     return (
         Step(
             "inserts",
@@ -58,6 +62,13 @@ def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
             look="from above",
             drawn_mm=40.0,
         ),
+    )
+
+
+def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
+    """Base to the cast, and both to the robot."""
+    down = (Leg(TO_RIM, layout.params.tip_height_mm),)
+    return (
         Step(
             "base",
             "assemble",

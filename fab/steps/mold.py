@@ -169,7 +169,10 @@ def _lower_half(layout: MoldLayout) -> tuple[Step, ...]:
 
 
 def _cast(layout: MoldLayout) -> tuple[Step, ...]:
-    stroke = layout.seam_height_mm - layout.dam_top_mm
+    return (*_poured(), *_closed(layout))
+
+
+def _poured() -> tuple[Step, ...]:
     return (
         Step(
             "mix",
@@ -193,6 +196,12 @@ def _cast(layout: MoldLayout) -> tuple[Step, ...]:
             shown=BOWL,
             extras=("silicone",),
         ),
+    )
+
+
+def _closed(layout: MoldLayout) -> tuple[Step, ...]:
+    stroke = layout.seam_height_mm - layout.dam_top_mm
+    return (
         Step(
             "close",
             "cast",
@@ -226,14 +235,14 @@ def _cast(layout: MoldLayout) -> tuple[Step, ...]:
 
 
 def _demold(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
+    return (*_opened(layout), *_core_out(layout, ways))
+
+
+def _opened(layout: MoldLayout) -> tuple[Step, ...]:
+    """Bowl, hanger and collar off."""
     far = layout.params.tip_height_mm
-    cast = ("shell", "interface")
     to_dome, to_rim = (Leg(TO_DOME, far),), (Leg(TO_RIM, far),)
-
-    def core(key: str, title: str, lines: tuple[str, ...], names: tuple[str, ...], later: tuple[str, ...]) -> Step:
-        moves = one_by_one(names, dict(ways), (*cast, *later), False)
-        return Step(key, "demold", title, lines, moves, False, look="dome down", cut=cast, drawn_mm=1.2 * far)
-
+    cast = ("shell", "interface")
     return (
         Step(
             "bowl_off",
@@ -267,6 +276,19 @@ def _demold(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
             False,
             look="dome down, from the side",
         ),
+    )
+
+
+def _core_out(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
+    """The core's pieces out of the cast."""
+    far = layout.params.tip_height_mm
+    cast = ("shell", "interface")
+
+    def core(key: str, title: str, lines: tuple[str, ...], names: tuple[str, ...], later: tuple[str, ...]) -> Step:
+        moves = one_by_one(names, dict(ways), (*cast, *later), False)
+        return Step(key, "demold", title, lines, moves, False, look="dome down", cut=cast, drawn_mm=1.2 * far)
+
+    return (
         core(
             "centre_out",
             "Centre of the core out",

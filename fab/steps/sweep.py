@@ -19,7 +19,7 @@ from cad.interface import build_zone
 from cad.mold_layout import MoldLayout
 from fab.checks.cavity import cavity_body
 from fab.checks.check import Check
-from fab.checks.extraction import Leg
+from fab.checks.extraction import Leg, seam_azimuth_deg, turned, turned_points
 from fab.checks.meshes import OVERLAP_MM3
 from fab.meshing.mesh import tessellate, to_manifold
 from fab.steps.record import Move, Step
@@ -31,26 +31,39 @@ LATER = (0.15, 0.4, 0.7, 1.0)
 Bodies = Mapping[str, manifold3d.Manifold]
 
 
-def sweep_checks(layout: MoldLayout, steps: Iterable[Step], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+def sweep_checks(layout: MoldLayout, steps: Iterable[Step], bodies: Bodies) -> list[Check]:
     """One check for every step with moves: the largest volume in which a moving part meets one in place.
 
     Args:
         layout: mold sizes.
         steps: what is done.
-        meshes: closed meshes of all parts that the steps name, endcap frame.
+        bodies: of all parts that the steps name (:func:`step_bodies`).
     """
-    steps = [step for step in steps if step.moves]
-    bodies = step_bodies(layout, steps, meshes)
     return [
         Check(
-            f"step_{step.key}.overlap_mm3", max(move_overlap_mm3(move, bodies) for move in step.moves), high=OVERLAP_MM3
+            f"step_{step.key}.overlap_mm3",
+            max(move_overlap_mm3(move, bodies, layout) for move in step.moves),
+            high=OVERLAP_MM3,
         )
         for step in steps
+        if step.moves
     ]
 
 
-def step_bodies(layout: MoldLayout, steps: Iterable[Step], meshes: Mapping[str, trimesh.Trimesh]) -> Bodies:
-    """What is moved, and past what, by name of the part."""
+def step_bodies(
+    layout: MoldLayout,
+    steps: Iterable[Step],
+    meshes: Mapping[str, trimesh.Trimesh],
+    opened: manifold3d.Manifold | None = None,
+) -> Bodies:
+    """What is moved, and past what, by name of the part.
+
+    Args:
+        layout: mold sizes.
+        steps: what is done.
+        meshes: closed meshes of all parts that the steps name, endcap frame.
+        opened: what :func:`fab.checks.cavity.opened_space` gave for the mold's pieces, where it is known.
+    """
     names = {name for step in steps for move in step.moves for name in (*move.parts, *move.past)}
     bodies = {name: to_manifold(meshes[name]) for name in sorted(names - {"shell", "interface"})}
     if "interface" in names:
@@ -59,19 +72,26 @@ def step_bodies(layout: MoldLayout, steps: Iterable[Step], meshes: Mapping[str, 
         bodies["interface"] = flange + zone
     if "shell" in names:
         pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(("cup_", "core_"))}
-        bodies["shell"] = cavity_body(layout, pieces, FLASH_MM)
+        bodies["shell"] = cavity_body(layout, pieces, FLASH_MM, opened)
     return bodies
 
 
-def move_overlap_mm3(move: Move, bodies: Bodies) -> float:
-    """Largest volume, over the places of the way, that the moving parts share with those in place."""
-    return max(
-        sum(
-            _shared_mm3(bodies[name].translate(place.tolist()), (bodies[other] for other in move.past))
-            for name in move.parts
-        )
-        for place in places(move.way_out)
-    )
+def move_overlap_mm3(move: Move, bodies: Bodies, layout: MoldLayout | None = None) -> float:
+    """Largest volume, over the places of the way, that the moving parts share with those in place.
+
+    Args:
+        move: what moves, and past what.
+        bodies: by name of the part.
+        layout: mold sizes; with them, pieces of the core are compared along their seams, which is quicker.
+    """
+    way = np.array(places(move.way_out))
+    shared = np.zeros(len(way))
+    for name in move.parts:
+        for other in move.past:
+            seam = 0.0 if layout is None else seam_azimuth_deg(layout, name, other)
+            shifts = turned_points(way, seam)
+            shared += _shared_mm3(turned(bodies[name], seam), turned(bodies[other], seam), shifts)
+    return float(shared.max())
 
 
 def places(legs: Sequence[Leg]) -> list[np.ndarray]:
@@ -84,10 +104,17 @@ def places(legs: Sequence[Leg]) -> list[np.ndarray]:
     return found
 
 
-def _shared_mm3(body: manifold3d.Manifold, others: Iterable[manifold3d.Manifold]) -> float:
-    box = body.bounding_box()
-    return sum((body ^ other).volume() for other in others if _meet(box, other.bounding_box()))
+def _shared_mm3(body: manifold3d.Manifold, other: manifold3d.Manifold, shifts: np.ndarray) -> np.ndarray:
+    """Volume (n,) that a body shares with another at each of its shifts (n, 3)."""
+    box = np.array(body.bounding_box()).reshape(2, 3)
+    there = other.bounding_box()
+    return np.array(
+        [
+            (body.translate(shift.tolist()) ^ other).volume() if _meet((box + shift).ravel(), there) else 0.0
+            for shift in shifts
+        ]
+    )
 
 
-def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+def _meet(a: Sequence[float] | np.ndarray, b: Sequence[float]) -> bool:
     return all(a[k] < b[k + 3] and b[k] < a[k + 3] for k in range(3))

@@ -32,7 +32,7 @@ from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.kernels import correct, mixture, mode_probabilities, predict
 from sensing.wrench.quantiles import chi_square_quantile
-from sensing.wrench.trend import Trend
+from sensing.wrench.trend import Trend, row_for
 
 Array = NDArray[np.float64]
 MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # innovation beyond this: the motion changed faster than the model
@@ -186,7 +186,8 @@ class WrenchFilter:
         """
         full = self.at(time_s)
         assert self._last is not None
-        left = (self._rate() - self.trend) * min(time_s - self._last.time_s, self.config.ahead_s)
+        delay_s = time_s - self._last.time_s
+        left = (self._rate() - self.trend[row_for(delay_s)]) * min(delay_s, self.config.ahead_s)
         covariance = full.covariance + np.diag(left**2)
         return replace(
             full, force_n=full.force_n - left[:3], torque_nm=full.torque_nm - left[3:], covariance=covariance
@@ -194,8 +195,8 @@ class WrenchFilter:
 
     @property
     def trend(self) -> Array:
-        """(6,) change a second that :meth:`now` counts on."""
-        return np.asarray(self._trend.factor * self._rate())
+        """(H, 6) change a second that :meth:`now` counts on, for each of :data:`sensing.wrench.trend.HORIZONS_S`."""
+        return np.asarray(self._trend.factors * self._rate())
 
     def _rate(self) -> Array:
         """(6,) of all motions together."""

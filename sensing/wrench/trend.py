@@ -1,8 +1,8 @@
-"""How much of a predicted change comes true: the filter's rate against what came of it, at the delay of a camera.
+"""How much of a predicted change comes true: the filter's rate against what came of it.
 
-    trend = Trend(horizon_s=0.05)
+    trend = Trend()
     trend.update(time_s, measured, variance, value, rate)
-    prediction = value + trend.factor * rate * delay_s
+    prediction = value + trend.factors[row_for(delay_s)] * rate * delay_s
 
 Notes:
     A prediction that is one delay old is compared with what is measured now. With x the change predicted then and y
@@ -14,13 +14,14 @@ Notes:
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-HORIZON_S = 0.05  # E: from mid-exposure to the answer of a USB camera
+HORIZONS_S = (0.025, 0.05, 0.1, 0.15)  # delays at which predictions are compared; a USB camera's is 0.05 (E)
 MEMORY_S = 0.6  # E: over which comparisons fade
 CAUTION = 2.0  # deviations by which a factor is lowered
 LEAST = 4.0  # pseudo-count of changes of one deviation that came to nothing
@@ -28,24 +29,20 @@ NOISE = 2.0  # variance of y - x over the measurement's where the motion is stea
 
 
 class Trend:
-    """Factor for each axis, from comparisons in the past.
-
-    Args:
-        horizon_s: delay at which predictions are compared. memory_s: time constant of the memory.
+    """Factors from comparisons in the past, one set for each of :data:`HORIZONS_S`.
 
     Attributes:
-        factor: (6,) 0..1, of the filter's rate.
+        factors: (H, 6) 0..1, of the filter's rate.
     """
 
-    def __init__(self, horizon_s: float = HORIZON_S, memory_s: float = MEMORY_S) -> None:
-        self._horizon_s, self._memory_s = horizon_s, memory_s
+    def __init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
         """Forget everything: the last value is held until something is known."""
-        self.factor: Array = np.zeros(6)
+        self.factors: Array = np.zeros((len(HORIZONS_S), 6))
         self._past: deque[tuple[float, Array, Array]] = deque()
-        self._xy, self._xx = np.zeros(2), np.zeros(2)
+        self._xy, self._xx = np.zeros((len(HORIZONS_S), 2)), np.zeros((len(HORIZONS_S), 2))
         self._last_s: float | None = None
 
     def update(self, time_s: float, measured: Array, variance: Array, value: Array, rate: Array) -> None:
@@ -55,16 +52,23 @@ class Trend:
             time_s: of the measurement. measured, variance: (6,) of it. value, rate: (6,) of the filter after it.
         """
         if self._last_s is not None:
-            fading = np.exp(-(time_s - self._last_s) / self._memory_s)
-            self._xy, self._xx = fading * self._xy, fading * self._xx
+            fading = math.exp(-(time_s - self._last_s) / MEMORY_S)
+            self._xy *= fading
+            self._xx *= fading
         self._last_s = time_s
-        while len(self._past) > 1 and time_s - self._past[1][0] >= self._horizon_s:
+        while len(self._past) > 1 and time_s - self._past[1][0] >= HORIZONS_S[-1]:
             self._past.popleft()
-        if self._past and time_s - self._past[0][0] >= self._horizon_s:
-            then_s, before, slope = self._past[0]
-            x, y = slope * (time_s - then_s), measured - before
-            self._xy += (x * y / variance).reshape(2, 3).sum(axis=1)
-            self._xx += (x * x / variance).reshape(2, 3).sum(axis=1)
+        for number, horizon_s in enumerate(HORIZONS_S):
+            old = next((entry for entry in reversed(self._past) if time_s - entry[0] >= horizon_s), None)
+            if old is not None:
+                x, y = old[2] * (time_s - old[0]), measured - old[1]
+                self._xy[number] += (x * y / variance).reshape(2, 3).sum(axis=1)
+                self._xx[number] += (x * x / variance).reshape(2, 3).sum(axis=1)
         self._past.append((time_s, value, rate))
         careful = (self._xy - CAUTION * np.sqrt(NOISE * self._xx)) / (self._xx + LEAST)
-        self.factor = np.repeat(np.clip(careful, 0.0, 1.0), 3)
+        self.factors = np.repeat(np.clip(careful, 0.0, 1.0), 3, axis=1)
+
+
+def row_for(delay_s: float) -> int:
+    """Number of the horizon that serves a delay: the next longer one, or the longest."""
+    return next((k for k, horizon_s in enumerate(HORIZONS_S) if horizon_s >= delay_s - 1e-9), len(HORIZONS_S) - 1)

@@ -21,7 +21,7 @@ from fab.meshing.mesh import joined, tessellate, to_manifold
 from fab.steps.endcap import all_steps
 from fab.steps.mold import BOWL, COLLAR, UPPER, core_passes_gyroid, mold_steps
 from fab.steps.record import Move, one_by_one
-from fab.steps.sweep import move_overlap_mm3, places, sweep_checks
+from fab.steps.sweep import move_overlap_mm3, places, step_bodies, sweep_checks
 
 UP = (Leg((0.0, 0.0, 1.0), 120.0),)
 
@@ -70,7 +70,7 @@ def test_the_core_goes_into_the_interface_first_where_the_gyroid_closes_over_its
 def test_no_step_of_the_upper_half_overlaps(workshop):
     layout, meshes, way = workshop
     steps = [step for step in mold_steps(layout, way) if step.stage in ("upper half", "bowl") or step.key == "close"]
-    checks = sweep_checks(layout, steps, meshes)
+    checks = sweep_checks(layout, steps, step_bodies(layout, steps, meshes))
     assert [check.name for check in checks if not check.ok] == []
     assert {check.name for check in checks} >= {
         f"step_{key}.overlap_mm3" for key in ("collar", "core_on_hanger", "close")

@@ -34,6 +34,7 @@ LEAST_SEEN = 0.5  # fraction of the dots under which the rest is guesswork
 SURE = 0.98  # correlation of the worst window above which a step needs no confirmation
 CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load
 STEP_N, STEP_OF_FORCE = 0.35, 0.1  # step that needs confirmation, and more of it under load
+TORN, TORN_PX, TORN_SIDE = 0.95, 1.0, 4  # explained by a tear; step in px at 480 rows; dots on either side at least
 FROZEN_S, FROZEN_FRAMES = 1.0, 5  # a real sensor has noise: the same picture for so long means a camera that hangs
 Predict = Callable[[], NDArray[np.float64] | None]
 DISTURBED, UNCONFIRMED = "dots_disturbed", "unconfirmed"
@@ -82,7 +83,8 @@ class Gate:
             self._held_n = None
             return Verdict(Event.UNSEEN, blind)
         worst = 1.0 if tracks is None else float(np.where(tracks.lost, 0.0, tracks.quality).min())
-        held = worst < SURE and self._is_step(estimate.force_n, predict())
+        torn = 0.0 if tracks is None else torn_row(tracks)
+        held = not torn and worst < SURE and self._is_step(estimate.force_n, predict())
         self._held_n = np.array(estimate.force_n) if held else None
         clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N * float(np.linalg.norm(estimate.force_n)))
         flags = estimate.flags
@@ -93,10 +95,13 @@ class Gate:
             reasons.append(
                 f"{count} of {len(tracks.ids)} dots look otherwise than in the reference: glint, dirt, lamp?"
             )
+        if torn:
+            flags |= {DISTURBED}
+            reasons.append(f"the picture is torn at row {torn:.0f}: check cable and USB load")
         if held:
             flags |= {UNCONFIRMED}
             reasons.append("the force stepped within one frame: waiting for the next to confirm it")
-        return Verdict(Event.FLAGGED if flags else Event.GOOD, "; ".join(reasons), flags, held)
+        return Verdict(Event.FLAGGED if flags else Event.GOOD, "; ".join(reasons), flags, held or torn > 0)
 
     def _is_step(self, force_n: NDArray[np.float64], predicted_n: NDArray[np.float64] | None) -> bool:
         """Whether the force steps away from the prediction and the frame before does not confirm it."""
@@ -106,6 +111,30 @@ class Gate:
         if step_n <= STEP_N + STEP_OF_FORCE * float(np.linalg.norm(predicted_n)):
             return False
         return self._held_n is None or float(np.linalg.norm(force_n - self._held_n)) > step_n / 2
+
+
+def torn_row(tracks: DotTracks) -> float:
+    """Row below which all dots slid sideways by the same, as in a picture put together from two; 0 if there is none.
+
+    A tear between the dots leaves every window whole. Two rows' means explain all of such displacements, and at most
+    0.8 of any press of the simulated robot.
+    """
+    seen = ~tracks.lost
+    rows = tracks.reference_px[seen, 1]
+    order = np.argsort(rows)
+    moved = (tracks.position_px[seen] - tracks.reference_px[seen])[order]
+    above = np.arange(TORN_SIDE, len(moved) - TORN_SIDE + 1)
+    energy = float((moved**2).sum())
+    if len(above) == 0 or energy <= 0:
+        return 0.0
+    upper = np.cumsum(moved, axis=0)[above - 1]
+    below = moved.sum(axis=0) - upper
+    count = len(moved) - above
+    explained = (upper**2).sum(axis=1) / above + (below**2).sum(axis=1) / count
+    best = int(explained.argmax())
+    step = np.abs(below[best] / count[best] - upper[best] / above[best])
+    torn = explained[best] > TORN * energy and step[0] > TORN_PX * tracks.size[1] / 480 and step[1] < 0.1 * step[0]
+    return float(rows[order][above[best]]) if torn else 0.0
 
 
 def small_picture(gray: Image) -> NDArray[np.float32]:

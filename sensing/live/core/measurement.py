@@ -127,7 +127,7 @@ class Measurement:
             blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
             estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
             wrench=self._at_origin(smooth, flags, seen),
-            trend=self._to_endcap @ self._filter.trend if used else blank.trend,
+            trend=self._filter.trend @ self._to_endcap.T if used else blank.trend,
             reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
         )  # fmt: skip
 

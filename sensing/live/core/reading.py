@@ -18,8 +18,7 @@ from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracking.zero import Drift, Zero
 from sensing.wrench.contact import ContactState
 from sensing.wrench.contact_place import PressureCentre
-
-LONGEST_S = 0.15  # for which a trend is followed
+from sensing.wrench.trend import HORIZONS_S, row_for
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,8 @@ class EndcapReading:
         zero: the reference in use. epoch: counts up when reference or filter start anew.
         captured_s: capture on this run's clock (the frame's own time for a camera, the due time for a file).
         ready_s: when all this was known. stage_ms: time of each stage.
-        trend: (6,) change of ``wrench`` a second that can be counted on; zero where holding it has been better.
+        trend: (H, 6) change of ``wrench`` a second that can be counted on for each of
+            :data:`sensing.wrench.trend.HORIZONS_S`; zero where holding it has been better.
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
     """
 
@@ -56,7 +56,7 @@ class EndcapReading:
     stage_ms: Mapping[str, float]
     event: Event
     reason: str
-    trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros(6))
+    trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros((len(HORIZONS_S), 6)))
 
     @property
     def valid(self) -> bool:
@@ -77,12 +77,13 @@ class EndcapReading:
 
 
 def predicted(reading: EndcapReading, time_s: float) -> Wrench:
-    """The wrench of a reading at a later time, by its trend; after :data:`LONGEST_S` it stays.
+    """The wrench of a reading at a later time, by its trend; beyond the longest horizon it stays.
 
     Args:
         reading: valid or not (NaN stays NaN). time_s: on the clock of ``captured_s``, not before it.
     """
-    moved = reading.trend * min(max(0.0, time_s - reading.captured_s), LONGEST_S)
+    delay_s = max(0.0, time_s - reading.captured_s)
+    moved = reading.trend[row_for(delay_s)] * min(delay_s, HORIZONS_S[-1])
     wrench = reading.wrench
     return replace(
         wrench, time_s=time_s, force_n=wrench.force_n + moved[:3], torque_nm=wrench.torque_nm + moved[3:],

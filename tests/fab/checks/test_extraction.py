@@ -147,6 +147,19 @@ def test_least_gap_is_the_distance_of_two_bodies():
     assert least_gap_mm(box, [], (Leg((1.0, 0.0, 0.0), 3.0),)) == SEARCH_MM
 
 
+def test_the_gap_is_the_same_in_a_frame_that_is_turned_to_the_seam():
+    turn = trimesh.transformations.rotation_matrix(np.radians(120.0), [0, 0, 1])
+    box, other = trimesh.creation.box((10, 10, 10)), trimesh.creation.box((10, 10, 10))
+    other.apply_translation([10.12, 3.0, 0])
+    for mesh in (box, other):
+        mesh.apply_transform(turn)
+    way = (Leg((math.cos(math.radians(210.0)), math.sin(math.radians(210.0)), 0.0), 3.0),)  # along the seam
+    gaps = [least_gap_mm(box, [other], way, [azimuth]) for azimuth in (0.0, 120.0, 45.0)]
+    assert gaps == pytest.approx([0.12] * 3, abs=1e-5)
+    across = (Leg((math.cos(math.radians(120.0)), math.sin(math.radians(120.0)), 0.0), 3.0),)
+    assert least_gap_mm(box, [other], across, [120.0]) == 0.0
+
+
 # --- bumps --------------------------------------------------------------------------------------------------------
 
 

@@ -17,7 +17,15 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from cad.solids import cut_holes, drill, one_solid
-from fab.checks.cavity import balance_check, cavity_body, hollows_mm3, leak_check, trapped_air_checks, wall_check
+from fab.checks.cavity import (
+    balance_check,
+    cavity_body,
+    hollows_mm3,
+    leak_check,
+    opened_space,
+    trapped_air_checks,
+    wall_check,
+)
 from fab.checks.check import Check
 from fab.checks.fit import bed_check, min_wall_check, overhang_check, screw_axis_checks
 from fab.checks.meshes import mesh_checks, overlap_check, shared_mm3, step_check, twins
@@ -217,7 +225,8 @@ def test_a_mold_that_is_missing_a_segment_has_no_wall(released_mold):
 def test_the_cavity_balances_and_a_core_that_is_not_pressed_home_does_not(released_mold):
     layout, _, meshes = released_mold
     outside = box(1, 1, 1, at=(0, 0, -50))  # no TPU
-    closed = cavity_body(layout, meshes).volume()
+    opened = opened_space(layout, meshes)
+    closed = cavity_body(layout, meshes, opened=opened).volume()
     params = layout.params
     steps = np.linspace(params.flange_thickness_mm, params.tip_height_mm, 40001)
     middles, dz = (steps[1:] + steps[:-1]) / 2, steps[1] - steps[0]
@@ -229,7 +238,9 @@ def test_the_cavity_balances_and_a_core_that_is_not_pressed_home_does_not(releas
         103 * math.pi * 0.6 / 6 * (3 * 2.0**2 + 0.6**2) * 0.95
     )  # dents: segments of a sphere on a flat, less its curvature
     assert closed == pytest.approx(expected, rel=1e-3)
-    assert balance_check(layout, meshes, outside, closed).value < 1e-9
+    assert balance_check(layout, meshes, outside, closed, opened).value < 1e-9
+    cube = box(10, 10, 10, at=(0, 0, params.flange_thickness_mm + 1))  # TPU, 600 mm3 of it above the flange
+    assert balance_check(layout, meshes, cube, closed - 600.0, opened).value < 1e-9
     lifted = {
         k: trimesh.Trimesh(m.vertices - [0, 0, 0.5 * k.startswith("core_")], m.faces, process=False)
         for k, m in meshes.items()

@@ -20,6 +20,7 @@ from fab.led_ring.__main__ import main
 from fab.led_ring.circuit import PINS
 from fab.led_ring.copper import PADS, Track, Via, board_face, build_copper
 from fab.led_ring.gerber import board_files, read_archive, regions, write_archive
+from fab.led_ring.kicad import kicad_checks, write_project
 from fab.led_ring.light import dome_light, irradiance
 from fab.led_ring.rules import edge_distance_mm, rule_checks
 
@@ -87,6 +88,23 @@ def test_every_layer_says_the_same_to_another_reader(archive):
         drill = files.read("led_ring-drill_plated.drl").decode()
     assert len(re.findall(r"^X-?[\d.]+Y-?[\d.]+$", drill, re.M)) == len(holes) == 7
     assert "METRIC" in drill
+
+
+def test_the_kicad_board_is_the_gerber_files_and_a_moved_pad_or_a_wrong_net_shows(archive, tmp_path):
+    layers, _ = read_archive(archive)
+    write_project(build_copper(), 9, tmp_path)
+    path = tmp_path / "led_ring.kicad_pcb"
+    assert [check.name for check in kicad_checks(path, layers, 9) if not check.ok] == []
+    good = path.read_text()
+    found = re.search(r'\(pad "K" smd rect \(at (-?[\d.]+) ', good)
+    path.write_text(good[: found.start(1)] + f"{float(found[1]) + 0.05:.6f}" + good[found.end(1) :])
+    assert [c.name for c in kicad_checks(path, layers, 9) if not c.ok] == ["ring.kicad_f_copper_difference_mm2"]
+    net = re.search(r'\(net (\d+) "FB"\)\)', good)
+    path.write_text(good[: net.start()] + '(net 1 "VIN"))' + good[net.end() :])
+    assert [c.name for c in kicad_checks(path, layers, 9) if not c.ok] == ["ring.kicad_wrong_pins"]
+    path.write_text(good[:1000])
+    with pytest.raises(FileError, match="cannot be read as a KiCad board"):
+        kicad_checks(path, layers, 9)
 
 
 def test_board_is_the_cad_part(archive):
@@ -184,6 +202,8 @@ def test_command_writes_a_whole_folder_or_nothing(tmp_path, capsys):
     assert names == {
         "led_ring-gerber.zip",
         "led_ring-bom.csv",
+        "led_ring.kicad_pcb",
+        "led_ring.kicad_pro",
         "led_ring-placement.csv",
         "led_ring.png",
         "led_ring-light.png",

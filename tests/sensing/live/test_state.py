@@ -16,7 +16,7 @@ from live_stand_in import PATIENCE_S, SHAPE, LinearModel, endless, film, frames,
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
-from sensing.live.core.gate import DISTURBED, UNCONFIRMED
+from sensing.live.core.gate import DISTURBED, UNCONFIRMED, torn_row
 from sensing.live.core.reading import EndcapReading, plain
 from sensing.live.core.reference import PressedError, ReferenceTaker, misplaced_px
 from sensing.live.core.state import LEVEL, TRANSITIONS, VALID, Event, Machine, State, next_state
@@ -25,7 +25,7 @@ from sensing.live.outputs.json_lines import JsonLines
 from sensing.live.outputs.terminal import endcap_line
 from sensing.live.replay import verify
 from sensing.live.run import LiveRun
-from sensing.records import Frame
+from sensing.records import DotTracks, Frame
 
 ROOT = Path(__file__).resolve().parents[3]
 SIZE = (640, 480)
@@ -186,7 +186,7 @@ def test_a_picture_that_the_decoder_complains_of_is_unusable_counted_and_quiet(p
 
 def test_a_single_picture_with_a_false_step_is_held_back_and_a_press_is_not_delayed(press):
     half = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
-    half[250:] = np.roll(half[250:], 16, axis=1)  # blocks that slid: the decoder has nothing to complain of
+    half[:, 330:] = np.roll(half[:, 330:], 16, axis=0)  # blocks that slid: the decoder has nothing to complain of
     pipe = pipeline()
     found = [pipe.update(f) for f in frames([*press[:8], encoded(half), *press[9:18]])]
     wrong = found[8]
@@ -199,7 +199,7 @@ def test_a_single_picture_with_a_false_step_is_held_back_and_a_press_is_not_dela
 
 def test_a_step_that_lasts_is_confirmed_by_the_next_frame(press):
     half = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
-    half[250:] = np.roll(half[250:], 16, axis=1)
+    half[:, 330:] = np.roll(half[:, 330:], 16, axis=0)
     jpegs = []
     for k in range(3):
         half[-4:, : k + 1] ^= 8
@@ -208,6 +208,48 @@ def test_a_step_that_lasts_is_confirmed_by_the_next_frame(press):
     found = [pipe.update(f) for f in frames(press[:8] + jpegs)]
     assert UNCONFIRMED in found[8].wrench.flags and UNCONFIRMED not in found[9].wrench.flags
     assert np.linalg.norm(found[10].wrench.force_n) > 1.0 and DISTURBED in found[10].wrench.flags
+
+
+def test_a_tear_that_leaves_every_dot_whole_is_flagged_for_as_long_as_it_lasts(press):
+    torn = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
+    pipe = pipeline()
+    good = [pipe.update(f) for f in frames(press[:8])]
+    rows = np.sort(good[-1].tracks.reference_px[:, 1])
+    gap = 20 + int(np.argmax(np.diff(rows[20:-20])))  # no dot is cut there
+    row = round((rows[gap] + rows[gap + 1]) / 2)
+    torn[row:] = np.roll(torn[row:], 2, axis=1)
+    jpegs = []
+    for k in range(4):
+        torn[-4:, : k + 1] ^= 8
+        jpegs.append(encoded(torn))
+    found = [pipe.update(f) for f in frames([*jpegs, *press[8:18]], 200.0)]
+    for reading in found[:4]:
+        assert DISTURBED in reading.wrench.flags and "torn at row" in reading.reason
+        assert np.linalg.norm(reading.estimate.force_n) > 0.5 > 5 * np.linalg.norm(reading.wrench.force_n)
+    assert all(r.event is Event.GOOD for r in found[4:])  # nor is any press
+
+
+def test_a_tear_is_a_step_sideways_at_one_row():
+    rng = np.random.default_rng(3)
+    places = rng.uniform([60, 20], [580, 460], (80, 2))
+    below = places[:, 1] > 240
+    row = places[below, 1].min()
+
+    def torn(moved: np.ndarray) -> float:
+        noisy = places + moved + rng.normal(0, 0.05, places.shape)
+        lost = np.zeros(80, bool)
+        return torn_row(DotTracks(0.0, np.arange(80), places, noisy, np.ones(80), lost, SIZE))
+
+    for step in (-40.0, -1.5, 2.0, 12.0):
+        assert torn(np.outer(below, [step, 0.0])) == pytest.approx(row, abs=15), step
+    for other in ([0.0, 3.0], [2.0, 2.0]):  # up and down, or slanted
+        assert torn(np.outer(below, other)) == 0.0
+    assert torn(np.full((80, 2), 3.0)) == 0.0 and torn(np.zeros((80, 2))) == 0.0  # the camera moved; nothing did
+    away = np.linalg.norm(places - [330, 230], axis=1)
+    bump = np.exp(-((away / 90) ** 2))
+    assert torn(np.outer(bump, [9.0, 0.0])) == 0.0
+    shear = np.clip((places[:, 1] - 100) / 280, 0, 1)  # as a push along the picture
+    assert torn(np.outer(shear, [6.0, 0.0])) == 0.0
 
 
 def test_png_and_cut_pictures_are_named_and_no_camera_hangs(press):

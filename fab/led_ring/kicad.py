@@ -1,0 +1,206 @@
+"""The LED ring as a KiCad project (format of KiCad 7): board with footprints, nets, tracks, holes and the ground plane.
+
+Millimetres. KiCad counts y downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y). Every
+footprint is written at its part's centre without a turn, its pads turned each by itself: the same copper, whatever a
+reader thinks of turned and mirrored footprints. The board is the Gerber files' copper, not another drawing of it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from gerbonara.cad.kicad.pcb import Board
+from shapely import LineString, Point, Polygon, unary_union
+from shapely.geometry.base import BaseGeometry
+
+from cad.errors import FileError
+from cad.led_placement import Placement, placements
+from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
+from fab.checks.check import Check
+from fab.led_ring.circuit import netlist
+from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
+from fab.led_ring.gerber import pieces_without_holes
+
+VERSION = 20221018  # of the format: KiCad 7, and what gerbonara reads
+ORIGIN_MM = 100.0
+SIDES = {"top": "F", "bottom": "B"}
+AREA_MM2 = 0.01  # by which a layer may differ when read back
+LAYERS = (
+    (0, "F.Cu", "signal"), (31, "B.Cu", "signal"), (34, "B.Paste", "user"), (35, "F.Paste", "user"),
+    (36, "B.SilkS", "user"), (37, "F.SilkS", "user"), (38, "B.Mask", "user"), (39, "F.Mask", "user"),
+    (44, "Edge.Cuts", "user"), (48, "B.Fab", "user"), (49, "F.Fab", "user"),
+)  # fmt: skip
+
+
+def write_project(copper: Copper, led_count: int, folder: Path) -> None:
+    """Write ``led_ring.kicad_pcb`` and ``led_ring.kicad_pro``.
+
+    Args:
+        copper: everything on the board.
+        led_count: LEDs in the string.
+        folder: receives both.
+    """
+    (folder / "led_ring.kicad_pcb").write_text(board_text(copper, led_count), encoding="utf-8")
+    rules = {"min_clearance": 0.2, "min_copper_edge_clearance": 0.3, "min_track_width": 0.3,
+             "min_through_hole_diameter": VIA_DRILL_MM, "min_via_annular_width": 0.15}  # fmt: skip
+    content = {
+        "board": {"design_settings": {"rules": rules}},
+        "meta": {"filename": "led_ring.kicad_pro", "version": 1},
+        "net_settings": {"classes": [{"name": "Default", "clearance": 0.2, "track_width": 0.4}]},
+    }
+    (folder / "led_ring.kicad_pro").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def board_text(copper: Copper, led_count: int) -> str:
+    """The board as KiCad's S-expressions."""
+    nets = {name: number for number, name in enumerate(netlist(led_count), 1)}
+    layers = "\n".join(f'  ({number} "{name}" {kind})' for number, name, kind in LAYERS)
+    lines = [
+        f"(kicad_pcb (version {VERSION}) (generator endcap_toolkit)",
+        f" (general (thickness {BOARD_THICKNESS_MM:g}))",
+        ' (paper "A4")',
+        f" (layers\n{layers}\n )",
+        " (setup (pad_to_mask_clearance 0.05))",
+        ' (net 0 "")',
+        *(f' (net {number} "{name}")' for name, number in nets.items()),
+        *(_footprint(place, copper, nets) for place in placements(led_count)),
+        *(_circle(radius) for radius in (BOARD_OUTER_RADIUS_MM, BOARD_INNER_RADIUS_MM)),
+    ]
+    for track in copper.tracks:
+        for start, end in zip(track.points, track.points[1:], strict=False):
+            lines.append(
+                f" (segment (start {_at(start)}) (end {_at(end)}) (width {track.width:g}) "
+                f'(layer "{SIDES[track.side]}.Cu") (net {nets[track.net]}))'
+            )
+    lines += [
+        f" (via (at {_at(via.centre)}) (size {VIA_PAD_MM:g}) (drill {VIA_DRILL_MM:g}) "
+        f'(layers "F.Cu" "B.Cu") (net {nets[via.net]}))'
+        for via in copper.vias
+    ]
+    return "\n".join([*lines, _plane(copper.plane, nets["GND"]), ")\n"])
+
+
+def _at(point: tuple[float, ...]) -> str:
+    return f"{ORIGIN_MM + point[0]:.6f} {ORIGIN_MM - point[1]:.6f}"
+
+
+def _circle(radius_mm: float) -> str:
+    middle, edge = _at((0.0, 0.0)), _at((radius_mm, 0.0))
+    return f' (gr_circle (center {middle}) (end {edge}) (stroke (width 0.1) (type solid)) (layer "Edge.Cuts"))'
+
+
+def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
+    """One part with its pads."""
+    letter, (x, y) = SIDES[place.side], place.centre_mm
+    text = "(effects (font (size 0.8 0.8) (thickness 0.12)) hide)"
+    pads = [_pad(pad, (x, y), nets) for pad in copper.pads if pad.reference == place.reference]
+    return "\n".join(
+        [
+            f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {_at((x, y))})',
+            f'  (descr "{place.part.maker} {place.part.part_number}") (attr smd)',
+            f'  (fp_text reference "{place.reference}" (at 0 0) (layer "{letter}.SilkS") {text})',
+            f'  (fp_text value "{place.part.description}" (at 0 0) (layer "{letter}.Fab") {text})',
+            *pads,
+            " )",
+        ]
+    )
+
+
+def _pad(pad: Pad, origin: tuple[float, float], nets: dict[str, int]) -> str:
+    letter = SIDES[pad.side]
+    x, y = pad.centre[0] - origin[0], origin[1] - pad.centre[1]
+    return (
+        f'  (pad "{pad.pin}" smd rect (at {x:.6f} {y:.6f} {pad.turn_deg % 360.0:.6f}) '
+        f'(size {pad.width:g} {pad.height:g}) (layers "{letter}.Cu" "{letter}.Paste" "{letter}.Mask") '
+        f'(net {nets[pad.net]} "{pad.net}"))'
+    )
+
+
+def _plane(plane: BaseGeometry, net: int) -> str:
+    """The ground plane as a zone, filled with pieces that have no holes."""
+    turn = [math.radians(a) for a in range(0, 360, 2)]
+    edge = [(BOARD_OUTER_RADIUS_MM * math.cos(a), BOARD_OUTER_RADIUS_MM * math.sin(a)) for a in turn]
+    fills = "\n".join(
+        f'  (filled_polygon (layer "B.Cu") {_points(piece.exterior.coords)})' for piece in pieces_without_holes(plane)
+    )
+    return (
+        f' (zone (net {net}) (net_name "GND") (layer "B.Cu") (hatch edge 0.5)\n'
+        f"  (connect_pads (clearance {PLANE_GAP_MM:g})) (min_thickness 0.2)\n"
+        f"  (fill yes (thermal_gap {PLANE_GAP_MM:g}) (thermal_bridge_width 0.5))\n"
+        f"  (polygon {_points(edge)})\n{fills}\n )"
+    )
+
+
+def _points(points: Iterable[tuple[float, ...]]) -> str:
+    corners = list(points)
+    if corners[0] == corners[-1]:
+        corners.pop()
+    return f"(pts {' '.join(f'(xy {_at(point)})' for point in corners)})"
+
+
+def read_board(path: Path) -> tuple[dict[str, BaseGeometry], dict[tuple[str, str], str]]:
+    """Read a board back through gerbonara.
+
+    Returns:
+        Copper area by layer, and the net of every pin, as the file says.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+    try:
+        return _areas_and_pins(Board.open(path))
+    except Exception as error:  # the reader raises whatever it meets in a damaged file
+        words = f"{type(error).__name__} {error}".strip()
+        raise FileError(f"{path.name}: cannot be read as a KiCad board ({words}): make the ring again") from error
+
+
+def _areas_and_pins(board: Board) -> tuple[dict[str, BaseGeometry], dict[tuple[str, str], str]]:
+    """Copper area by layer, and the net of every pin, of a board."""
+    shapes: dict[str, list[BaseGeometry]] = {"F.Cu": [], "B.Cu": []}
+    pins = {}
+    for footprint in board.footprints:
+        reference = next(text.text for text in footprint.texts if text.type == "reference")
+        for pad in footprint.pads:
+            layer = next(name for name in shapes if name in pad.layers)
+            place = (footprint.at.x + pad.at.x - ORIGIN_MM, ORIGIN_MM - footprint.at.y - pad.at.y)
+            turn = pad.at.rotation or 0.0
+            land = Pad(reference, pad.number, pad.net.name, "", place, pad.size.x, pad.size.y, turn)
+            shapes[layer].append(land.shape)
+            pins[reference, pad.number] = pad.net.name
+    for track in board.track_segments:
+        line = [(p.x - ORIGIN_MM, ORIGIN_MM - p.y) for p in (track.start, track.end)]
+        shapes[track.layer].append(LineString(line).buffer(track.width / 2, quad_segs=CIRCLE_SEGMENTS))
+    for via in board.vias:
+        disc = Point(via.at.x - ORIGIN_MM, ORIGIN_MM - via.at.y).buffer(via.size / 2, quad_segs=CIRCLE_SEGMENTS)
+        for through in shapes.values():
+            through.append(disc)
+    for zone in board.zones:
+        for piece in zone.fill_polygons:
+            ring = Polygon([(p.x - ORIGIN_MM, ORIGIN_MM - p.y) for p in piece.pts])
+            shapes[piece.layer].append(ring.buffer(0.0))
+    return {name: unary_union(found) for name, found in shapes.items()}, pins
+
+
+def kicad_checks(path: Path, layers: dict[str, BaseGeometry], led_count: int) -> list[Check]:
+    """The board as read back is the board of the Gerber files, and its pins are in the nets of the circuit.
+
+    Args:
+        path: of the ``.kicad_pcb``.
+        layers: areas of the Gerber files, as read back.
+        led_count: LEDs in the string.
+    """
+    areas, pins = read_board(path)
+    wanted = {pin: name for name, all_pins in netlist(led_count).items() for pin in all_pins}
+    wrong = sum(pins.get(pin) != name for pin, name in wanted.items()) + len(set(pins) - set(wanted))
+    found = [
+        Check(
+            f"ring.kicad_{name[0].lower()}_copper_difference_mm2",
+            float(area.symmetric_difference(layers[name.replace(".", "_")]).area),
+            high=AREA_MM2,
+        )
+        for name, area in areas.items()
+    ]
+    return [*found, Check("ring.kicad_wrong_pins", float(wrong), high=0)]

@@ -1,0 +1,120 @@
+"""Parts as bytes: made in another process, or kept in the cache, with their meshes.
+
+Kernel objects cannot be pickled (they hold the history of their booleans); OCCT's own binary format of the shape can.
+Every part of a group goes this way, whichever process made it, so its files are the same to the byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+import numpy as np
+import trimesh
+
+from cad.arm_adapter import adapter_part
+from cad.base import base_part
+from cad.camera import camera_part
+from cad.led_ring import led_ring_part
+from cad.mold_cup import cup_parts
+from cad.mold_layout import MoldLayout
+from cad.part import Part, Role
+from cad.ring_spacer import ring_spacer_part
+from fab.cache import Cache
+from fab.meshing.parts import PartMeshes
+
+Group = Literal["cup", "hardware"]
+HARDWARE = (base_part, ring_spacer_part, adapter_part, led_ring_part, camera_part)  # the same at every joint clearance
+
+
+@dataclass(frozen=True)
+class PackedPart:
+    """A part and its mesh.
+
+    Attributes:
+        name, role, material, color, quantity: those of :class:`cad.part.Part`.
+        shape: the solid in OCCT's binary format.
+        vertices: (n, 3) mm.
+        faces: (m, 3).
+    """
+
+    name: str
+    role: Role
+    material: str
+    color: tuple[float, float, float]
+    quantity: int
+    shape: bytes
+    vertices: np.ndarray
+    faces: np.ndarray
+
+    def unpacked(self) -> tuple[Part, trimesh.Trimesh]:
+        """The part, without its recipe, and its mesh."""
+        from build123d import Solid
+        from build123d.persistence import deserialize_shape
+
+        solid = Solid(deserialize_shape(self.shape))
+        part = Part(self.name, self.role, self.material, solid, self.color, self.quantity)
+        return part, trimesh.Trimesh(self.vertices, self.faces, process=False, validate=False)
+
+
+def packed_group(group: Group, layout: MoldLayout, tolerance_mm: float, cache: Cache | None) -> list[PackedPart]:
+    """Make a group of parts and their meshes; those that do not change with the clearance are kept.
+
+    Args:
+        group: which.
+        layout: mold sizes.
+        tolerance_mm: chord tolerance of the meshes.
+        cache: where hardware is kept; ``None`` makes it anew.
+    """
+    if group == "cup":
+        return _packed(cup_parts(layout), tolerance_mm)
+
+    def make() -> list[PackedPart]:
+        return _packed([maker(layout.params) for maker in HARDWARE], tolerance_mm)
+
+    if cache is None:
+        return make()
+    return _kept(cache, cache.key(group, {"design": layout.params.digest, "tolerance_mm": tolerance_mm}), make)
+
+
+def _packed(parts: Sequence[Part], tolerance_mm: float) -> list[PackedPart]:
+    from build123d.persistence import serialize_shape
+    from OCP.BRepTools import BRepTools
+
+    maker, packed = PartMeshes(tolerance_mm), []
+    for part in parts:
+        mesh = maker.of(part)
+        BRepTools.Clean_s(part.solid.wrapped)  # the kernel's own triangles need not travel
+        shape = serialize_shape(part.solid.wrapped) or b""
+        points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        packed.append(PackedPart(part.name, part.role, part.material, part.color, part.quantity, shape, points, faces))
+    return packed
+
+
+def _kept(cache: Cache, key: str, make: Callable[[], list[PackedPart]]) -> list[PackedPart]:
+    """From the cache, or made and kept there."""
+    with TemporaryDirectory(prefix="parts-") as scratch:
+        folder = Path(scratch)
+        if (values := cache.restore(key, folder)) is not None:
+            return [_read(folder, record) for record in values["parts"]]
+        parts = make()
+        records, names = [], []
+        for part in parts:
+            (folder / f"{part.name}.brep").write_bytes(part.shape)
+            np.savez(folder / f"{part.name}.npz", vertices=part.vertices, faces=part.faces)
+            names += [f"{part.name}.brep", f"{part.name}.npz"]
+            texts = {"name": part.name, "role": part.role, "material": part.material}
+            records.append({**texts, "color": list(part.color), "quantity": part.quantity})
+        cache.store(key, folder, names, {"parts": records})
+        return parts
+
+
+def _read(folder: Path, record: dict[str, object]) -> PackedPart:
+    name = str(record["name"])
+    with np.load(folder / f"{name}.npz", allow_pickle=False) as data:
+        vertices, faces = data["vertices"], data["faces"]
+    shape = (folder / f"{name}.brep").read_bytes()
+    return PackedPart(**{**record, "color": tuple(record["color"])}, shape=shape, vertices=vertices, faces=faces)  # type: ignore[arg-type]

@@ -14,9 +14,15 @@ import re
 
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
+_CREDENTIALS = re.compile(r"://[^/\s?#]*@")
+
 
 def printable(text: str, newlines: bool = False) -> str:
-    r"""Text without what a terminal obeys: control and direction characters as ``\x1b``; newlines only if asked for."""
+    r"""Text without what a terminal obeys: control and direction characters as ``\x1b``; newlines only if asked for.
+
+    User and password of an address are left out, too.
+    """
+    text = _CREDENTIALS.sub("://***@", text)
     text = text if newlines else text.replace("\n", "\\n")
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 

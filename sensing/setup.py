@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cad.errors import EndcapError, FileError, ParameterError
+from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
@@ -29,7 +29,8 @@ from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
 from sensing.live.open_endcaps import Models, configured_models, open_endcaps
-from sensing.sources.camera import list_devices
+from sensing.sources.camera import lasting_name, list_devices
+from sensing.sources.choose import is_camera_number
 from sensing.tracking.zero import save_zero
 from sensing.wrench.contact import threshold_from_rest
 
@@ -205,14 +206,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        words = options.url or [str(number) for number, _ in list_devices()]
+        numbers = [str(number) for number, _ in list_devices()]
         if options.camera is not None:
-            words = [word.strip() for word in options.camera.split(",")]
+            numbers = [word.strip() for word in options.camera.split(",")]
+        words = options.url or [lasting_name(int(word)) if is_camera_number(word) else word for word in numbers]
         if not words:
             raise ParameterError("no camera found: plug one in, or give --url", name="camera")
         for number, name in list_devices():
-            if str(number) in words:
-                print(f"camera {number}: {name}")
+            if not options.url and str(number) in numbers:
+                print(f"camera {number}: {name}, {lasting_name(number)}")
         endcaps = tuple(
             EndcapConfig(
                 f"camera_{k}",
@@ -236,7 +238,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(text: str) -> str:
-    print(text, flush=True)
+    print(printable(text), flush=True)
     return ""
 
 

@@ -77,7 +77,8 @@ def _reports(word: str, options: argparse.Namespace, params: EndcapParams, recor
         yield examine(name, take_file(opener(), options.frames), params, timed=False)
         return
     frames, message = take_live(opener, options.frames)
-    report = examine(name, frames, params, timed=True, asked_hz=options.rate if is_camera_number(word) else None)
+    usb = is_camera_number(word) or word.startswith("/dev/")
+    report = examine(name, frames, params, timed=True, asked_hz=options.rate if usb else None)
     if not frames and message:
         said = dataclasses.replace(report.findings[0], text=f"no frame came: {message}")
         report = dataclasses.replace(report, findings=(said,))
@@ -99,7 +100,7 @@ def _text(report: Report, colour: bool) -> str:
 
 def _plain(report: Report) -> dict[str, Any]:
     return {
-        "source": report.source,
+        "source": printable(report.source),
         "verdict": report.verdict.value,
         "frames": report.frames,
         "size": None if report.size is None else list(report.size),

@@ -20,6 +20,7 @@ from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
 from sensing.sources.v4l2 import CameraMode, read_modes
 
+BY_PATH = Path("/dev/v4l/by-path")  # of udev
 STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is not used
 
 
@@ -106,6 +107,31 @@ def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int,
             (int(entry.name[5:]), printable(name.read_text(errors="replace").strip()) if name.is_file() else "camera")
         )
     return found
+
+
+def lasting_name(number: int, root: Path = BY_PATH) -> str:
+    """Name of /dev/videoN by the USB port that it is plugged into; ``N`` where the computer has no such names.
+
+    Numbers follow the order in which cameras answer at the start of the computer; the port stays.
+    """
+    for link in sorted(root.glob("*-video-index*")) if root.is_dir() else []:
+        if link.resolve().name == f"video{number}":
+            return str(link)
+    return str(number)
+
+
+def device_number(path: str) -> int:
+    """N of the /dev/videoN that a name such as one of /dev/v4l/by-path stands for now.
+
+    Raises:
+        SourceError: nothing is plugged in there, or it is no camera.
+    """
+    name = Path(path).resolve().name
+    if not Path(path).exists():
+        raise SourceError(f"{path}: no such camera: plug it into this port, or run python -m sensing.setup again")
+    if not (name.startswith("video") and name[5:].isdecimal()):
+        raise SourceError(f"{path}: no camera: give a number or a name of {BY_PATH}")
+    return int(name[5:])
 
 
 def list_modes(device: int) -> list[CameraMode]:

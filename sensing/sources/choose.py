@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from cad import plugins
 from cad.errors import FileError
 from sensing.records import Frame
-from sensing.sources.camera import CameraConfig, CameraSource
+from sensing.sources.camera import CameraConfig, CameraSource, device_number
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
 from sensing.sources.mjpeg import MjpegSource
 from sensing.sources.newest import FrameSource
@@ -20,8 +21,8 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     """(function that opens the source anew, whether it is live and worth reopening when it ends).
 
     Args:
-        word: ``0`` for /dev/video0, ``http://...``, ``NAME:ADDRESS`` of a plug-in, a folder of pictures, a video or a
-            picture.
+        word: ``0`` for /dev/video0, a name of /dev/v4l/by-path, ``http://...``, ``NAME:ADDRESS`` of a plug-in, a folder
+            of pictures, a video or a picture.
         camera: mode and exposure for a camera; its device number is replaced by ``word``.
 
     Raises:
@@ -31,6 +32,9 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
         base = camera or CameraConfig()
         config = CameraConfig(int(word), base.size, base.rate_hz, base.exposure, base.gain)
         return lambda: CameraSource(config), True
+    if word.startswith("/dev/"):  # looked up at every opening: the port stays, the number may not
+        base = camera or CameraConfig()
+        return lambda: CameraSource(replace(base, device=device_number(word))), True
     if word.startswith(("http://", "https://")):
         return lambda: MjpegSource(word), True
     name, colon, address = word.partition(":")

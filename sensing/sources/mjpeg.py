@@ -8,11 +8,17 @@ from __future__ import annotations
 
 import http.client
 import time
-from collections.abc import Iterator
-from typing import BinaryIO
+from collections.abc import Callable, Iterator
+from typing import BinaryIO, cast
 from urllib.error import URLError
-from urllib.parse import urlsplit
-from urllib.request import Request, urlopen
+from urllib.parse import unquote, urlsplit, urlunsplit
+from urllib.request import (
+    HTTPBasicAuthHandler,
+    HTTPDigestAuthHandler,
+    HTTPPasswordMgrWithDefaultRealm,
+    Request,
+    build_opener,
+)
 
 from cad.errors import ParameterError, printable
 from sensing.records import Frame
@@ -26,7 +32,8 @@ class MjpegSource:
     """Frames of a stream until it breaks (then SourceError).
 
     Args:
-        url: http or https address of the stream.
+        url: http or https address of the stream, with user and password (percent-encoded) where it asks for them, as
+            in ``http://user:password@10.0.0.7/stream``; they are sent to nobody else and never shown.
         timeout_s: silence after which the stream counts as broken.
 
     Raises:
@@ -35,20 +42,37 @@ class MjpegSource:
 
     def __init__(self, url: str, timeout_s: float = 5.0) -> None:
         if urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).netloc:
-            raise ParameterError(
-                f"url={url}: give an http address such as http://127.0.0.1:8080/stream", name="url", value=url
-            )
-        self.name, self._timeout_s = url, timeout_s
+            raise ParameterError(f"url={url}: give an http address such as http://127.0.0.1:8080/stream", name="url")
+        self.name, self._timeout_s = printable(url), timeout_s
+        self._open = _opener(url)
 
     def __iter__(self) -> Iterator[Frame]:
         try:
-            with urlopen(Request(self.name), timeout=self._timeout_s) as stream:
+            with self._open(self._timeout_s) as stream:
                 for sequence, jpeg in enumerate(split_jpegs(stream)):
                     yield Frame(time.monotonic(), sequence, self.name, jpeg=jpeg, size=jpeg_size(jpeg))
         except (URLError, OSError, http.client.HTTPException, ValueError) as error:
             said = printable(str(getattr(error, "reason", error)))[:200]  # words of a server
-            raise SourceError(f"{self.name}: {said}: check address and network") from None
+            refused = getattr(error, "code", 0) in (401, 403)
+            fix = (
+                "give its user and password before the host, as USER:PASSWORD@HOST"
+                if refused
+                else "check address and network"
+            )
+            raise SourceError(f"{self.name}: {said}: {fix}") from None
         raise SourceError(f"{self.name}: the stream ended: is the camera still there?")
+
+
+def _opener(url: str) -> Callable[[float], BinaryIO]:
+    """Opens the address; user and password answer what its server asks (RFC 7616, 7617)."""
+    parts = urlsplit(url)
+    bare = urlunsplit(parts._replace(netloc=parts.netloc.rpartition("@")[2]))
+    director = build_opener()
+    if parts.username is not None:
+        known = HTTPPasswordMgrWithDefaultRealm()
+        known.add_password(None, bare, unquote(parts.username), unquote(parts.password or ""))
+        director = build_opener(HTTPDigestAuthHandler(known), HTTPBasicAuthHandler(known))
+    return lambda timeout_s: cast(BinaryIO, director.open(Request(bare), timeout=timeout_s))
 
 
 def split_jpegs(stream: BinaryIO) -> Iterator[bytes]:

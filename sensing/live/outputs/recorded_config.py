@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from cad.errors import FileError
+from cad.errors import FileError, printable
 from cad.whole_file import replace_file
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
 from sensing.live.core.model import shipped_weights
@@ -60,6 +60,7 @@ def about(config: LiveConfig, files: Iterable[CarriedFile]) -> dict[str, str]:
         reported = {
             entry.name: getattr(endcap, entry.name) for entry in fields(endcap) if entry.name not in NOT_RECORDED
         }
+        reported["source"] = printable(endcap.source)  # no password of a camera lies in a recording
         endcaps.append(reported | {"camera": None, "T_robot_endcap": endcap.T_robot_endcap.tolist()})
     record = {
         "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method,

@@ -1,4 +1,7 @@
+import base64
+import hashlib
 import http.server
+import re
 import threading
 import time
 from types import SimpleNamespace
@@ -9,7 +12,15 @@ import pytest
 
 from cad.errors import FileError, ParameterError
 from sensing.records import Frame
-from sensing.sources.camera import CameraConfig, CameraSource, capture_time_s, list_devices, to_frame
+from sensing.sources.camera import (
+    CameraConfig,
+    CameraSource,
+    capture_time_s,
+    device_number,
+    lasting_name,
+    list_devices,
+    to_frame,
+)
 from sensing.sources.choose import source_opener
 from sensing.sources.degrade import random_degradation
 from sensing.sources.files import FolderSource, VideoSource, jpeg_size, read_picture
@@ -257,6 +268,35 @@ def test_devices_are_listed_without_metadata_nodes(tmp_path):
     assert list_devices(tmp_path / "none") == []
 
 
+def test_a_camera_is_known_by_its_port_whatever_number_it_gets(tmp_path, monkeypatch):
+    ports = tmp_path / "by-path"
+    ports.mkdir()
+    names = [f"pci-0000:00:14.0-usb-0:{port}:1.0-video-index0" for port in (1, 2)]
+
+    def plug(numbers: tuple[int, int]) -> None:
+        for name, number in zip(names, numbers, strict=True):
+            (tmp_path / f"video{number}").touch()
+            (ports / name).unlink(missing_ok=True)
+            (ports / name).symlink_to(tmp_path / f"video{number}")
+
+    plug((0, 2))
+    lasting = [lasting_name(number, ports) for number in (0, 2)]
+    assert lasting == [str(ports / name) for name in names]
+    assert lasting_name(7, ports) == "7" and lasting_name(0, tmp_path / "none") == "0"
+    assert [device_number(name) for name in lasting] == [0, 2]
+    plug((2, 0))  # the computer started anew, and the cameras answered in another order
+    assert [device_number(name) for name in lasting] == [2, 0]
+    (ports / names[0]).unlink()
+    with pytest.raises(SourceError, match="no such camera: plug it into this port"):
+        device_number(lasting[0])
+    opener, live = source_opener("/dev/v4l/by-path/none-video-index0")
+    assert live
+    with pytest.raises(SourceError, match="no such camera"):
+        opener()
+    with pytest.raises(SourceError, match="/dev/null: no camera"):
+        device_number("/dev/null")
+
+
 def test_bad_camera_settings_are_refused():
     with pytest.raises(ParameterError, match="rate_hz=0"):
         CameraConfig(rate_hz=0)
@@ -291,6 +331,52 @@ def test_mjpeg_over_loopback(with_length):
             for frame in MjpegSource(f"http://127.0.0.1:{server.server_port}/"):
                 got.append(cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), 0)[2, 2])
         assert np.abs(np.array(got, int) - [10, 90, 170]).max() < 12
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+class Locked(Stream):
+    """A camera with user and password: ``scheme`` is Basic or Digest."""
+
+    scheme, user, password = "Basic", "a user", "p@ss/w:rd"
+
+    def do_GET(self):
+        asked = {"Basic": 'Basic realm="camera"', "Digest": 'Digest realm="camera", nonce="n0", qop="auth"'}
+        if not self.allowed(self.headers.get("Authorization", "")):
+            self.send_response(401)
+            self.send_header("WWW-Authenticate", asked[self.scheme])
+            self.end_headers()
+            return
+        super().do_GET()
+
+    def allowed(self, given: str) -> bool:
+        if self.scheme == "Basic":
+            return given == "Basic " + base64.b64encode(f"{self.user}:{self.password}".encode()).decode()
+        said = dict(re.findall(r'(\w+)="?([^",]+)"?', given.removeprefix("Digest ")))
+        md5 = lambda *words: hashlib.md5(":".join(words).encode()).hexdigest()  # noqa: E731
+        secret, asked = md5(self.user, "camera", self.password), md5("GET", self.path)
+        return given.startswith("Digest ") and said["response"] == md5(
+            secret, "n0", said["nc"], said["cnonce"], "auth", asked
+        )
+
+
+@pytest.mark.parametrize("scheme", ["Basic", "Digest"])
+def test_user_and_password_open_a_camera_and_are_never_shown(scheme):
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (Locked,), {"scheme": scheme}))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    place = f"127.0.0.1:{server.server_port}/stream?a=b"
+    try:
+        found = []
+        with pytest.raises(SourceError, match="the stream ended") as ended:
+            for frame in MjpegSource(f"http://a%20user:p%40ss%2Fw%3Ard@{place}"):
+                found.append(frame)
+        assert len(found) == 3 and {frame.source for frame in found} == {f"http://***@{place}"}
+        assert "user" not in str(ended.value)
+        for wrong in (f"http://a%20user:guess@{place}", f"http://{place}"):
+            with pytest.raises(SourceError, match="USER:PASSWORD@HOST") as refused:
+                list(MjpegSource(wrong))
+            assert "guess" not in str(refused.value)
     finally:
         server.shutdown()
         server.server_close()

@@ -150,7 +150,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--scale-sd", type=plain_number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
     )
-    parser.add_argument("--gravity", type=plain_number, default=GRAVITY_M_S2, metavar="G", help="m/s2 (9.80665)")
+    parser.add_argument("--gravity", type=plain_number, default=GRAVITY_M_S2, metavar="M/S2", help="m/s2 (9.80665)")
     parser.add_argument("--dry-run", action="store_true", help="show the gain and store nothing")
     return parser
 

@@ -140,8 +140,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(command: Subcommand, words: Sequence[str]) -> int:
     """Import a subcommand's module and call its ``main``."""
-    from cad.extras import explain
+    from cad.extras import explain, start_as
 
+    start_as(" ".join(("endcap", command.name)))
     try:
         return int(import_module(command.module).main([*command.arguments, *_named(command, words)]) or 0)
     except ImportError as error:
@@ -153,6 +154,8 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         LOG.error(f"endcap {command.name}: interrupted")
         return 130
+    finally:
+        start_as("")
 
 
 def _named(command: Subcommand, words: Sequence[str]) -> list[str]:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.params import EndcapParams
@@ -132,7 +133,7 @@ def _copied(weights: Path, folder: Path | None) -> int:
 def _parser() -> argparse.ArgumentParser:
     plain = FitConfig()
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.train",
+        prog=program("python -m sensing.train"),
         description="Train a wrench model: on folders of labelled frames of one design, or for any design in minutes.",
         epilog="Bad input: one line on stderr, exit status 2. Evaluate with python -m sensing.evaluate.",
     )

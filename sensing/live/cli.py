@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.params import EndcapParams
@@ -181,7 +182,7 @@ def _sources(options: argparse.Namespace) -> list[str]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.live",
+        prog=program("python -m sensing.live"),
         description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -7,23 +7,28 @@ OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
 FAB := molds molds-help slice sheet ring coupons design
-GOALS := help setup $(FAB) data train evaluate live test quick check docs bench clean clean-all
+GOALS := help setup $(FAB) endcap study data train evaluate live test quick check docs bench clean clean-all
 .PHONY: $(GOALS)
 
 # Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
 STRANGE := $(filter-out $(GOALS),$(foreach goal,$(MAKECMDGOALS),$(if $(findstring /,$(goal)),,$(goal))))
 $(if $(STRANGE),$(error $(STRANGE): not a target (`make help` lists them); give sizes by name: make molds D=150 T=9))
 TAKES_data := N D T WORKERS OPTIONS
-TAKES_train := WORKERS
-TAKES_evaluate := WORKERS OPTIONS
-TAKES_live := OPTIONS
+TAKES_train := D T material WORKERS
+TAKES_evaluate := D T WORKERS OPTIONS
+TAKES_live := D T material OPTIONS
+TAKES_study := D T material load error exports
+TAKES_endcap := D T material joint_clearance exports
 TAKES_clean-all := SURE
 TAKEN := PYTHON VENV $(foreach goal,$(MAKECMDGOALS),$(TAKES_$(goal)))
 TYPED := $(foreach name,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $(name)))),$(name)))
 UNTAKEN := $(if $(filter $(FAB),$(MAKECMDGOALS)),,$(filter-out $(TAKEN),$(TYPED)))
 $(if $(UNTAKEN),$(error $(UNTAKEN): not a variable of `make $(MAKECMDGOALS)`, which takes $(strip $(TAKEN)); capitals count))
-$(if $(filter data,$(MAKECMDGOALS)),$(if $(D),$(if $(T),,$(error D without T: give both, as in make data D=150 T=9)),\
-  $(if $(T),$(error T without D: give both, as in make data D=150 T=9))))
+SENSES := $(firstword $(filter data train evaluate live study,$(MAKECMDGOALS)))
+$(if $(SENSES),$(if $(D),$(if $(T),,$(error D without T: give both, as in make $(SENSES) D=150 T=9)),\
+  $(if $(T),$(error T without D: give both, as in make $(SENSES) D=150 T=9))))
+# D, T and material of a command of sensing; the shell reads their values out of its environment, as they were typed.
+DESIGN = $(if $(D),--diameter "$$D" --wall "$$T") $(if $(material),--silicone "$$material")
 # fab's commands read the variables themselves, as they were typed, out of MAKEFLAGS: no shell comes between.
 ASKED := --make-variables
 
@@ -53,24 +58,36 @@ design: $(VENV)/fab.stamp ## a page with sliders for D and T: preview, mass, cos
 	@$(BIN)/python -m fab.design_page $(ASKED)
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
-	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(if $(D),--diameter "$$D" --wall "$$T") $(OPTIONS)
+	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(DESIGN) $(OPTIONS)
 
 WRENCH := exports/wrench_train/small.safetensors
 WRENCH_DATA := exports/wrench_train exports/wrench_motion
 SIMULATE = $(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" --tolerance 1e-3
-train: $(WRENCH) ## a small wrench model of your own: simulated frames, then weights (minutes)
+# With D and T: weights of that design by similarity, where live finds them. Without: a simulation of your own.
+train: $(if $(D)$(material),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train D=180 T=10 [material=...] (minutes)
+	@$(if $(D)$(material),$(BIN)/python -m sensing.train --design "$${D:-130}" "$${T:-8}" \
+	  $(if $(material),--silicone "$$material"),true)
 
-evaluate: $(WRENCH) ## its errors and those of the comparisons, on motions it has never seen
-	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic --out exports/wrench_test
-	@$(BIN)/python -m sensing.evaluate exports/wrench_test --weights $(WRENCH) --train $(WRENCH_DATA) $(OPTIONS)
+evaluate: $(if $(D),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10]
+	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) \
+	  --out "exports/wrench_test$(if $(D),_D$${D}_T$${T})"
+	@$(BIN)/python -m sensing.evaluate "exports/wrench_test$(if $(D),_D$${D}_T$${T})" \
+	  $(if $(D),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
 
 $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
 	@$(SIMULATE) --frames 1 --seed 2 --protocol dynamic --out exports/wrench_motion
 	@$(BIN)/python -m sensing.train $(WRENCH_DATA) --out $@
 
-live: $(VENV)/all.stamp ## wrench and contact, live: make live [OPTIONS='--camera 0,2,4'] (simulated robot without)
-	@$(BIN)/python -m sensing.live $(OPTIONS)
+live: $(VENV)/all.stamp ## wrench and contact, live: make live [D=180 T=10 OPTIONS='--camera 0,2,4'] (simulated robot without)
+	@$(BIN)/python -m sensing.live $(DESIGN) $(OPTIONS)
+
+study: $(VENV)/all.stamp ## what a design will feel, before printing: make study D=130 T=8; the map of all: make study
+	@$(BIN)/python -m sensing.study $(foreach name,D T material load error exports,$(if $($(name)),"$(name)=$$$(name)"))
+
+endcap: $(VENV)/all.stamp ## everything of one size in one folder: molds, slices, sheet, ring, weights, study: make endcap D=180 T=10
+	@sh scripts/slicer.sh || echo 'slicer projects will be left out' >&2
+	@$(BIN)/python -m endcap.whole $(ASKED)
 
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(ASKED)

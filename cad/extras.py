@@ -54,6 +54,20 @@ EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's modu
 }
 
 
+_started_as = ""  # "endcap train" where the command endcap runs a module
+
+
+def start_as(name: str) -> None:
+    """What the program calls itself from now on; empty for the name of each module."""
+    global _started_as
+    _started_as = name
+
+
+def program(module: str) -> str:
+    """Name of the program for ``--help`` and messages: ``endcap train`` where that was typed, else ``module``'s."""
+    return _started_as or module
+
+
 def install_command(*extras: str) -> str:
     """The command that installs extras, for example ``pip install 'endcap-toolkit[live]'``."""
     return f"pip install '{DISTRIBUTION}[{','.join(extras)}]'"

@@ -57,6 +57,18 @@ def put_file(path: Path, data: bytes, mode: int = READABLE, durable: bool = Fals
         temporary.unlink(missing_ok=True)
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it, where they are not there.
+
+    Raises:
+        FileError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}: give a folder that can be made") from error
+
+
 @contextmanager
 def drafted(path: Path) -> Iterator[Path]:
     """A name beside ``path``, with its suffix, for a library that writes by name; it becomes ``path`` at the end.

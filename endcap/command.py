@@ -53,6 +53,18 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
                 "ring", "fab.led_ring.__main__", "LED ring: board files, budget, light on the dome", takes_design=True
             ),
             Subcommand(
+                "whole",
+                "endcap.whole",
+                "all of these, weights and study in one folder: endcap whole 180 10",
+                takes_design=True,
+            ),
+            Subcommand(
+                "study",
+                "sensing.study",
+                "what a design will feel: endcap study 130 8; the map: endcap study",
+                takes_design=True,
+            ),
+            Subcommand(
                 "design", "fab.design_page.__main__", "a page with sliders for D and T, and a button that makes it"
             ),
             Subcommand("coupons", "fab.coupons.__main__", "fit coupon of the joints, bond specimens"),
@@ -88,7 +100,7 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand("verify", "sensing.simulator.verification.report", "the simulator's verification report"),
             Subcommand("scene-server", "sensing.live.demo.scene_server", "simulated cameras of six endcaps over HTTP"),
             Subcommand("export-data", "sensing.export_dataset", "a data set in the authors' format"),
-            Subcommand("train", "sensing.train", "wrench model from labelled frames"),
+            Subcommand("train", "sensing.train", "wrench model of any size (--design 180 10), or from labelled frames"),
             Subcommand("evaluate", "sensing.evaluate", "errors of a wrench model and of the comparisons"),
             Subcommand("onnx", "sensing.wrench_onnx", "wrench model as ONNX"),
         ),
@@ -128,8 +140,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(command: Subcommand, words: Sequence[str]) -> int:
     """Import a subcommand's module and call its ``main``."""
-    from cad.extras import explain
+    from cad.extras import explain, start_as
 
+    start_as(" ".join(("endcap", command.name)))
     try:
         return int(import_module(command.module).main([*command.arguments, *_named(command, words)]) or 0)
     except ImportError as error:
@@ -141,6 +154,8 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         LOG.error(f"endcap {command.name}: interrupted")
         return 130
+    finally:
+        start_as("")
 
 
 def _named(command: Subcommand, words: Sequence[str]) -> list[str]:

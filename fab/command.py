@@ -14,6 +14,7 @@ from pathlib import Path
 
 from cad import feasible
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
@@ -94,8 +95,8 @@ class Command:
             act: takes the options and what has been heard of signals; returns the exit status.
         """
         parser = argparse.ArgumentParser(
-            prog=self.name,
-            usage=f"{self.name} {self.usage}",
+            prog=program(self.name),
+            usage=f"{program(self.name)} {self.usage}",
             description=self.description,
             epilog=self.help,
             formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 
 from cad.errors import EndcapError
+from cad.extras import program
 from cad.identity import identity
 from cad.messages import LOG
 from cad.params import EndcapParams
@@ -41,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.calibrate",
+        prog=program("python -m sensing.calibrate"),
         description="Camera calibration: from one photo of the sensor's own dots, or from views of a board.",
     )
     source = parser.add_mutually_exclusive_group(required=True)

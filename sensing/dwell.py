@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError
+from cad.extras import program
 from cad.messages import LOG
 from sensing.live.core.config import chosen_endcap, load_config
 from sensing.live.core.config_entries import change_entries
@@ -103,7 +104,7 @@ def _draw(path: Path, time_s: np.ndarray, force_n: np.ndarray, result: Dwell) ->
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.dwell", description=DESCRIPTION, epilog=EPILOG,
+        prog=program("python -m sensing.dwell"), description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument(

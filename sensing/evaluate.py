@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG
 from cad.whole_file import replace_file
@@ -224,7 +225,7 @@ def _write_csv(path: Path, scores: dict[str, Score]) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.evaluate",
+        prog=program("python -m sensing.evaluate"),
         description="Errors of a wrench model, and of comparisons, on folders of labelled frames it has never seen.",
         epilog="Wrenches about the sphere's centre, N and N m. Bad input: one line on stderr, exit status 2.",
     )

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.extras import program
 from cad.messages import LOG, transient
 from cad.whole_file import new_folder
 from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
@@ -61,7 +62,7 @@ def export_dataset(data: LabelledSet, folder: Path, paths: Collection[int] | Non
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.export_dataset",
+        prog=program("python -m sensing.export_dataset"),
         description="Write labelled frames in the authors' format, index.csv and shear_fields/*.npy.",
         epilog="exit status: 0 written, 2 bad input or no place to write, 130 interrupted (nothing is left behind)",
     )

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.messages import LOG, transient
 from cad.whole_file import replace_file
 from sensing.decode import FrameError, decode_bgr
@@ -194,7 +195,7 @@ def _shape(text: str) -> tuple[int, int]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.field",
+        prog=program("python -m sensing.field"),
         description="Shear field of a picture, or of a video, against the undeformed picture of the same sensor.",
         epilog="Unit of u, v: pixels of the 200x200 centre crop. Bad input: one line on stderr, exit status 2.",
     )

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.params import EndcapParams
@@ -156,7 +157,9 @@ def read_mount(path: Path) -> FtMount:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.record", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog=program("python -m sensing.record"),
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--source", required=True, metavar="S", help="camera number, address, video or folder")
     force = parser.add_mutually_exclusive_group(required=True)

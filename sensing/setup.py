@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
@@ -244,7 +245,7 @@ def _say(text: str) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.setup",
+        prog=program("python -m sensing.setup"),
         description="Guided first run: zero the endcaps, find which is which by touching them, write endcaps.toml.",
         epilog="exit status: 0 written, 2 bad input or a camera that does not answer, 130 stopped",
     )

@@ -1,5 +1,6 @@
-"""Labelled frames to weights: ``python -m sensing.train --help``.
+"""Labelled frames, or the two numbers, to weights: ``python -m sensing.train --help``.
 
+    python -m sensing.train --design 180 10                                   # minutes: states by similarity
     python -m sensing.train exports/data --out weights.safetensors
     python -m sensing.train exports/data --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
     python -m sensing.train --start default --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
@@ -12,11 +13,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import EndcapError, FileError, ParameterError
+from cad.extras import program
+from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
+from cad.params import EndcapParams
+from cad.plain_numbers import plain_number
+from cad.whole_file import make_folder, replace_file
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE
@@ -46,6 +53,11 @@ def _run(options: argparse.Namespace) -> int:
         components=options.components, hidden=options.hidden, epochs=options.epochs, seconds=options.seconds,
         seed=options.seed, device=options.device,
     )  # fmt: skip
+    rescale = bool(options.start and options.intervals)
+    if options.design is not None or not (options.data or rescale):
+        return _design(options, config)
+    if options.out is None:
+        raise ParameterError("--out is missing: name the file of the weights", name="out")
     if not options.out.parent.is_dir():
         raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
     if not options.data:
@@ -85,11 +97,6 @@ def _rescaled(options: argparse.Namespace) -> int:
     from sensing.evaluation.intervals import with_intervals
     from sensing.wrench.model import load_wrench_model
 
-    if options.start is None or not options.intervals:
-        raise ParameterError(
-            "nothing to train on: give folders of labelled frames, or --start and --intervals to scale intervals alone",
-            name="data",
-        )
     design = LabelledSet(options.intervals[0]).params
     given = None if str(options.start) == DEFAULT else options.start
     model = with_intervals(load_wrench_model(design, given, silicone=None), options.intervals, options.tilt_to)
@@ -100,15 +107,80 @@ def _rescaled(options: argparse.Namespace) -> int:
     return 0
 
 
+def _design(options: argparse.Namespace, config: FitConfig) -> int:
+    """Weights of a design from the library of solved states."""
+    if options.design is None:
+        raise ParameterError(
+            "nothing to train on: give folders of labelled frames and --out, or --design D T, as in --design 180 10, "
+            "or --start and --intervals to scale intervals alone",
+            name="data",
+        )
+    taken = {
+        "data": options.data,
+        "--start": options.start,
+        "--intervals": options.intervals,
+        "--method dots": options.method != MARKERS,
+    }
+    for name, value in taken.items():
+        if value:
+            raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
+    from sensing.design.weights import DesignRequest, design_weights
+    from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
+
+    request = DesignRequest(EndcapParams(*options.design), options.silicone)
+    _ = request.scale  # an unknown silicone is refused before torch loads
+    out = options.out or weights_folder() / weights_name(request.params, request.silicone)
+    if options.out is None:
+        make_folder(out.parent)
+    elif not out.parent.is_dir():
+        raise ParameterError(f"--out {out}: its folder is not there: make it first", name="out")
+    known = find_weights(request.params, request.silicone) if options.unless_there and options.out is None else None
+    if known is not None:
+        print(f"{known}: weights of {request.params.label} in {request.silicone} are there")
+        return _copied(known, options.copy_to)
+    begin = time.monotonic()
+    model = design_weights(request, config, lambda text: LOG.info(f"{text} ..."))
+    model.save(out)
+    rmse, top = model.about["metrics"]["validation_rmse"], request.scale.top_n
+    force = (sum(value**2 for value in rmse[:3]) / 3) ** 0.5
+    print(
+        f"{out}: {request.params.label} in {request.silicone}, loads to {top:.3g} N; RMSE on paths held out: "
+        f"{force:.3g} N an axis ({100 * force / top:.2f} % of that load); {time.monotonic() - begin:.0f} s"
+    )
+    return _copied(out, options.copy_to)
+
+
+def _copied(weights: Path, folder: Path | None) -> int:
+    """Leave a copy in a folder, where one was asked for; 0."""
+    if folder is not None:
+        try:
+            replace_file(folder / weights.name, weights.read_bytes())
+        except OSError as error:
+            raise FileError(f"{weights}: {error.strerror}: train again") from None
+    return 0
+
+
 def _parser() -> argparse.ArgumentParser:
     plain = FitConfig()
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.train",
-        description="Train a wrench model on folders of labelled frames of one design.",
+        prog=program("python -m sensing.train"),
+        description="Train a wrench model: on folders of labelled frames of one design, or for any design in minutes.",
         epilog="Bad input: one line on stderr, exit status 2. Evaluate with python -m sensing.evaluate.",
     )
     parser.add_argument("data", type=Path, nargs="*", metavar="DATA", help="folders of labelled frames")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="weights.safetensors to write")
+    parser.add_argument(
+        "--design", type=plain_number, nargs=2, metavar=("D", "T"),
+        help="instead: weights for this diameter and wall (mm), from the library of solved states",
+    )  # fmt: skip
+    parser.add_argument(
+        "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"with --design ({DEFAULT_SILICONE})"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE",
+        help="weights.safetensors to write; with --design by default where live finds it",
+    )  # fmt: skip
+    parser.add_argument("--unless-there", action="store_true", help="with --design: only where live finds none yet")
+    parser.add_argument("--copy-to", type=Path, metavar="DIR", help="with --design: leave a copy in this folder, too")
     parser.add_argument("--start", type=Path, metavar="FILE", help=f"weights to fine-tune; {DEFAULT}: those that ship")
     parser.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
     parser.add_argument(

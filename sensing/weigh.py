@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap, load_config
@@ -125,7 +126,7 @@ def _say(text: str) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.weigh", description=DESCRIPTION, epilog=EPILOG,
+        prog=program("python -m sensing.weigh"), description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument(
@@ -149,7 +150,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--scale-sd", type=plain_number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
     )
-    parser.add_argument("--gravity", type=plain_number, default=GRAVITY_M_S2, metavar="G", help="m/s2 (9.80665)")
+    parser.add_argument("--gravity", type=plain_number, default=GRAVITY_M_S2, metavar="M/S2", help="m/s2 (9.80665)")
     parser.add_argument("--dry-run", action="store_true", help="show the gain and store nothing")
     return parser
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.extras import program
 from cad.messages import LOG
 from cad.whole_file import replace_file
 from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model
@@ -35,7 +36,7 @@ FLOAT16_MAX = 65504.0
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m sensing.wrench_onnx", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog=program("python -m sensing.wrench_onnx"), description=__doc__.splitlines()[0])
     parser.add_argument("--weights", type=Path, metavar="FILE", help="from python -m sensing.train (those that ship)")
     parser.add_argument("--storage", choices=STORAGE, default=STORAGE[0], help="of the matrices in the file (float32)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="wrench.onnx to write")

@@ -18,15 +18,16 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.identity import Identity, identity
 from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.sources.choose import open_frames
+from sensing.tracking.auto_zero import AutoZero
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import (
     LEAST_FRAMES,
-    AutoZero,
     Drift,
     ZeroError,
     load_zero,
@@ -136,7 +137,7 @@ def _seconds(text: str) -> float:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.zero",
+        prog=program("python -m sensing.zero"),
         description="The undeformed reference of a sensor: take it, compare with it, keep it up to date.",
         epilog="A source is a camera number, an http address, a folder of pictures or a video. "
         "Bad input: one line on stderr, exit status 2.",

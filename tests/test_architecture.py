@@ -47,6 +47,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "recording": {"tracking"},
     "doctor": {"calibration", "camera", "sources"},
     "learning": {"calibration", "camera", "tracking", "wrench"},
+    "design": {"camera", "learning", "simulator", "tracking", "wrench"},  # weights and study of a design, by similarity
     "live.core": {"calibration", "camera", "sources", "tracking", "wrench"},
     "live.outputs": {"live.core"},
     "live.web": {"live.core", "live.outputs"},
@@ -64,6 +65,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "": {
         "calibration",
         "camera",
+        "design",
         "doctor",
         "evaluation",
         "learning",

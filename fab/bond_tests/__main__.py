@@ -12,6 +12,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError
+from cad.extras import program
 from cad.messages import LOG
 from cad.whole_file import drafted, put_file
 from fab.bond_tests.files import read_record
@@ -35,7 +36,7 @@ exit status: 0 written; 2 bad input, named by file and line
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
-        prog="python -m fab.bond_tests",
+        prog=program("python -m fab.bond_tests"),
         description="Bond strengths from load-displacement files: statistics, tests and box plots.",
         epilog=HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,

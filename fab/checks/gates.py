@@ -118,7 +118,7 @@ def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Che
     for name, part in design.parts.items():
         if part.role == "printed":
             checks.append(bed_check(name, meshes[name]))
-        if part.material == "PLA":  # walls of the TPU part are those of its gyroid and its nut pockets
+        if part.role == "printed" and name != "interface":  # its walls are those of its gyroid and its nut pockets
             checks.append(min_wall_check(name, meshes[name]))
         if name.startswith("cup_"):
             checks.append(overhang_check(design.layout, name, meshes[name]))

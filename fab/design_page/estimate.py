@@ -1,8 +1,8 @@
 """What an endcap of any size weighs, costs and takes to print, in closed form: estimates (E) before anything is made.
 
-Plastic of a mold part: skins of its walls over its whole surface, infill within; surface and volume from its revolved
-profile (Pappus), seams between segments included. The factor and the rate are fitted to sliced sizes
-(docs/design_page.md says how near they come). `make slice` measures.
+Plastic of a mold part: a skin over its whole surface, infill within; surface and volume from its revolved profile
+(Pappus), seams between segments included. Skins, ratios and the rate are set by one sliced size, D=150 T=9
+(docs/design_page.md says how near they come); how they grow with the size is geometry. `make slice` measures.
 """
 
 from __future__ import annotations
@@ -10,19 +10,25 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from cad.base import LUG_RADIUS_MM
 from cad.materials import Silicone
 from cad.mold_layout import MoldLayout
 from fab.design_page.outline import Profile, parts, shell_volume_mm3
 from fab.slice.filaments import filament
-from fab.slice.printers import MARGIN_MM, printer
+from fab.slice.printers import printer
 
-SKIN_MM = 1.35  # three lines of 0.45
-INFILL_RATIO = 0.10
-SEAMS = {"bowl": 6, "collar": 6, "core": 18, "hanger": 0}  # cut faces, each the size of the profile
-PLASTIC_FACTOR = 1.0  # E: fitted
-RATE_G_H = 16.0  # E: fitted; with support, brims and slow outer walls
-HARDWARE_RATIO = 0.55  # E: of the base's and the adapter's solid volume that is plastic
+MOLD = {  # part: skin (mm), infill, cut faces, each the size of the profile
+    "bowl": (1.43, 0.10, 6),
+    "collar": (1.08, 0.10, 6),
+    "core": (0.98, 0.08, 12),
+    "hanger": (0.97, 0.10, 0),
+}
+RATE_G_H = 16.4  # E: 932 g in 56.8 h, support, brims and slow outer walls included
+HARDWARE = {"base": 0.60, "arm_adapter": 0.20}  # E: of the outline's volume that is plastic
 CAMERA_AND_RING_G = 35.0  # E
+SPACER_G = 12.0
 BOUGHT_USD = 75.0  # E: camera, ring, screws, inserts, cable
 SILICONE_USD_KG = 80.0  # E: of the smallest kits
 
@@ -56,39 +62,49 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
     """
     params = layout.params
     revolved = {part.name: part for part in parts(layout)}
-    mold = sum(_plastic_mm3(revolved[name].profiles[0], cuts) for name, cuts in SEAMS.items())
+    mold = sum(_plastic_mm3(revolved[name].profiles[0], *how) for name, how in MOLD.items())
     pla, tpu = filament("PLA"), filament("TPU 95A")
-    mold_g = PLASTIC_FACTOR * mold / 1000 * pla.density_g_cm3
-    base = sum(_volume_mm3(revolved[name].profiles[0]) for name in ("base", "arm_adapter"))
-    base_g = HARDWARE_RATIO * base / 1000 * pla.density_g_cm3
+    mold_g = mold / 1000 * pla.density_g_cm3
+    hardware = {name: ratio * _volume_mm3(revolved[name].profiles[0]) for name, ratio in HARDWARE.items()}
+    base_g, hardware_g = (v / 1000 * pla.density_g_cm3 for v in (hardware["base"], sum(hardware.values())))
     flange, zone = (_volume_mm3(profile) for profile in revolved["interface"].profiles)
     tpu_g = (flange + 0.1 * zone) / 1000 * tpu.density_g_cm3
     silicone_g = shell_volume_mm3(params) / 1000 * row.density_g_cm3
-    plastic_usd = ((mold_g + base_g) * pla.price_usd_kg + tpu_g * tpu.price_usd_kg) / 1000
+    plastic_usd = ((mold_g + hardware_g) * pla.price_usd_kg + tpu_g * tpu.price_usd_kg) / 1000
     return Estimate(
-        silicone_g + tpu_g + base_g / 2 + CAMERA_AND_RING_G,
+        silicone_g + tpu_g + base_g + CAMERA_AND_RING_G,
         mold_g,
-        (mold_g + base_g + 2 * tpu_g) / RATE_G_H,
+        (mold_g + hardware_g + tpu_g + SPACER_G) / RATE_G_H,
         plastic_usd + 1.15 * silicone_g / 1000 * SILICONE_USD_KG + BOUGHT_USD,
         _bed(layout, printer_name),
     )
 
 
 def _bed(layout: MoldLayout, printer_name: str) -> str:
-    """The widest part against the bed; the adapter's arms and the base reach the farthest."""
-    where = printer(printer_name)
-    params = layout.params
-    widest = 2 * (params.arm_circle_radius_mm + 7.5)
-    room = min(where.width_mm, where.depth_mm) - 2 * MARGIN_MM
-    verdict = "fits" if widest <= room else "too wide: make slice names a printer that takes it"
-    return f"base {widest:.0f} mm across, bed {where.width_mm:g} x {where.depth_mm:g} mm: {verdict}"
+    """The widest part, the adapter's five arms, against the bed in its best turn."""
+    where, params = printer(printer_name), layout.params
+    turn = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    rim = LUG_RADIUS_MM * np.column_stack([np.cos(turn), np.sin(turn)])
+    arms = np.radians(params.arm_azimuths_deg)
+    lugs = [params.arm_circle_radius_mm * np.array([np.cos(a), np.sin(a)]) + rim for a in arms]
+    points = np.column_stack([np.concatenate(lugs), np.zeros(len(lugs) * len(rim))])
+    verdict = "fits" if where.takes(points) else "too wide: make slice names a printer that takes it"
+    width, depth = np.ptp(points, axis=0)[:2]
+    return f"arms {width:.0f} x {depth:.0f} mm, bed {where.width_mm:g} x {where.depth_mm:g} mm: {verdict}"
 
 
-def _plastic_mm3(profile: Profile, cuts: int) -> float:
-    """Plastic of a part: skin and infill."""
+def _plastic_mm3(profile: Profile, skin_mm: float, infill: float, cuts: int) -> float:
+    """Plastic of a part: skin and infill.
+
+    Args:
+        profile: outline.
+        skin_mm: thickness of the skin.
+        infill: fraction of the rest.
+        cuts: cut faces, each the size of the profile.
+    """
     volume = _volume_mm3(profile)
-    skin = min(volume, SKIN_MM * (_surface_mm2(profile) + cuts * abs(_area_mm2(profile))))
-    return skin + INFILL_RATIO * (volume - skin)
+    skin = min(volume, skin_mm * (_surface_mm2(profile) + cuts * abs(_area_mm2(profile))))
+    return skin + infill * (volume - skin)
 
 
 def _edges(profile: Profile) -> list[tuple[tuple[float, float], tuple[float, float]]]:

@@ -6,6 +6,8 @@ they are equal to the bit, so a mesh says exactly what its file says.
 Notes:
     OCCT's convenience exporters take the deflection relative to each edge's length, which left volumes 2.4 % low. The
     deflection here is absolute: every facet lies within ``tolerance_mm`` of its surface.
+    OCCT's other triangulation of the same nodes (DelaBella) takes an eighth of the time on a ball, but lays facets that
+    leave the surface by twice the tolerance: ten times the error of the cup's volume, a wall off by 0.02 mm at D=179.6.
 """
 
 from __future__ import annotations
@@ -24,7 +26,6 @@ from cad.errors import FileError, GeometryError
 
 if TYPE_CHECKING:
     from build123d import Shape
-    from OCP.IMeshTools import IMeshTools_Parameters
 
 TOLERANCE_MM = 0.01  # knee of bench/tessellation.csv: printers resolve 0.05 mm
 ANGLE_RAD = 0.5  # keeps small fillets and holes round; 0.5 rad is 13 facets a turn at the least
@@ -68,7 +69,7 @@ def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh
     from OCP.TopLoc import TopLoc_Location
 
     BRepTools.Clean_s(solid.wrapped)
-    BRepMesh_IncrementalMesh(solid.wrapped, _mesher(tolerance_mm, angle_rad))
+    BRepMesh_IncrementalMesh(solid.wrapped, tolerance_mm, False, angle_rad, True)
     if any(BRep_Tool.Triangulation_s(face.wrapped, TopLoc_Location()) is None for face in solid.faces()):
         raise GeometryError("a face of the solid could not be triangulated: check the solid with BRepCheck")
     with TemporaryDirectory() as folder:  # a file is the one quick way out of the kernel: ten times that of its nodes
@@ -79,19 +80,6 @@ def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh
         corners = _stl_corners(path).astype(np.float64)
     # Two faces may give a shared node as 1e-14 and 2e-14: equal at a nanometre, not in float32.
     return weld(np.round(corners, 6), np.arange(len(corners)).reshape(-1, 3))
-
-
-def _mesher(tolerance_mm: float, angle_rad: float) -> IMeshTools_Parameters:
-    """Settings of OCCT's mesher: absolute deflection, and its quicker Delaunay triangulation (DelaBella) of the nodes.
-
-    On a sphere of 65,000 facets it takes an eighth of the time of the other, and lays the same nodes.
-    """
-    from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
-
-    settings = IMeshTools_Parameters()
-    settings.Deflection, settings.Angle, settings.Relative = tolerance_mm, angle_rad, False
-    settings.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
-    return settings
 
 
 def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:

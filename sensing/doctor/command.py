@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import EndcapError, ParameterError, printable
+from cad.extras import program
 from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
@@ -118,7 +119,7 @@ def _plain_finding(each: Finding) -> dict[str, Any]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.sources check", description=DESCRIPTION, epilog=EPILOG,
+        prog=program("python -m sensing.sources check"), description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("source", nargs="*", help="camera number, address, folder, video, picture or recording")

@@ -10,10 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
+from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
 from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, load_config
+from sensing.live.core.model import known_weights
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
 from sensing.live.options import complete
@@ -21,11 +24,13 @@ from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, reduce_pauses, run_until_stopped
 from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import known_methods
+from sensing.wrench.weight_files import command_for
 
 DESCRIPTION = """\
 Wrench and contact of endcaps, live. Without arguments: a simulated robot on six endcaps.
 
   python -m sensing.live                                simulated robot, numbers here, page in the browser
+  python -m sensing.live --diameter 180 --wall 10       that of another size; its weights: python -m sensing.train
   python -m sensing.live --camera 0,2,4                 three USB cameras
   python -m sensing.live --config endcaps.toml          what python -m sensing.setup wrote
   python -m sensing.live --video press.avi              a recording, first picture untouched
@@ -62,6 +67,8 @@ def _run(options: argparse.Namespace) -> int:
         return _check(options.replay, config)
     if options.replay is None:
         endcaps = open_endcaps(config, options.speed)
+        if not options.json:
+            _say_weights(config)
     else:
         from sensing.live.replay import replay_endcaps
 
@@ -115,7 +122,10 @@ def _config(options: argparse.Namespace) -> LiveConfig:
     if not words:
         from sensing.live.demo.scene import scene_config
 
-        config = scene_config(model, options.weights, options.method)
+        _require_weights(model, options)
+        config = scene_config(
+            model, options.weights, options.method, (options.diameter, options.wall), options.silicone
+        )
         return replace(config, endcaps=tuple(replace(endcap, rate_hz=options.rate) for endcap in config.endcaps))
     endcaps = tuple(
         EndcapConfig(
@@ -129,6 +139,30 @@ def _config(options: argparse.Namespace) -> LiveConfig:
             "--zero is for one endcap: write a configuration with python -m sensing.setup", name="zero"
         )
     return LiveConfig(endcaps, model, options.weights, options.method)
+
+
+def _require_weights(model: str, options: argparse.Namespace) -> None:
+    """Refuse a robot that has no weights before its pictures are rendered.
+
+    Raises:
+        FileError: no weights for its endcaps. ParameterError: a design that cannot be made.
+    """
+    params = EndcapParams(options.diameter, options.wall)
+    if model == "default" and options.weights is None and known_weights(model, params, options.silicone) is None:
+        raise FileError(
+            f"no weights for the simulated robot of {params.label} in {options.silicone}: make them in minutes with "
+            f"{command_for(params, options.silicone)}, then start this again"
+        )
+
+
+def _say_weights(config: LiveConfig) -> None:
+    """One line for each kind of endcap: which file answers."""
+    if config.model != "default":
+        return
+    for endcap in {endcap.identity.digest: endcap for endcap in config.endcaps}.values():
+        path = config.weights or known_weights(config.model, endcap.params, endcap.silicone)
+        if path is not None:
+            print(f"{endcap.params.label}: weights {path}", flush=True)
 
 
 def _sources(options: argparse.Namespace) -> list[str]:
@@ -148,7 +182,7 @@ def _sources(options: argparse.Namespace) -> list[str]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.live",
+        prog=program("python -m sensing.live"),
         description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -165,7 +199,9 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--config", type=Path, metavar="FILE", help="endcaps.toml")
     model = parser.add_argument_group("what is computed")
     model.add_argument("--model", choices=known_models(), help="default: ours; paper: the released field and network")
-    model.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
+    model.add_argument(
+        "--weights", type=Path, metavar="FILE", help="weights of the model, else those of the design (printed)"
+    )
     model.add_argument("--method", choices=known_methods(), help="another field method than the model's own")
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
     model.add_argument("--diameter", type=plain_number, metavar="MM", help="of the design (130)")

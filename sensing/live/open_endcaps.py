@@ -67,8 +67,9 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     """
     number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
     if number is not None:
-        SceneSource(number, rate_hz)  # a wrong number or a missing scene is refused at once
-        return CameraFeed(lambda: SceneSource(number, rate_hz)), True
+        of_scene = (endcap.diameter_mm, endcap.wall_mm), endcap.silicone
+        SceneSource(number, rate_hz, None, *of_scene)  # a wrong number or a missing scene is refused at once
+        return CameraFeed(lambda: SceneSource(number, rate_hz, None, *of_scene)), True
     if os.path.isdir(endcap.source):
         folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ)
         return FileFeed(lambda: folder, Pace(speed)), False

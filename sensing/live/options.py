@@ -13,9 +13,9 @@ USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meani
     "rate": ("camera", "photos", "source", ROBOT),
     "exposure": ("camera", "source"),
     "zero": ("camera", "video", "photos", "url", "source"),
-    "diameter": ("camera", "video", "photos", "url", "source"),
-    "wall": ("camera", "video", "photos", "url", "source"),
-    "silicone": ("camera", "video", "photos", "url", "source"),
+    "diameter": ("camera", "video", "photos", "url", "source", ROBOT),
+    "wall": ("camera", "video", "photos", "url", "source", ROBOT),
+    "silicone": ("camera", "video", "photos", "url", "source", ROBOT),
     "speed": ("video", "photos", "replay"),
 }
 IN_FILE = {

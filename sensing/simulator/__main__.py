@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from cad.errors import EndcapError
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
@@ -51,8 +52,9 @@ def _press(options: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m sensing.simulator", description=__doc__)
-    commands = parser.add_subparsers(required=True)
+    parser = argparse.ArgumentParser(prog=program("python -m sensing.simulator"), description=__doc__)
+    started = program("")  # "endcap press": its last word is the name of a parser below
+    commands = parser.add_subparsers(required=True, prog=started.rsplit(" ", 1)[0] if started else None)
     press = commands.add_parser(
         "press", help="press the shell once and print wrench and certificate", description=_press_text()
     )

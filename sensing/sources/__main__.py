@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cad.errors import EndcapError
+from cad.extras import program
 from cad.messages import LOG
 from sensing.records import Frame
 from sensing.sources.camera import list_devices, list_modes
@@ -21,7 +22,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         return check(words[1:], _recorded)
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.sources", description="Cameras and their modes.",
+        prog=program("python -m sensing.sources"), description="Cameras and their modes.",
         epilog="python -m sensing.sources check --help: what is wrong with a camera or its picture, and the fix",
     )  # fmt: skip
     parser.add_argument("device", nargs="?", type=int, metavar="N", help="only /dev/videoN (default: all that capture)")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cad.errors import EndcapError
+from cad.errors import EndcapError, ParameterError
 from cad.messages import transient
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
@@ -24,6 +24,7 @@ from sensing.weighing.words import PoseRequest, parse_weight_g
 
 ZERO_S, REST_S = 20.0, 15.0  # most that is waited for a reference, and for rest
 POLL_S = 0.1
+GRAVITIES_M_S2 = (9.76, 9.84)  # on the Earth's surface
 Ask = Callable[[str], str]
 
 
@@ -33,12 +34,24 @@ class Terms:
 
     Attributes:
         tilt_deg, azimuth_deg: attitude. sd_g: of the scale, 0 for the usual one. gravity_m_s2: local.
+
+    Raises:
+        ParameterError: a gravity that no place on Earth has.
     """
 
     tilt_deg: float
     azimuth_deg: float
     sd_g: float
     gravity_m_s2: float
+
+    def __post_init__(self) -> None:
+        low, high = GRAVITIES_M_S2
+        if not low <= self.gravity_m_s2 <= high:
+            raise ParameterError(
+                f"gravity={self.gravity_m_s2:g} outside {low:g}..{high:g} m/s2, what the Earth's surface has",
+                name="gravity",
+                value=self.gravity_m_s2,
+            )
 
     def request(self, weight_g: float) -> PoseRequest:
         """A pose with that weight."""

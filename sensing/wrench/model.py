@@ -28,10 +28,10 @@ from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import answer_one
+from sensing.wrench.weight_files import command_for, find_weights
 
 Array = NDArray[np.float64]
 FORMAT = "endcap-wrench-2"
-SHIPPED = Path(__file__).parents[1] / "weights"
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
 LARGEST_PX = 1e6  # a field beyond it is no measurement
@@ -224,30 +224,29 @@ def load_wrench_model(
 
     Args:
         design: the endcap at hand; None takes weights of any.
-        path: file; None for what ships (of D130_T8 without a design).
+        path: file; None for what ships or this user trained (of D130_T8 without a design).
         silicone: row of cad/materials.csv that the endcap is cast of; None takes weights of any.
 
     Raises:
-        FileError: no weights ship for this design, the file is missing, damaged or of another kind, or its weights are
+        FileError: no weights for this endcap, the file is missing, damaged or of another kind, or its weights are
             for another design, dot pattern, camera or silicone.
     """
     if path is None:
-        wanted = design or EndcapParams(130.0, 8.0)
-        path = SHIPPED / f"default_{wanted.label}.safetensors"
-        if not path.is_file():
-            known = ", ".join(sorted(p.stem.removeprefix("default_") for p in SHIPPED.glob("default_*.safetensors")))
+        wanted, cast_of = design or EndcapParams(130.0, 8.0), silicone or DEFAULT_SILICONE
+        path = find_weights(wanted, cast_of)
+        if path is None:
             raise FileError(
-                f"no weights ship for {wanted.label} (there are some for {known or 'none'}): make some with "
-                "python -m sensing.train, see docs/wrench.md"
+                f"no weights for {wanted.label} in {cast_of}: make them in minutes with {command_for(wanted, cast_of)}"
             )
     model = _built(Path(path))
     if design is not None and design.digest != model.design.digest:
         raise FileError(
             f"{path}: weights of {model.design.label}, this endcap is {design.label}: shells of other sizes deform "
-            f"otherwise; train with python -m sensing.train on data of {design.label}"
+            f"otherwise; leave the file out, or make one with {command_for(design, silicone or DEFAULT_SILICONE)}"
         )
     if design is not None:
-        fix = "train with python -m sensing.train on data of this endcap; of another silicone, weigh it (docs/weigh.md)"
+        made = command_for(design, silicone or DEFAULT_SILICONE)
+        fix = f"make them with {made}; of another silicone, weigh it (docs/weigh.md)"
         require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
 

@@ -150,3 +150,26 @@ def test_a_plate_is_sliced_for_its_printer_and_each_part_has_its_grams(tmp_path)
     slice_to_gcode(SLICER, tmp_path / "plate_1.prusa.3mf", tmp_path / "again.gcode", printer("a1_mini"))
     small = read_gcode(tmp_path / "again.gcode")
     assert small.end.max() > 160  # the bed alone moves nothing
+
+
+@needs_slicer
+def test_a_part_on_a_plate_gets_the_support_and_the_brim_that_it_gets_alone(tmp_path):
+    where = printer()
+    roof = box(40, 10, 4)
+    roof.apply_translation((0, 0, 10))
+    tee = trimesh.boolean.union([box(10, 10, 12), roof], engine="manifold")
+    plain = Piece("base", part_settings("base", "PLA", where), (Volume("base", box(20, 20, 4)),), (-50.0, 0.0))
+    propped = Piece("core_key_1", part_settings("core_key_1", "PLA", where), (Volume("core_key_1", tee),))
+    volumes = {}
+    for pieces in ((propped,), (plain, propped)):
+        path = tmp_path / f"of_{len(pieces)}.3mf"
+        write_prusa(Project(path.stem, pieces), path)
+        slice_to_gcode(SLICER, path, path.with_suffix(".gcode"), where)
+        moves = read_gcode(path.with_suffix(".gcode"))
+        volumes[len(pieces)] = {
+            kind: float(moves.volume_mm3[moves.kind == number].sum())
+            for number, kind in enumerate(moves.kinds)
+            if kind in ("Support material", "Skirt/Brim")
+        }
+    assert volumes[1]["Support material"] > 100 and volumes[1]["Skirt/Brim"] > 10
+    assert volumes[2] == pytest.approx(volumes[1], rel=0.01)

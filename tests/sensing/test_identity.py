@@ -24,6 +24,7 @@ from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.robot import frames as film
 from sensing.tracking.zero import Zero, load_zero, save_zero
 from sensing.wrench.model import load_wrench_model
+from sensing.wrench.weight_files import find_weights
 
 PARAMS = EndcapParams(130, 8)
 PATTERN = "for the released dot pattern, this endcap has the dot pattern "
@@ -45,10 +46,14 @@ def begun(tmp_path, monkeypatch):
     return folder
 
 
-def test_weights_that_ship_are_refused_for_another_pattern_and_another_silicone(other_dots):
+def test_weights_that_ship_are_refused_for_another_pattern_and_another_silicone(other_dots, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     assert load_wrench_model(PARAMS).design == PARAMS
+    endcap, shipped = one(silicone="Dragon Skin 30"), find_weights(PARAMS)
+    with pytest.raises(FileError, match=r"no weights for D130_T8 in Dragon Skin 30: make them"):
+        configured_models(LiveConfig((endcap,)))(endcap)
     with pytest.raises(FileError, match=r"weights for the silicone Smooth-Sil 950, this endcap has .* Dragon Skin 30"):
-        configured_models(LiveConfig((one(silicone="Dragon Skin 30"),)))(one(silicone="Dragon Skin 30"))
+        configured_models(LiveConfig((endcap,), weights=shipped))(endcap)
     other_dots()
     with pytest.raises(FileError, match="weights " + PATTERN):
         load_wrench_model(PARAMS)
@@ -168,7 +173,7 @@ def test_a_configuration_and_a_recording_are_refused_for_another_pattern(tmp_pat
 
 
 def test_kept_pictures_of_the_robot_are_not_used_for_another_pattern(other_dots):
-    before = film._digest()
-    assert film._digest() == before
+    before = film._digest(film.RobotDesign())
+    assert film._digest(film.RobotDesign()) == before
     other_dots()
-    assert film._digest() != before
+    assert film._digest(film.RobotDesign()) != before

@@ -18,6 +18,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.records import ShearField, Wrench
 from sensing.wrench.contact import ContactThreshold
+from sensing.wrench.weight_files import find_weights
 
 CONTACT_N = 1.0  # E: above the answer at rest; python -m sensing.setup measures it
 RELEASE_N = 0.6
@@ -61,12 +62,13 @@ def live_model(
     return LiveModel(name, method, shape, estimator, float(np.linalg.norm(rest.force_n)))
 
 
-def shipped_weights(name: str, params: EndcapParams) -> Path | None:
-    """File of the weights that ship for a model and design; None where none do."""
-    from sensing.wrench.model import SHIPPED
+def known_weights(name: str, params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> Path | None:
+    """File of the weights that ship for an endcap or that this user trained for it; None where there are none.
 
-    path = SHIPPED / f"{name}_{params.label}.safetensors"
-    return path if path.is_file() else None
+    Args:
+        name: of the model. params: the design. silicone: row of cad/materials.csv.
+    """
+    return find_weights(params, silicone) if name == "default" else None
 
 
 def load_model(
@@ -79,7 +81,7 @@ def load_model(
     """The model of that name for a design.
 
     Args:
-        name: ``default``, ``paper`` or a plug-in's. params: the design. weights: file; None for what ships.
+        name: ``default``, ``paper`` or a plug-in's. params: the design. weights: file; None for :func:`known_weights`.
         method: another field method than the model's own, for comparison.
         silicone: row of cad/materials.csv that the endcap is cast of; None where a gain makes any weights fit.
 

@@ -15,22 +15,32 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import ParameterError
+from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
+from cad.params import EndcapParams
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.records import Frame
 
 SIZE = (640, 480)
 ENDCAPS = 6
+RELEASED = (130.0, 8.0)  # D and T of the robot that is shown unless another is asked for, mm
 WORD = "scene:"
 
 
-@lru_cache(maxsize=1)
-def scene_film() -> Any:
-    """The pictures; rendered at the first call on a machine, then read from the user's cache folder."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
-    from sensing.simulator.robot.frames import load_film  # loaded only when the scene is shown
+@lru_cache(maxsize=2)
+def scene_film(design: tuple[float, float] = RELEASED, silicone: str = DEFAULT_SILICONE) -> Any:
+    """The pictures; rendered at the first call on a machine, then read from the user's cache folder.
 
-    return load_film(cache, _progress)
+    Args:
+        design: D and T of the six endcaps, mm. silicone: row of cad/materials.csv.
+
+    Raises:
+        ParameterError: a design that cannot be made, or an unknown silicone.
+    """
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
+    from sensing.simulator.robot.frames import RobotDesign, load_film  # loaded only when the scene is shown
+
+    return load_film(cache, _progress, RobotDesign(EndcapParams(*design), silicone))
 
 
 @lru_cache(maxsize=1)
@@ -39,13 +49,27 @@ def scene_start_s() -> float:
     return time.monotonic()
 
 
-def scene_config(model: str = "default", weights: Path | None = None, method: str | None = None) -> LiveConfig:
-    """Six endcaps of the robot, as they are screwed on."""
-    film = scene_film()
+def scene_config(
+    model: str = "default",
+    weights: Path | None = None,
+    method: str | None = None,
+    design: tuple[float, float] = RELEASED,
+    silicone: str = DEFAULT_SILICONE,
+) -> LiveConfig:
+    """Six endcaps of the robot, as they are screwed on.
+
+    Args:
+        model, weights, method: of :class:`sensing.live.core.config.LiveConfig`.
+        design: D and T of the six endcaps, mm. silicone: row of cad/materials.csv.
+    """
+    film = scene_film() if (design, silicone) == (RELEASED, DEFAULT_SILICONE) else scene_film(design, silicone)
     endcaps = tuple(
-        EndcapConfig(f"endcap_{number}", f"{WORD}{number}", T_robot_endcap=film.scene.T_robot_endcap[number])
+        EndcapConfig(
+            f"endcap_{number}", f"{WORD}{number}", diameter_mm=design[0], wall_mm=design[1],
+            silicone=silicone, T_robot_endcap=film.scene.T_robot_endcap[number],
+        )
         for number in range(ENDCAPS)
-    )
+    )  # fmt: skip
     return LiveConfig(endcaps, model, weights, method, film.weight_n)
 
 
@@ -55,18 +79,27 @@ class SceneSource:
     Args:
         number: of the endcap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame
             it is late; None for a sixth later than the camera before.
+        design: D and T of the six endcaps, mm. silicone: row of cad/materials.csv.
 
     Raises:
         ParameterError: no such endcap, or a rate that is not 1..240.
     """
 
-    def __init__(self, number: int, rate_hz: float = 30.0, phase: float | None = None) -> None:
+    def __init__(
+        self,
+        number: int,
+        rate_hz: float = 30.0,
+        phase: float | None = None,
+        design: tuple[float, float] = RELEASED,
+        silicone: str = DEFAULT_SILICONE,
+    ) -> None:
         if not 0 <= number < ENDCAPS:
             raise ParameterError(f"{WORD}{number}: give {WORD}0 to {WORD}{ENDCAPS - 1}", name="source", value=number)
         if not 1 <= rate_hz <= 240:
             raise ParameterError(f"rate_hz={rate_hz:g} outside 1..240", name="rate_hz", value=rate_hz)
         self.number, self.name, self._rate_hz = number, f"{WORD}{number}", rate_hz
-        self._film, self._start_s = scene_film(), scene_start_s()
+        own = (design, silicone) == (RELEASED, DEFAULT_SILICONE)
+        self._film, self._start_s = scene_film() if own else scene_film(design, silicone), scene_start_s()
         self._phase = number / ENDCAPS if phase is None else phase
 
     def __iter__(self) -> Iterator[Frame]:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.messages import LOG
 from sensing.live.demo.scene import ENDCAPS, SceneSource
 from sensing.sources.newest import FrameSource
@@ -59,7 +60,9 @@ def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve until Ctrl-C; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m sensing.live.demo.scene_server", description="Simulated cameras.")
+    parser = argparse.ArgumentParser(
+        prog=program("python -m sensing.live.demo.scene_server"), description="Simulated cameras."
+    )
     parser.add_argument("--port", type=int, default=8081, metavar="N", help="(8081)")
     options = parser.parse_args(arguments)
     try:

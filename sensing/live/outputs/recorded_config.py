@@ -17,7 +17,7 @@ from typing import Any
 from cad.errors import FileError, printable
 from cad.whole_file import replace_file
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
-from sensing.live.core.model import shipped_weights
+from sensing.live.core.model import known_weights
 
 METADATA = "endcap_live"
 FORMAT = 2
@@ -46,8 +46,11 @@ def carried_files(config: LiveConfig) -> list[CarriedFile]:
         FileError: one cannot be read, or is too large to be carried.
     """
     weights = config.weights
-    if weights is None and len({endcap.params.digest for endcap in config.endcaps}) == 1:
-        weights = shipped_weights(config.model, config.endcaps[0].params)
+    if weights is None and len({endcap.identity.digest for endcap in config.endcaps}) == 1:
+        endcap = config.endcaps[0]  # weighed, it may answer with weights of the default silicone
+        weights = known_weights(config.model, endcap.params, endcap.silicone) or known_weights(
+            config.model, endcap.params
+        )
     paths = {} if weights is None else {WEIGHTS: weights}
     paths |= {f"camera/{endcap.name}": endcap.camera for endcap in config.endcaps if endcap.camera is not None}
     return [CarriedFile(name, _content(path)) for name, path in paths.items()]

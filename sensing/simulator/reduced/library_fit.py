@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cad.errors import EndcapError, ParameterError
+from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, transient
 from cad.plain_numbers import plain_number
@@ -214,7 +215,7 @@ def _forces(samples: list[Sample]) -> tuple[Array, Array]:
 def main(arguments: list[str] | None = None) -> int:
     """Fit and write a library; returns the exit status."""
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.simulator.reduced.library_fit",
+        prog=program("python -m sensing.simulator.reduced.library_fit"),
         description="Fit the level 4 library of one shell (some minutes on one core).",
     )
     parser.add_argument("--out", type=Path, required=True, help="file to write, .npz")

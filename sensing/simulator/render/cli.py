@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from cad.errors import EndcapError, FileError
+from cad.extras import program
 from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
@@ -48,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m sensing.simulator.render", description="Render one frame of the endcap's camera."
+        prog=program("python -m sensing.simulator.render"), description="Render one frame of the endcap's camera."
     )
     add = parser.add_argument
     add("--out", required=True, help="picture to write (.png or .jpg)")

@@ -1,6 +1,6 @@
 """Pictures of the robot scene on a clock: what six cameras would see, rendered once and kept.
 
-    film = load_film(Path.home() / ".cache/endcap")
+    film = load_film(Path.home() / ".cache/endcap")             # of D=130 T=8; or RobotDesign(EndcapParams(180, 10))
     film.jpeg(endcap, tick), film.truth(endcap, tick)           # tick: 1/30 s, the scene repeats after film.ticks
 
 Every picture has noise of its own or that of one of three variants: no two that follow one another are equal. Forces in
@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.identity import identity
+from cad.materials import DEFAULT_SILICONE
+from cad.params import EndcapParams
 from cad.whole_file import put_file
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Paint, RenderSettings
@@ -31,6 +33,36 @@ RATE_HZ = 30.0
 REST, RAMP, HOLD, GAP = 75, 30, 60, 30  # ticks: in the air, let down, standing, between stands
 VARIANTS = 3  # noise of pictures that are shown again
 Key = tuple[int, int, int, int]  # endcap, stand (-1 at rest), ramp step, variant
+
+
+@dataclass(frozen=True)
+class RobotDesign:
+    """Which robot: all six endcaps are alike.
+
+    Attributes:
+        params: the design. silicone: row of cad/materials.csv.
+    """
+
+    params: EndcapParams = PARAMS
+    silicone: str = DEFAULT_SILICONE
+
+    @property
+    def released(self) -> bool:
+        """Whether the states that ship are its own; another size takes them from the library."""
+        return self.params == PARAMS and self.silicone == DEFAULT_SILICONE
+
+    @property
+    def label(self) -> str:
+        """Part of a file's name."""
+        return f"{self.params.label}_{hashlib.sha256(self.silicone.encode()).hexdigest()[:6]}"
+
+    def scene(self) -> tuple[RobotScene, float]:
+        """(its states, its weight in N)."""
+        if self.released:
+            return load_scene(), WEIGHT_N
+        from sensing.simulator.similarity.stands import robot_of
+
+        return robot_of(self.params, self.silicone)
 
 
 @dataclass(frozen=True)
@@ -59,22 +91,18 @@ class Film:
     """All pictures of the scene.
 
     Attributes:
-        scene: its states. pictures: JPEG by key. moments: of one round.
+        scene: its states. pictures: JPEG by key. moments: of one round. weight_n: of the robot.
     """
 
     scene: RobotScene
     pictures: dict[Key, bytes]
     moments: tuple[Moment, ...]
+    weight_n: float = WEIGHT_N
 
     @property
     def ticks(self) -> int:
         """Length of one round."""
         return len(self.moments)
-
-    @property
-    def weight_n(self) -> float:
-        """Of the robot."""
-        return WEIGHT_N
 
     def jpeg(self, endcap: int, tick: int) -> bytes:
         """What an endcap's camera sees."""
@@ -94,23 +122,30 @@ class Film:
         return self.scene.state(moment.stand, endcap, moment.step / RAMP)[1]
 
 
-def load_film(folder: Path | None = None, progress: Callable[[int, int], None] | None = None) -> Film:
+def load_film(
+    folder: Path | None = None, progress: Callable[[int, int], None] | None = None, robot: RobotDesign | None = None
+) -> Film:
     """The film, from ``folder`` where an earlier call left it, else rendered (some seconds) and left there.
 
     Args:
         folder: None to keep nothing. progress: called with (pictures made, pictures in all).
+        robot: which one; None for that of D=130 T=8.
+
+    Raises:
+        ParameterError: a design outside the library of states. FileError: no states.
     """
-    scene, moments = load_scene(), timeline()
+    robot = robot or RobotDesign()
+    (scene, weight_n), moments = robot.scene(), timeline()
     keys = sorted(
         {_key(scene, endcap, moment, tick) for tick, moment in enumerate(moments) for endcap in range(ENDCAPS)}
     )
-    kept = None if folder is None else folder / f"robot_scene_{_digest()}.npz"
+    kept = None if folder is None else folder / f"robot_scene_{robot.label}_{_digest(robot)}.npz"
     pictures = None if kept is None else _read(kept, keys)
     if pictures is None:
-        pictures = _render(scene, keys, progress or (lambda done, total: None))
+        pictures = _render(scene, robot.params, keys, progress or (lambda done, total: None))
         if kept is not None:
-            _keep(kept, pictures)
-    return Film(scene, pictures, moments)
+            _keep(kept, pictures, robot)
+    return Film(scene, pictures, moments, weight_n)
 
 
 def _key(scene: RobotScene, endcap: int, moment: Moment, tick: int) -> Key:
@@ -119,11 +154,13 @@ def _key(scene: RobotScene, endcap: int, moment: Moment, tick: int) -> Key:
     return endcap, moment.stand, moment.step, tick % VARIANTS if moment.step == RAMP else 0
 
 
-def _render(scene: RobotScene, keys: list[Key], progress: Callable[[int, int], None]) -> dict[Key, bytes]:
+def _render(
+    scene: RobotScene, params: EndcapParams, keys: list[Key], progress: Callable[[int, int], None]
+) -> dict[Key, bytes]:
     pictures: dict[Key, bytes] = {}
     for endcap in range(ENDCAPS):
         settings = RenderSettings(seed=endcap, paint=Paint(digit=str(endcap))).at_level("draft")
-        renderer = DomeRenderer(PARAMS, None, settings)
+        renderer = DomeRenderer(params, None, settings)
         for number, key in enumerate(k for k in keys if k[0] == endcap):
             _, stand, step, _ = key
             field = None if stand < 0 else scene.state(stand, endcap, step / RAMP)[0]
@@ -133,12 +170,13 @@ def _render(scene: RobotScene, keys: list[Key], progress: Callable[[int, int], N
     return pictures
 
 
-def _digest() -> str:
+def _digest(robot: RobotDesign) -> str:
     """Of everything that the pictures depend on."""
     found = hashlib.sha256(FILE.read_bytes())
-    for path in sorted([*FILE.parents[1].glob("render/*.py"), Path(__file__)]):
+    library = FILE.parents[1] / "similarity"
+    for path in sorted([*FILE.parents[1].glob("render/*.py"), *library.glob("*.py"), Path(__file__)]):
         found.update(path.read_bytes())
-    found.update(identity(PARAMS).digest.encode())
+    found.update(identity(robot.params, robot.silicone).digest.encode())
     return found.hexdigest()[:16]
 
 
@@ -152,11 +190,11 @@ def _read(path: Path, keys: list[Key]) -> dict[Key, bytes] | None:
     return None
 
 
-def _keep(path: Path, pictures: dict[Key, bytes]) -> None:
+def _keep(path: Path, pictures: dict[Key, bytes], robot: RobotDesign) -> None:
     """Leave the pictures for the next time; where that is not possible, they are made again."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        for old in path.parent.glob("robot_scene_*.npz"):
+        for old in path.parent.glob(f"robot_scene_{robot.label}_*.npz"):  # of an earlier version of the renderer
             old.unlink()
         ordered = [pictures[key] for key in sorted(pictures)]
         ends = np.cumsum([len(p) for p in ordered])

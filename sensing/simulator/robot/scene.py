@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError
+from cad.extras import program
 from cad.materials import silicone
 from cad.messages import LOG
 from cad.params import EndcapParams
@@ -225,7 +226,9 @@ def _modes(fields: Array) -> tuple[Array, NDArray[np.float16]]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Solve and write; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m sensing.simulator.robot.scene", description="Solve the scene.")
+    parser = argparse.ArgumentParser(
+        prog=program("python -m sensing.simulator.robot.scene"), description="Solve the scene."
+    )
     parser.add_argument("--out", type=Path, default=FILE, help="file to write (default: the one that ships)")
     options = parser.parse_args(arguments)
     scene = solve_scene()

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import EndcapError
+from cad.extras import program
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
 from cad.messages import LOG, transient
 from cad.whole_file import put_file
@@ -44,7 +45,7 @@ FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the report; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m sensing.simulator.verification", description=__doc__)
+    parser = argparse.ArgumentParser(prog=program("python -m sensing.simulator.verification"), description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs"), help="folder for verification.md (default docs)")
     parser.add_argument(
         "--only", nargs="+", choices=list(SECTIONS), default=list(SECTIONS), help="renew these, keep the others"

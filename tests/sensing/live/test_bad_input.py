@@ -42,7 +42,7 @@ def refused(capsys, *arguments: str) -> str:
         ("--config e.toml --zero z.npz", "set zero"),
         ("--config e.toml --exposure 3", "set exposure"),
         ("--replay r.mcap --rate 60", "a recording holds its own"),
-        ("--diameter 140", "--diameter has no effect with the simulated robot"),
+        ("--diameter 140 --wall 40", "nearest valid choice"),
         ("--camera 0 --speed 2", "--speed has no effect with --camera"),
         ("--url http://127.0.0.1:1/ --exposure 3", "--exposure has no effect with --url"),
         ("--photos d --no-page --port 80", "--port has no effect with --no-page"),

@@ -38,7 +38,7 @@ def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
         reading.join(PATIENCE_S)
         assert [line for line in process.stderr if not line.startswith("compiling the dot tracker")] == []
     assert any("frames recorded" in line for line in said)
-    assert re.search(r"page: http://127\.0\.0\.1:\d+/", said[0])
+    assert any(re.search(r"page: http://127\.0\.0\.1:\d+/", line) for line in said)
     frames = [int(m[1]) for line in said if (m := re.search(r"endcap_0: (\d+) frames, \d+ dropped", line))]
     assert len(frames) == 1 and frames[0] > 10
     check = verify(path, read_config(path), lambda _: stand_in())

@@ -94,7 +94,7 @@ def test_pictures_are_kept_and_a_damaged_file_of_them_is_not_used(film, monkeypa
     monkeypatch.setattr(robot_frames, "_render", lambda *_: pytest.fail("rendered again"))
     again = robot_frames.load_film(film.folder)
     assert again.pictures == film.pictures
-    monkeypatch.setattr(robot_frames, "_render", lambda scene, keys, progress: dict.fromkeys(keys, b"new"))
+    monkeypatch.setattr(robot_frames, "_render", lambda scene, params, keys, progress: dict.fromkeys(keys, b"new"))
     whole = kept.read_bytes()
     kept.write_bytes(whole[: len(whole) // 2])
     assert set(robot_frames.load_film(film.folder).pictures.values()) == {b"new"}

@@ -10,8 +10,9 @@ from sensing.records import Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
+from sensing.tracking.auto_zero import AutoZero
 from sensing.tracking.tracker import DotTracker
-from sensing.tracking.zero import AutoZero, ZeroError, load_zero, measure_drift, save_zero, take_zero, without_mounting
+from sensing.tracking.zero import ZeroError, load_zero, measure_drift, save_zero, take_zero, without_mounting
 from sensing.zero import main
 
 IMAGE, _ = draw_dots(Drawing())

@@ -132,6 +132,7 @@ def test_a_gain_of_other_weights_is_flagged(soft):
         (["--pose=tilt=0,grams=600,source={600}", "--pose=tilt=0,grams=1200,source={1800}"], "contradict one another"),
         (["--pose=grams=0.6,source={600}", "--pose=grams=1.8,source={1800}"], "was it 0.6 kg or 0.6 lb"),
         (["--pose=grams=600,source=nowhere", "--pose=grams=1800,source={1800}"], "nowhere: no such file"),
+        (["--gravity=981", "--pose=grams=600,source={600}", "--pose=grams=1800,source={1800}"], "gravity=981 outside"),
         (["--endcap=other", "--pose=grams=600,source={600}"], "choose one of soft"),
         (["--postures=none.csv"], "weight_n is missing"),
     ],

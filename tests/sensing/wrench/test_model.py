@@ -19,7 +19,8 @@ from sensing.learning.fitting import fit  # noqa: E402
 from sensing.learning.ridge import fit_ridge  # noqa: E402
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
 from sensing.wrench.kernels import answer_one  # noqa: E402
-from sensing.wrench.model import SHIPPED, contact_angle_deg, load_wrench_model, range_measures  # noqa: E402
+from sensing.wrench.model import contact_angle_deg, load_wrench_model, range_measures  # noqa: E402
+from sensing.wrench.weight_files import SHIPPED  # noqa: E402
 
 SIDE = 6
 PARAMS = EndcapParams(130, 8)
@@ -361,7 +362,7 @@ def test_moments_of_the_symmetric_copies_are_those_of_the_copies(data):
     assert np.allclose(gram, sum(x.T @ x for x, _ in copies)) and np.allclose(moment, sum(x.T @ w for x, w in copies))
 
 
-def test_the_weights_that_ship_are_those_of_their_design_small_and_answer():
+def test_the_weights_that_ship_are_those_of_their_design_small_and_answer(tmp_path, monkeypatch):
     model = load_wrench_model(EndcapParams(130, 8))
     assert (SHIPPED / "default_D130_T8.safetensors").stat().st_size < 1e6
     assert model.shape == (16, 16) and model.method == "dots" and len(model.about["training"]["paths"]) >= 18
@@ -372,5 +373,6 @@ def test_the_weights_that_ship_are_those_of_their_design_small_and_answer():
     near = np.exp(-3 * (x**2 + y**2))
     pressed = model.estimate(ShearField(0.0, (0.8 * near * np.stack([x, y])).astype(np.float32)))  # spread at the tip
     assert pressed.force_n[2] < -1.0 and np.linalg.norm(pressed.force_n[:2]) < 0.2 * -pressed.force_n[2]
-    with pytest.raises(FileError, match="no weights ship for D140_T8"):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    with pytest.raises(FileError, match="no weights for D140_T8 in Smooth-Sil 950"):
         load_wrench_model(EndcapParams(140, 8))

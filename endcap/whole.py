@@ -1,0 +1,288 @@
+"""Everything of one endcap in one folder: ``endcap whole 180 10``, ``make endcap D=180 T=10`` (standard library only).
+
+Each part is made by its own command in a process of its own, so that CAD and sensing stay apart; what a command refuses
+is its own line. At the end ``start.html`` lists every file with what it is for.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from cad.errors import EndcapError, FileError, ParameterError
+from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
+from cad.params import EndcapParams
+from cad.plain_numbers import is_plain, plain
+from cad.whole_file import replace_file
+
+FROM_MAKE = "--make-variables"
+OPTIONS = {"D": "130", "T": "8", "material": DEFAULT_SILICONE, "joint_clearance": "", "exports": "exports"}
+PAGE = "start.html"
+HELP = f"""\
+usage: make endcap [D=MM T=MM] [material=NAME] [joint_clearance=MM] [exports=DIR]      (or: endcap whole 180 10)
+
+Makes molds, slicer projects, build sheet, LED ring, weights and study of one endcap in exports/D180_T10/, and
+{PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not installed; everything
+else that fails stops it, and what was made before stays. Twenty minutes on two cores, most of it molds and slicing.
+
+exit status: 0 made; 1 a check failed; 2 bad input; 130 interrupted
+"""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command.
+
+    Attributes:
+        title: in words. module: that is run. words: its arguments. optional: whether its failure is passed over.
+    """
+
+    title: str
+    module: str
+    words: tuple[str, ...]
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be made.
+
+    Attributes:
+        params: the design. material: row of cad/materials.csv. joint_clearance: as typed, empty for the default.
+        exports: folder that receives the endcap's own.
+    """
+
+    params: EndcapParams
+    material: str
+    joint_clearance: str
+    exports: Path
+
+    @property
+    def variant(self) -> tuple[str, ...]:
+        """Options of fab's commands."""
+        words = [f"D={plain(self.params.diameter_mm)}", f"T={plain(self.params.wall_mm)}"]
+        words += [f"joint_clearance={self.joint_clearance}"] if self.joint_clearance else []
+        words += [f"material={self.material}"] if self.material != DEFAULT_SILICONE else []
+        return tuple(words)
+
+    def steps(self, folder: Path | None) -> list[Step]:
+        """The commands in order.
+
+        Args:
+            folder: of the endcap, once the molds have said it; None before.
+        """
+        place, design = (f"exports={self.exports}",), (plain(self.params.diameter_mm), plain(self.params.wall_mm))
+        if folder is None:
+            return [Step("molds", "fab.molds", (*self.variant, *place))]
+        ring = (*self.variant[:2], f"exports={folder}")
+        train = ("--design", *design, "--silicone", self.material, "--unless-there", "--copy-to", str(folder))
+        study = (*self.variant[:2], f"material={self.material}", f"folder={folder / 'study'}")
+        return [
+            Step("slicer projects", "fab.slice", (*self.variant, *place), optional=True),
+            Step("build sheet", "fab.build_sheet", (*self.variant, *place)),
+            Step("LED ring", "fab.led_ring", ring),
+            Step("weights", "sensing.train", train),
+            Step("study", "sensing.study", study),
+        ]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if {"-h", "--help"} & set(words):
+        print(HELP)
+        return 0
+    try:
+        wanted = parsed(words)
+        return make(wanted, _run)
+    except EndcapError as error:
+        LOG.error(f"make endcap: {error}")
+        return 2
+    except KeyboardInterrupt:
+        LOG.error("\nmake endcap: interrupted; what was made before stays")
+        return 130
+
+
+def parsed(words: Sequence[str]) -> Wanted:
+    """NAME=VALUE words, or make's variables.
+
+    Raises:
+        ParameterError: a word that is no option, only one of D and T, or a design that cannot be made.
+    """
+    given: dict[str, str] = {}
+    typed = list(words)
+    if FROM_MAKE in typed:
+        typed.remove(FROM_MAKE)
+        flags = shlex.split(os.environ.get("MAKEFLAGS", ""))
+        typed += [word.replace("$$", "$") for word in flags[flags.index("--") + 1 :]] if "--" in flags else []
+    for word in typed:
+        name, equals, value = word.partition("=")
+        if name in ("PYTHON", "VENV"):
+            continue
+        if not equals or name not in OPTIONS or not value or name in given:
+            raise ParameterError(f"{word}: not understood; options are {', '.join(OPTIONS)}, each once", name=name)
+        given[name] = value
+    if len({"D", "T"} & set(given)) == 1:
+        raise ParameterError("D and T belong together: give both, for example D=180 T=10", name="D")
+    found = OPTIONS | given
+    for name in ("D", "T"):
+        if not is_plain(found[name]):
+            raise ParameterError(f"{name}={found[name]}: give plain millimetres, for example D=180 T=10", name=name)
+    params = EndcapParams(float(found["D"]), float(found["T"]))
+    return Wanted(params, silicone(found["material"]).name, found["joint_clearance"], Path(found["exports"]))
+
+
+def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
+    """Run all commands, then write the page.
+
+    Args:
+        wanted: what. run: a step to its exit status.
+
+    Returns:
+        Exit status: 0, or that of the first step that failed.
+
+    Raises:
+        FileError: the molds left no folder, or the page cannot be written.
+    """
+    skipped: list[str] = []
+    for step in wanted.steps(None):
+        if status := run(step):
+            return status
+    folder = _folder(wanted)
+    for step in wanted.steps(folder):
+        status = run(step)
+        if status and not step.optional:
+            LOG.error(f"make endcap: {step.title} failed; {folder} holds what was made before")
+            return status
+        if status:
+            skipped.append(step.title)
+    write_page(wanted, folder, skipped)
+    left_out = f" (left out: {', '.join(skipped)})" if skipped else ""
+    print(f"{folder / PAGE}: everything of {folder.name}{left_out}")
+    return 0
+
+
+def _folder(wanted: Wanted) -> Path:
+    """The folder that the molds were written to: the newest of this design with its manifest."""
+    label = wanted.params.label
+    known = [path.parent for path in wanted.exports.glob(f"{label}*/manifest.json")]
+    same = [path for path in known if path.name == label or path.name.startswith(f"{label}_")]
+    if not same:
+        raise FileError(f"{wanted.exports}: no folder of {label} in it: did make molds write elsewhere?")
+    return max(same, key=lambda path: (path / "manifest.json").stat().st_mtime)
+
+
+def _run(step: Step) -> int:
+    LOG.info(f"== {step.title}")
+    env = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    return subprocess.run([sys.executable, "-m", step.module, *step.words], env=env, check=False).returncode
+
+
+MEANINGS = {  # of folders and files beside those that index.html explains
+    "index.html": "parts, their files, 3-D view and checks",
+    "sheet/build_sheet.html": "what to buy, print, mix, cast, demold, paint, assemble and test",
+    "sheet/build_sheet.pdf": "the same, to print",
+    "study/study.html": "what this endcap will feel",
+    "study/study.csv": "the same as a table",
+    "study/study.json": "the same for programs",
+    "slice/slice.json": "time, material and gates of every print",
+    "manifest.json": "every part, file digest and check, for programs",
+}
+BY_FOLDER = {"slice": "slicer project", "sheet": "of the build sheet", "study": "of the study"}
+BY_ENDING = {
+    ".stl": "part as a mesh, to slice", ".3mf": "part as a mesh with name and unit", ".glb": "3-D view",
+    ".step": "part or assembly as solid", ".png": "picture", ".safetensors": "weights: field to wrench",
+    ".csv": "table", ".zip": "archive",
+}  # fmt: skip
+STYLE = (
+    "body{font:15px/1.45 system-ui,sans-serif;max-width:64rem;margin:1.5rem auto;padding:0 1rem}td{padding:.1rem .8rem "
+    ".1rem 0;vertical-align:top}img{max-width:48%}pre{background:#f3f3f3;padding:.6rem}"
+)
+
+
+def write_page(wanted: Wanted, folder: Path, skipped: Sequence[str]) -> None:
+    """Write the page that lists everything.
+
+    Args:
+        wanted: what was made. folder: where. skipped: titles of what was left out.
+    """
+    pictures = "".join(
+        f'<img src="{name}" alt="{name}">' for name in ("exploded.png", "section.png") if (folder / name).is_file()
+    )
+    missing = f"<p>Left out: {escape(', '.join(skipped))} (its own message is in the terminal).</p>" if skipped else ""
+    title = f"Endcap {folder.name}"
+    body = (
+        f"<h1>{escape(title)}</h1><p>{escape(_checks(folder))}</p>{missing}{pictures}<h2>What it will feel</h2>"
+        f"<table>{_figures(folder)}</table><h2>Next</h2><pre>{escape(_next(wanted, folder))}</pre><h2>Every file</h2>"
+        f"<table>{_files(folder)}</table>"
+    )
+    page = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{STYLE}</style></head><body>{body}</body></html>\n"
+    )
+    replace_file(folder / PAGE, page.encode())
+
+
+def _checks(folder: Path) -> str:
+    try:
+        checks = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["checks"]
+    except (OSError, ValueError, KeyError):
+        return "Its manifest cannot be read: make the molds again."
+    return f"{len(checks)} checks of the parts passed, on files that were read back."
+
+
+def _figures(folder: Path) -> str:
+    try:
+        with (folder / "study" / "study.csv").open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+    except OSError:
+        return ""
+    return "".join(
+        f"<tr><td>{escape(row['name'])}</td><td>{escape(_short(row['value']))} {escape(row['unit'])}</td>"
+        f"<td>{escape(row['source'])}</td></tr>"
+        for row in rows
+    )
+
+
+def _short(value: str) -> str:
+    return f"{float(value):.3g}" if value else "–"
+
+
+def _next(wanted: Wanted, folder: Path) -> str:
+    words = shlex.join(wanted.variant)
+    design = f"--diameter {plain(wanted.params.diameter_mm)} --wall {plain(wanted.params.wall_mm)}"
+    other = f" --silicone {shlex.quote(wanted.material)}" if wanted.material != DEFAULT_SILICONE else ""
+    return "\n".join([
+        f"{'make coupons':<64} # print the fit coupon first; give what fits as joint_clearance=",
+        f"{'make sheet ' + words:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",
+        f"python -m sensing.live {design}{other}    # the simulated robot of this size, with its weights",
+        f"python -m sensing.calibrate --photo a.jpg {design} --out camera.json --picture fit.png",
+        f"python -m sensing.live --camera 0 {design}{other}",
+    ])  # fmt: skip
+
+
+def _files(folder: Path) -> str:
+    rows = []
+    for path in sorted(folder.rglob("*"), key=lambda path: (len(path.relative_to(folder).parts), str(path))):
+        name = path.relative_to(folder).as_posix()
+        if path.is_file() and name != PAGE and not path.name.startswith("."):
+            top = name.split("/")[0] if "/" in name else ""
+            ring = "of the LED ring" if top.startswith("led_ring") else ""
+            meaning = MEANINGS.get(name) or ring or BY_FOLDER.get(top) or BY_ENDING.get(path.suffix, "")
+            size = f"{max(1, round(path.stat().st_size / 1000))} kB"
+            link = f'<a href="{escape(name)}">{escape(name)}</a>'
+            rows.append(f"<tr><td>{link}</td><td>{escape(meaning)}</td><td>{size}</td></tr>")
+    return "".join(rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

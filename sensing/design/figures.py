@@ -1,0 +1,184 @@
+"""What a design will feel, figure by figure, each with its source (N, mm, g; by similarity and closed forms)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import asdict, dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from sensing.design.pressed import EXPECTED_SHARE, TILTS_DEG, Study
+
+
+class Source(Enum):
+    """Where a figure comes from."""
+
+    COMPUTED = "computed"
+    MEASURED = "measured"
+    ESTIMATED = "estimated"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of a study.
+
+    Attributes:
+        key: for tables. name: in words. value: None where it is unknown. unit: of the value.
+        source: where it comes from. note: how, in a few words.
+    """
+
+    key: str
+    name: str
+    value: float | None
+    unit: str
+    source: Source
+    note: str
+
+    @property
+    def text(self) -> str:
+        """Value with unit, or a dash."""
+        return "–" if self.value is None else f"{self.value:.3g} {self.unit}".strip()
+
+
+def figures(study: Study) -> list[Figure]:
+    """The lines of a study: what it will feel, what it weighs."""
+    lines = [*_loads(study), *_dots(study), *_errors(study), *_rate(study), *_mass(study)]
+    return [line if line.value is None or math.isfinite(line.value) else _unknown(line) for line in lines]
+
+
+def _unknown(line: Figure) -> Figure:
+    return replace(line, value=None, source=Source.UNKNOWN, note="the simulator refuses the shell before that load")
+
+
+def _loads(study: Study) -> list[Figure]:
+    safe_n, why = study.safe
+    lines = [
+        Figure(
+            f"stiffness_{curve.tilt_deg:g}_n_mm", f"stiffness at {curve.tilt_deg:g} degrees",
+            study.stiffness_n_mm(curve.tilt_deg), "N/mm", Source.COMPUTED, "secant to a fifth of the range",
+        )
+        for curve in study.curves
+    ]  # fmt: skip
+    half = 0.5 * study.range_n
+    lines += [
+        Figure("range_n", "range of the weights", study.range_n, "N", Source.COMPUTED, "35 N at D=130 T=8, as mu T^2"),
+        Figure("safe_n", "largest safe load", safe_n, "N", Source.COMPUTED, f"first of snap, strain, range: {why}"),
+        Figure(
+            "strain_percent", "largest strain at that load", 100 * _strain(study, safe_n), "%", Source.COMPUTED,
+            f"of {study.material.elongation_percent:g} % at break; away from the bonded edge",
+        ),
+        Figure(
+            "depth_mm", "depth at the range, 25 degrees", study.curves[1].depth_at(study.range_n), "mm",
+            Source.COMPUTED, "",
+        ),
+        Figure(
+            "patch_mm2", "contact patch at half the range, 25 degrees", study.curves[1].patch_at(half), "mm2",
+            Source.COMPUTED, "Gauss points in contact",
+        ),
+    ]  # fmt: skip
+    return lines
+
+
+def _strain(study: Study, force_n: float) -> float:
+    return max(curve.strain_at(force_n) for curve in study.curves)
+
+
+def _dots(study: Study) -> list[Figure]:
+    pixels = study.bound.rest_px()
+    apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + np.diag(np.full(len(pixels), np.inf))
+    pitch_px = float(np.median(apart.min(axis=1)))
+    pitch_mm = study.params.inner_radius_mm * math.radians(180 / 13)
+    per_n = study.bound.at(25.0, 0.5 * study.range_n).px_per_n
+    return [
+        Figure("dots", "dots seen", len(pixels), "", Source.COMPUTED, "whole, in 640 x 480"),
+        Figure("pitch_mm", "pitch of the dots", pitch_mm, "mm", Source.COMPUTED, "between rings, on the inner sphere"),
+        Figure("pitch_px", "pitch in the picture", pitch_px, "px", Source.COMPUTED, "median of nearest neighbours"),
+        Figure("px_per_n", "displacement by load, 25 degrees", per_n, "px/N", Source.COMPUTED, "rms over the dots"),
+    ]
+
+
+def _errors(study: Study) -> list[Figure]:
+    lines = [
+        Figure(
+            f"bound_{tilt:g}_n", f"bound on the force error at {tilt:g} degrees",
+            float(np.sqrt(np.mean([b.force_n**2 for b in study.bounds if b.tilt_deg == tilt]))), "N", Source.COMPUTED,
+            "Cramer-Rao from the tracker's measured error, one frame, an axis",
+        )
+        for tilt in TILTS_DEG
+    ]  # fmt: skip
+    torque = float(np.sqrt(np.mean([np.trace(b.covariance[3:, 3:]) / 3 for b in study.bounds])))
+    where = float(
+        np.sqrt(np.mean([(b.sigma[3:5] ** 2).sum() / np.linalg.norm(b.wrench[:3]) ** 2 for b in study.bounds]))
+    )
+    return [
+        *lines,
+        Figure("bound_nm", "bound on the torque error", torque, "N m", Source.COMPUTED, "about the sphere's centre"),
+        Figure(
+            "resolution_mm", "bound on the place of contact", 1000 * where, "mm", Source.COMPUTED,
+            "torque's bound over the force",
+        ),
+        Figure(
+            "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED,
+            f"{100 * EXPECTED_SHARE:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
+        ),
+    ]  # fmt: skip
+
+
+def _rate(study: Study) -> list[Figure]:
+    series = study.material.prony
+    name, note = "stiffer when fast, at most", "Prony series of cad/materials.csv: order of magnitude"
+    if not series:
+        return [Figure("rate_percent", name, None, "%", Source.UNKNOWN, "no series for this silicone")]
+    total = sum(g for g, _ in series)
+    return [Figure("rate_percent", name, 100 * (1 / (1 - total) - 1), "%", Source.ESTIMATED, note)]
+
+
+def _mass(study: Study) -> list[Figure]:
+    return [
+        Figure(
+            "silicone_cm3", "silicone in the shell", study.volume_cm3, "cm3", Source.COMPUTED,
+            "closed form, less the gyroid; without sprues and what stays in the cup",
+        ),
+        Figure("silicone_g", "its mass", study.mass_g, "g", Source.COMPUTED, "density of the data sheet"),
+    ]  # fmt: skip
+
+
+def blind_direction(study: Study) -> str:
+    """What the dots show least, in words."""
+    worst = max(study.bounds, key=lambda bound: bound.force_n / bound.normal_n)
+    direction = worst.weakest()
+    axes = ("fx", "fy", "fz", "tx", "ty", "tz")
+    parts = sorted(zip(np.abs(direction), direction, axes, strict=True), reverse=True)[:2]
+    text = " and ".join(f"{value:+.2f} {axis}" for _, value, axis in parts)
+    return (
+        f"weakest at {worst.tilt_deg:g} degrees and {worst.normal_n:.3g} N, along {text} (contact on azimuth 0); "
+        "torque about the plane's normal is not a direction of its own: a plane's patch is too small to carry much"
+    )
+
+
+def as_csv(lines: list[Figure]) -> str:
+    """Figures as a table."""
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["key", "name", "value", "unit", "source", "note"])
+    for line in lines:
+        value = "" if line.value is None else f"{line.value:.6g}"
+        table.writerow([line.key, line.name, value, line.unit, line.source.value, line.note])
+    return out.getvalue()
+
+
+def as_record(study: Study, lines: list[Figure]) -> dict[str, object]:
+    """Study as plain JSON."""
+    bounds = [
+        {"tilt_deg": b.tilt_deg, "normal_n": b.normal_n, "sigma": b.sigma.tolist(), "wrench": b.wrench.tolist()}
+        for b in study.bounds
+    ]
+    return {
+        "design": asdict(study.params), "digest": study.params.digest, "silicone": study.silicone,
+        "figures": [asdict(line) | {"source": line.source.value} for line in lines], "bounds": bounds,
+        "blind": blind_direction(study),
+    }  # fmt: skip

@@ -1,0 +1,95 @@
+"""A study and the map as pages: one HTML file each, which needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from cad.materials import silicones
+from cad.plain_numbers import plain
+from sensing.design.figures import Figure, blind_direction
+from sensing.design.plots import bound_bars, dots_picture, load_curves, map_panels
+from sensing.design.pressed import Study
+from sensing.design.region import Choice, Place
+from sensing.wrench.weight_files import command_for, find_weights
+
+STYLE = """
+body{font:15px/1.45 system-ui,sans-serif;max-width:70rem;margin:1.5rem auto;padding:0 1rem;color:#1b1b1b}
+table{border-collapse:collapse}td,th{padding:.15rem .7rem .15rem 0;text-align:left;vertical-align:top}
+td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}img{max-width:100%}
+.computed{color:#186a3b}.measured{color:#1a4f8b}.estimated{color:#9a6400}.unknown{color:#888}
+code,pre{background:#f3f3f3;padding:.1rem .3rem}small{color:#555}
+"""
+SOURCES = (
+    '<p><small><span class="computed">computed</span>: from solved states of the simulator and closed forms; '
+    '<span class="measured">measured</span>: on rendered frames or files of this design; '
+    '<span class="estimated">estimated</span>: order of magnitude, with its reason; '
+    '<span class="unknown">unknown</span>: nobody can say yet.</small></p>'
+)
+
+
+def study_page(study: Study, lines: Sequence[Figure]) -> str:
+    """What an endcap will feel.
+
+    Args:
+        study: the design. lines: its figures.
+    """
+    params = study.params
+    words = f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
+    weights = find_weights(params, study.silicone)
+    has = f"weights: <code>{escape(str(weights))}</code>" if weights else "no weights yet:"
+    train = "" if weights else f"<pre>{escape(command_for(params, study.silicone))}</pre>"
+    pictures = "".join(
+        f'<p><img src="{picture}" alt="{alt}"></p>'
+        for picture, alt in (
+            (load_curves(study), "force, patch and strain by depth"),
+            (bound_bars(study), "bound on the error by tilt, load and axis"),
+            (dots_picture(study), "dots in the picture"),
+        )
+    )
+    return _page(
+        f"{params.label} in {study.silicone}: what it will feel",
+        f"<table>{''.join(_row(line) for line in lines)}</table>{SOURCES}"
+        f"<p>Blind: {escape(blind_direction(study))}.</p>{pictures}"
+        f"<h2>Next</h2><p>{has}</p>{train}<pre>make molds {words}\nmake endcap {words}\n"
+        f"python -m sensing.live --diameter {plain(params.diameter_mm)} --wall {plain(params.wall_mm)}</pre>",
+    )
+
+
+def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) -> str:
+    """The whole region for every silicone, and the answer to a question.
+
+    Args:
+        places: of the map. choices: answer, empty without a question. question: in words.
+    """
+    answer = ""
+    if choices:
+        rows = "".join(
+            f"<tr><td><b>{escape(choice.place.label)}</b></td><td>{escape(choice.why)}</td></tr>" for choice in choices
+        )
+        answer = f"<h2>{escape(question)}</h2><table>{rows}</table>"
+    panels = "".join(
+        f'<p><img src="{map_panels(places, name)}" alt="map of {escape(name)}"></p>'
+        for name in silicones()
+        if any(place.silicone == name for place in places)
+    )
+    note = (
+        "<p>Range, stiffness, bound and mass are computed (library of solved states, closed forms), cost is estimated "
+        "(silicone at 40 dollars a kg for every kind, mold PLA of D=130 with R squared). All but mass and cost go with "
+        "the shear modulus, so the maps of two silicones differ by a factor.</p>"
+    )
+    return _page("Designs that can be made, and what each will feel", answer + note + panels)
+
+
+def _row(line: Figure) -> str:
+    return (
+        f'<tr><td>{escape(line.name)}</td><td class="n">{escape(line.text)}</td>'
+        f'<td class="{line.source.value}">{line.source.value}</td><td><small>{escape(line.note)}</small></td></tr>'
+    )
+
+
+def _page(title: str, body: str) -> str:
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>{body}</body></html>\n"
+    )

@@ -1,0 +1,199 @@
+"""The whole region of designs that can be made: figures over (D, T), the Pareto front, and the inverse question.
+
+Everything but mass and cost goes with the shear modulus: one silicone is computed, the others are scaled.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import ParameterError
+from cad.feasible import diameter_range_mm, wall_range_mm
+from cad.materials import DEFAULT_SILICONE, silicone, silicones
+from cad.params import EndcapParams
+from sensing.design.pressed import EXPECTED_SHARE, Study
+
+Progress = Callable[[int, int], None]
+DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike
+SILICONE_USD_KG = 40.0  # E: as in the bill of materials, for all silicones
+MOLD_USD, MOLD_RADIUS_MM = 8.5, 65.0  # P: PLA of the mold at D=130; E: in proportion to R^2, as thin walls
+
+
+@dataclass(frozen=True)
+class Place:
+    """One design and silicone of the map.
+
+    Attributes:
+        diameter_mm, wall_mm, silicone: which.
+        range_n: of the weights. safe_n: largest safe load. limit: what limits it.
+        stiffness_n_mm: at 25 degrees. bound_n: Cramer-Rao of the force, an axis. mass_g: of the silicone.
+        cost_usd: silicone and mold (estimated). pareto: no other place has more range, less error in percent of it and
+            less mass.
+    """
+
+    diameter_mm: float
+    wall_mm: float
+    silicone: str
+    range_n: float
+    safe_n: float
+    limit: str
+    stiffness_n_mm: float
+    bound_n: float
+    mass_g: float
+    cost_usd: float
+    pareto: bool = False
+
+    @property
+    def error_n(self) -> float:
+        """Force error an axis that trained weights are expected to have."""
+        return max(self.bound_n, EXPECTED_SHARE * self.range_n)
+
+    @property
+    def label(self) -> str:
+        """In words."""
+        return f"D={self.diameter_mm:g} T={self.wall_mm:g} {self.silicone}"
+
+
+def place_of(study: Study) -> Place:
+    """A study's figures for the map."""
+    safe_n, limit = study.safe
+    params = study.params
+    mold = MOLD_USD * (params.outer_radius_mm / MOLD_RADIUS_MM) ** 2
+    return Place(
+        params.diameter_mm, params.wall_mm, study.silicone, study.range_n, safe_n, limit,
+        study.stiffness_n_mm(25.0), study.bound_n, study.mass_g, SILICONE_USD_KG * study.mass_g / 1000 + mold,
+    )  # fmt: skip
+
+
+def in_silicone(place: Place, name: str) -> Place:
+    """The same shell in another silicone: loads, stiffness and errors go with mu, mass with the density.
+
+    Args:
+        place: of any silicone without a strain limit. name: row of cad/materials.csv.
+    """
+    before, after = silicone(place.silicone), silicone(name)
+    stiffer = after.neo_hooke().shear_mpa / before.neo_hooke().shear_mpa
+    mass = place.mass_g * after.density_g_cm3 / before.density_g_cm3
+    return replace(
+        place, silicone=name, range_n=place.range_n * stiffer, safe_n=place.safe_n * stiffer,
+        stiffness_n_mm=place.stiffness_n_mm * stiffer, bound_n=place.bound_n * stiffer, mass_g=mass,
+        cost_usd=place.cost_usd + SILICONE_USD_KG * (mass - place.mass_g) / 1000, pareto=False,
+    )  # fmt: skip
+
+
+def grid(diameters: int = DIAMETERS, walls: int = WALLS) -> list[tuple[float, float]]:
+    """(D, T) over the region that can be made, rounded to 0.1 mm inside it.
+
+    Args:
+        diameters: how many, from the smallest to the largest. walls: how many at each.
+    """
+    low, high = diameter_range_mm()
+    places = []
+    for diameter in np.linspace(math.ceil(low * 10 + 1) / 10, high, diameters):
+        d = round(float(diameter), 1)
+        thin, thick = wall_range_mm(d)
+        for wall in np.linspace(thin, math.floor(thick * 10) / 10, walls):
+            t = round(float(wall), 1)
+            if thin <= t <= thick and (d, t) not in places:
+                places.append((d, t))
+    return places
+
+
+def survey(designs: Sequence[tuple[float, float]], progress: Progress | None = None) -> list[Place]:
+    """Places of designs in every silicone.
+
+    Args:
+        designs: (D, T) of each, mm. progress: called with (designs done, designs in all).
+    """
+    found: list[Place] = []
+    for count, (diameter, wall) in enumerate(designs, 1):
+        place = place_of(Study(EndcapParams(diameter, wall), DEFAULT_SILICONE))
+        found += [in_silicone(place, name) for name in silicones()]
+        if progress is not None:
+            progress(count, len(designs))
+    return [replace(place, pareto=bool(best)) for place, best in zip(found, pareto(found), strict=True)]
+
+
+def pareto(places: Sequence[Place]) -> NDArray[np.bool_]:
+    """(N,) places that no other beats in range, error in percent of it, and mass at once."""
+    goals = np.array([[-p.range_n, p.bound_n / p.range_n, p.mass_g] for p in places])
+    beaten = [bool(((goals <= goal).all(axis=1) & (goals < goal).any(axis=1)).any()) for goal in goals]
+    return ~np.array(beaten, dtype=bool)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One answer to the inverse question."""
+
+    place: Place
+    why: str
+
+
+def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choice]:
+    """Three designs that bear a load with an error: the lightest, the most exact, the smallest.
+
+    Args:
+        places: to choose from. load_n: normal force to be borne. error_n: force error an axis, expected of weights.
+
+    Raises:
+        ParameterError: none does; the message names the nearest.
+    """
+    for name, value in (("load", load_n), ("error", error_n)):
+        if not (math.isfinite(value) and value > 0):
+            raise ParameterError(f"{name}={value:g}: give newtons, more than 0", name=name, value=value)
+    bears = [place for place in places if place.safe_n >= load_n]
+    if not bears:
+        most = max(places, key=lambda place: place.safe_n)
+        raise ParameterError(
+            f"load={load_n:g} N: no design bears it; the most is {most.safe_n:.4g} N with {most.label}",
+            name="load",
+            value=load_n,
+        )
+    good = [place for place in bears if place.error_n <= error_n]
+    if not good:
+        best = min(bears, key=lambda place: place.error_n)
+        raise ParameterError(
+            f"error={error_n:g} N at load={load_n:g} N: no design is expected to do so well; the least is "
+            f"{best.error_n:.3g} N with {best.label} (the dots alone would allow {best.bound_n:.3g} N)",
+            name="error",
+            value=error_n,
+        )
+    wishes: list[tuple[str, Callable[[Place], float]]] = [
+        ("lightest", lambda place: place.mass_g),
+        ("most exact", lambda place: place.error_n),
+        ("smallest", lambda place: place.diameter_mm),
+    ]
+    chosen: list[Choice] = []
+    for word, key in wishes:
+        left = [place for place in good if all(place != choice.place for choice in chosen)]
+        if left:
+            place = sorted(sorted(left, key=lambda p: p.mass_g), key=key)[0]
+            others = "" if key(place) <= min(map(key, good)) else " but for those above,"
+            chosen.append(Choice(place, _why(word + others, place, len(good))))
+    return chosen
+
+
+def _why(word: str, place: Place, count: int) -> str:
+    return (
+        f"{word} of {count} designs that do: bears {place.safe_n:.4g} N ({place.limit}), {place.error_n:.2g} N "
+        f"expected (dots allow {place.bound_n:.2g}), {place.stiffness_n_mm:.3g} N/mm, {place.mass_g:.3g} g of silicone"
+    )
+
+
+def as_csv(places: Sequence[Place]) -> str:
+    """The map as a table."""
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    names = list(Place.__dataclass_fields__)
+    table.writerow([*names, "error_n"])
+    for place in places:
+        values = [getattr(place, name) for name in names]
+        table.writerow([f"{v:.5g}" if isinstance(v, float) else v for v in [*values, place.error_n]])
+    return out.getvalue()

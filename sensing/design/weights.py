@@ -1,0 +1,143 @@
+"""Weights of any design and silicone in minutes: states from the library, seen by the camera of that size, trained.
+
+    model = design_weights(DesignRequest(EndcapParams(180, 10)), FitConfig())
+
+Training happens in the loads of D=130 T=8 (torques too), in which its units and regularisation were chosen; the two
+linear ends of the network then carry the scale of the design's own loads.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.materials import DEFAULT_SILICONE, silicone
+from cad.params import EndcapParams
+from sensing.learning.contenders import read_all
+from sensing.learning.fit_config import FitConfig
+from sensing.learning.samples import MARKERS, SHAPE, Samples
+from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.protocols.loading import LoadPath
+from sensing.simulator.similarity.labelled import (
+    StateSource,
+    library_source,
+    shell_of,
+    with_azimuths,
+    write_labelled,
+)
+from sensing.simulator.similarity.paths import library_paths
+from sensing.simulator.similarity.ratios import REFERENCE_RADIUS_MM, LoadScale
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.wrench.model import WrenchModel
+
+AZIMUTHS, PICTURE_AZIMUTHS = 8, 1  # of every state: for training, and in pictures that scale the covariance
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """What weights are wanted for.
+
+    Attributes:
+        params: the design. silicone: row of cad/materials.csv.
+        azimuths: at which every state is seen. pictures: render and track the states once, to scale the covariance.
+        numbers: of the library's paths that are used; None for all.
+    """
+
+    params: EndcapParams
+    silicone: str = DEFAULT_SILICONE
+    azimuths: int = AZIMUTHS
+    pictures: bool = True
+    numbers: tuple[int, ...] | None = None
+
+    @property
+    def paths(self) -> list[LoadPath]:
+        """The paths that are used."""
+        return [path for path in library_paths() if self.numbers is None or path.number in self.numbers]
+
+    @property
+    def scale(self) -> LoadScale:
+        """Loads of this design against those of D=130 T=8."""
+        geometry = shell_geometry(self.params.diameter_mm, self.params.wall_mm)
+        return LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa)
+
+    @property
+    def wrench_scale(self) -> NDArray[np.float64]:
+        """(6,) factors on forces and torques."""
+        force = self.scale.force
+        return np.repeat([force, force * self.params.outer_radius_mm / REFERENCE_RADIUS_MM], 3)
+
+    def data(self, render: str, azimuths: int) -> DataRequest:
+        """Request of a set.
+
+        Args:
+            render: quality of the pictures, or ``off``. azimuths: of every state.
+        """
+        return DataRequest(
+            frames=1, diameter_mm=self.params.diameter_mm, wall_mm=self.params.wall_mm, silicone=self.silicone,
+            azimuths=azimuths, render=render, lamp="steady",
+        )  # fmt: skip
+
+
+def design_weights(
+    request: DesignRequest, config: FitConfig, say: Say | None = None, solved: StateSource | None = None
+) -> WrenchModel:
+    """Train weights for a design.
+
+    Args:
+        request: what for.
+        config: knobs of training.
+        say: takes one line for each stage.
+        solved: states of the library's paths from elsewhere (a direct simulation); None takes the library.
+
+    Raises:
+        ParameterError: a design outside the library. FileError: no library, or no place for its pictures.
+    """
+    from sensing.learning.fitting import fit  # torch takes seconds to load
+
+    say = say or (lambda text: None)
+    with tempfile.TemporaryDirectory(prefix="endcap_weights_") as place:
+        folder = Path(place)
+        shell = shell_of(request.data("off", request.azimuths))
+        source = solved or library_source(shell[0])
+        paths = request.paths
+        say(f"states of {request.params.label} from the library")
+        states = request.data("off", request.azimuths)
+        write_labelled(states, with_azimuths(paths, request.azimuths), source, folder / "states", shell)
+        pictured = None
+        if request.pictures:
+            say("pictures of them, tracked")
+            look = request.data("data", PICTURE_AZIMUTHS)
+            write_labelled(look, with_azimuths(paths, PICTURE_AZIMUTHS), source, folder / "pictures", shell)
+            pictured = _to_reference(read_all([folder / "pictures"], "dots", SHAPE), request)
+        say("fields of 32 domain-randomised sensors")
+        samples = _to_reference(read_all([folder / "states"], MARKERS, SHAPE), request)
+        say("training")
+        model = fit(samples, config, pictures=pictured)
+    return _to_design(model, request)
+
+
+def _to_reference(samples: Samples, request: DesignRequest) -> Samples:
+    return replace(samples, wrenches=samples.wrenches / request.wrench_scale, source="library")
+
+
+def _to_design(model: WrenchModel, request: DesignRequest) -> WrenchModel:
+    """The network with its outputs in the design's own loads."""
+    factor = request.wrench_scale
+    weights = dict(model.weights)
+    weights["linear"] = (weights["linear"] * factor[:, None]).astype(np.float32)
+    weights["units"] = (weights["units"] * factor).astype(np.float32)
+    metrics = {
+        name: [round(float(e * f), 7) for e, f in zip(rmse, factor, strict=True)]
+        for name, rmse in model.about["metrics"].items()
+    }
+    about = {
+        **model.about, "metrics": metrics, "silicone": request.silicone, "made_by": "similarity",
+        "range_n": round(request.scale.top_n, 3),
+    }  # fmt: skip
+    return replace(model, weights=weights, about=about)

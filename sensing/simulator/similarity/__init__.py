@@ -1,0 +1,1 @@
+"""States of every shell from a few solved ones: units, library, labelled sets of any design and silicone."""

@@ -1,0 +1,252 @@
+"""Labelled frames of any design and silicone from the library, in the form of every data set.
+
+    states = library_source(request)                      # or solved_source(request): the same paths, solved directly
+    write_labelled(request, library_paths(), states, Path("exports/D180_T10/states"))
+
+The folder is that of :mod:`sensing.records_labelled`; what reads solved sets reads these. Loads are those of
+:class:`sensing.simulator.similarity.ratios.LoadScale`. Level 5 in the column ``level`` means: from the library.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import FileError
+from cad.materials import silicone
+from cad.whole_file import put_file
+from sensing.records_labelled import COLUMNS, FORMAT
+from sensing.simulator.dataset.frames import world_pose
+from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.dataset.states import PathState, path_states
+from sensing.simulator.levels import Simulator
+from sensing.simulator.protocols.loading import PHASES, LoadPath, Waypoint
+from sensing.simulator.render.dome import DomeRenderer
+from sensing.simulator.scene import SceneState
+from sensing.simulator.similarity.library import Library, ShellStates, load_library
+from sensing.simulator.similarity.paths import library_paths, scaled, touching_steps
+from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
+from sensing.simulator.solid.surface import dot_directions, turn_wrench
+
+LEVEL = 5  # in the column "level"
+PROTOCOL = "library"
+StateSource = Callable[[LoadPath], list[PathState]]  # a path for this shell -> its states, without the refused
+Progress = Callable[[int, int], None]
+
+
+def shell_of(request: DataRequest) -> tuple[Simulator, LoadScale]:
+    """Simulator of a request's shell and the scale of its loads.
+
+    Args:
+        request: design, silicone, density and tolerance.
+    """
+    law = silicone(request.silicone).neo_hooke()
+    geometry = shell_geometry(request.diameter_mm, request.wall_mm)
+    simulator = Simulator(geometry, law, request.density, min(request.level, 2), request.tolerance)
+    return simulator, LoadScale.of(geometry, law.shear_mpa)
+
+
+def library_source(simulator: Simulator, library: Library | None = None) -> StateSource:
+    """States of a shell by similarity, for the library's own paths.
+
+    Args:
+        simulator: of the shell. library: None for the one that ships.
+    """
+    geometry, units = simulator.geometry, wrench_units(simulator.geometry.outer_radius_mm, simulator.law.shear_mpa)
+    states = (library or load_library()).states(ShellRatios.of(geometry))
+    first, count = {}, 0
+    for path in library_paths():
+        first[path.number] = count
+        count += len(touching_steps(path))
+    order = common_order(geometry, simulator.surface.position)
+
+    def source(path: LoadPath) -> list[PathState]:
+        found, row = [], first[path.number]
+        for step, point in enumerate(path.waypoints):
+            if point.target is None:
+                found.append(_apart(simulator, step, point))
+                continue
+            if states.known[row]:
+                found.append(_from_library(states, row, step, point, geometry, order, units))
+            row += 1
+        return found
+
+    return source
+
+
+def solved_source(simulator: Simulator) -> StateSource:
+    """States of a shell solved directly: the full simulation that the library stands for."""
+    last: list[float] = []
+
+    def source(path: LoadPath) -> list[PathState]:
+        if last != [path.tilt_deg]:
+            simulator.forget()
+            last[:] = [path.tilt_deg]
+        return path_states(simulator, path)[0]
+
+    return source
+
+
+def write_labelled(
+    request: DataRequest,
+    paths: Sequence[LoadPath],
+    source: StateSource,
+    folder: Path,
+    shell: tuple[Simulator, LoadScale],
+    progress: Progress | None = None,
+) -> int:
+    """Write a set of paths that are given for D=130 T=8 in Smooth-Sil 950; replaces what the folder held.
+
+    Args:
+        request: design, silicone, azimuths, camera and look of the pictures (``render``).
+        paths: loading paths; they are scaled to the shell.
+        source: states of a scaled path.
+        folder: where.
+        shell: of :func:`shell_of`.
+        progress: called with (paths done, paths in all).
+
+    Returns:
+        Number of labelled frames.
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
+    simulator, scale = shell
+    renderer, frames = _renderer(request, simulator), 0
+    try:
+        (folder / "shards").mkdir(parents=True, exist_ok=True)
+        for old in (folder / "shards").glob("*.npz"):
+            old.unlink()
+        _begin(request, simulator, folder, len(paths))
+        for number, path in enumerate(paths):
+            shard = _shard(request, simulator, renderer, scaled(path, scale), source)
+            frames += len(shard["path"])
+            buffer = io.BytesIO()
+            np.savez(buffer, **cast(dict[str, Any], shard))
+            put_file(folder / "shards" / f"{number:05d}.npz", buffer.getvalue())
+            if progress is not None:
+                progress(number + 1, len(paths))
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be written ({error.strerror or error}): choose another folder") from error
+    return frames
+
+
+def _renderer(request: DataRequest, simulator: Simulator) -> DomeRenderer | None:
+    if request.render == "off":
+        return None
+    surface = simulator.surface
+    return DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
+
+
+def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int) -> None:
+    record = request.record() | {"protocol": PROTOCOL, "level": LEVEL}
+    manifest = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": record, "shards": shards}
+    manifest["identity"] = request.identity.record()
+    geometry = simulator.geometry
+    dots = geometry.inner_radius_mm * dot_directions(geometry) + np.array(geometry.centre_mm)
+    buffer = io.BytesIO()
+    np.savez(buffer, dots_mm=dots, surface_mm=simulator.surface.position)
+    put_file(folder / "dots.npz", buffer.getvalue())
+    request.mounted.save(folder / "camera.json", request.identity)
+    put_file(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
+
+
+def _shard(
+    request: DataRequest, simulator: Simulator, renderer: DomeRenderer | None, path: LoadPath, source: StateSource
+) -> dict[str, NDArray[Any]]:
+    """Columns and pictures of one path."""
+    states = source(path)
+    rows: list[dict[str, Any]] = []
+    pictures: list[bytes] = []
+    noise = path.number << 14
+    for azimuth in path.azimuths_deg[: request.azimuths]:
+        for state in states:
+            moved = simulator.markers(state.end, azimuth)
+            row = _labels(request, path, state, azimuth) | {"dots_mm": moved.astype(np.float32)}
+            if renderer is None:
+                pixels = np.full((len(moved), 2), np.nan)
+                seen = np.zeros(len(moved), dtype=bool)
+            else:
+                noise += 1
+                frame = renderer.render(
+                    state.end.surface_mm, azimuth_deg=azimuth, frame=noise, settings=request.settings
+                )
+                pixels, seen = frame.dots_px, frame.dots_visible
+                pictures.append(frame.jpeg)
+            rows.append(row | {"dots_px": pixels.astype(np.float32), "dots_visible": seen})
+    arrays: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows]) for name in COLUMNS}
+    arrays["refusals"] = np.array([], dtype=np.str_)
+    if renderer is None:
+        return arrays
+    reference = renderer.render(frame=path.number << 14, settings=request.settings).jpeg
+    return arrays | _joined("jpeg", pictures) | _joined("reference_jpeg", [reference])
+
+
+def _labels(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg: float) -> dict[str, Any]:
+    end, point = state.end, path.waypoints[state.step]
+    wrench = turn_wrench(end.wrench, azimuth_deg)
+    return {
+        "path": path.number, "step": state.step, "phase": PHASES.index(point.phase), "level": end.level, "scene": -1,
+        "endcap": -1, "time_s": point.time_s, "exposure_s": 0.0, "latency_s": 0.0, "tilt_deg": path.tilt_deg,
+        "azimuth_deg": azimuth_deg, "friction": path.friction, "depth_mm": end.depth_mm,
+        "shift_mm": np.array(end.shift_mm), "normal_n": end.normal_n,
+        "T_world_endcap": world_pose(request, path, state, azimuth_deg), "force_n": wrench[:3],
+        "torque_nm": wrench[3:] / 1000, "contact": end.normal_n > 0, "patch_mm2": end.patch_mm2,
+        "slip_share": end.slip_share, "residual": end.error_estimate, "reference": 0, "lamp_brightness": 1.0,
+        "lamp_gradient": 0.0, "lamp_azimuth_deg": 0.0, "camera_exposure": request.settings.sensor.exposure,
+    }  # fmt: skip
+
+
+def _from_library(
+    states: ShellStates, row: int, step: int, point: Waypoint, geometry: ShellGeometry, order: NDArray[np.int64],
+    units: Array,
+) -> PathState:  # fmt: skip
+    """State of a row of the library on a shell."""
+    assert point.target is not None
+    radius = geometry.outer_radius_mm
+    surface = np.empty_like(states.surface[row])
+    surface[order] = states.surface[row] * radius
+    depth, normal, patch, slip = states.labels[row]
+    end = SceneState(
+        LEVEL,
+        float(depth * radius),
+        point.target.shift_mm,
+        float(normal * units[0]),
+        (float("nan"), float("nan")),
+        about(states.wrench[row] * units, -np.array(geometry.centre_mm)),
+        surface,
+        float(patch * radius**2),
+        float(np.clip(slip, 0.0, 1.0)),
+        0.0,
+        None,
+        None,
+    )
+    return PathState(step, end, end)
+
+
+def _apart(simulator: Simulator, step: int, point: Waypoint) -> PathState:
+    rest = np.zeros_like(simulator.surface.position)
+    end = SceneState(LEVEL, -point.apart_mm, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), rest, 0.0, 0.0, 0.0, None, None)
+    return PathState(step, end, end)
+
+
+def _joined(prefix: str, pictures: list[bytes]) -> dict[str, NDArray[Any]]:
+    ends = np.cumsum([len(picture) for picture in pictures], dtype=np.int64)
+    return {prefix: np.frombuffer(b"".join(pictures), np.uint8), f"{prefix}_end": ends}
+
+
+def with_azimuths(paths: Sequence[LoadPath], count: int) -> list[LoadPath]:
+    """The same paths, labelled at ``count`` azimuths, evenly turned from their first (states stay what they are)."""
+    turns = np.arange(count) * (360.0 / count)
+    return [
+        replace(path, azimuths_deg=tuple(float((path.azimuths_deg[0] + t) % 360.0) for t in turns)) for path in paths
+    ]

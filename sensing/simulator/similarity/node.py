@@ -1,0 +1,65 @@
+"""One solved shell of the library, and its file while the library is made."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cad.whole_file import replace_file
+from sensing.simulator.similarity.ratios import ShellRatios
+from sensing.simulator.solid.element import Array
+
+LABELS = ("depth", "normal", "patch", "slip")  # in units of R, mu R^2, R^2, 1
+CAPACITY_TILTS_DEG = (0.0, 25.0, 50.0)
+CAPACITY_DEPTHS = tuple(float(d) for d in np.linspace(0.02, 0.30, 15))  # of R
+CAPACITY_FRICTION = 0.6
+CAPACITY = ("depth", "normal", "patch", "stretch")  # in units of R, mu R^2, R^2, 1
+
+
+@dataclass(frozen=True)
+class SolvedNode:
+    """States of one shell, in units of R, mu R^2 and mu R^3; S states of all paths in their order.
+
+    Attributes:
+        ratios: of the shell.
+        surface: (S, n, 3) displacement of the inner surface at the common points, NaN for a state that is missing.
+        wrench: (S, 6) on the endcap about the sphere's centre, azimuth 0.
+        labels: (S, 4) :data:`LABELS`.
+        capacity: (3, 15, 4) :data:`CAPACITY` by tilt and depth, NaN from the first refused depth on.
+    """
+
+    ratios: ShellRatios
+    surface: Array
+    wrench: Array
+    labels: Array
+    capacity: Array
+
+
+def save_node(node: SolvedNode, path: Path) -> None:
+    """Write a node, whole or not at all."""
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        ratios=np.array([node.ratios.wall, node.ratios.clamp]),
+        surface=node.surface.astype(np.float32),
+        wrench=node.wrench,
+        labels=node.labels,
+        capacity=node.capacity,
+    )
+    replace_file(path, buffer.getvalue())
+
+
+def read_node(path: Path) -> SolvedNode:
+    """Read what :func:`save_node` wrote."""
+    with np.load(path, allow_pickle=False) as data:
+        wall, clamp = data["ratios"]
+        return SolvedNode(
+            ShellRatios(float(wall), float(clamp)),
+            data["surface"].astype(float),
+            data["wrench"],
+            data["labels"],
+            data["capacity"],
+        )

@@ -1,0 +1,27 @@
+"""The shells of the library: where in the valid region of (D, T) they lie (mm). Only their ratios count."""
+
+from __future__ import annotations
+
+Design = tuple[float, float]
+NODES: tuple[Design, ...] = (
+    (250.0, 6.5),
+    (250.0, 25.0),
+    (165.0, 6.5),
+    (121.0, 6.5),
+    (125.0, 12.5),
+    (110.0, 8.5),
+    (99.0, 6.5),
+    (100.0, 10.0),
+)
+SOME_PATHS: dict[Design, tuple[int, ...]] = {  # near its snap level 2 hands most states over: one path at each tilt
+    (250.0, 6.5): (0, 4, 8, 9, 13, 17, 18, 22)
+}
+
+
+def file_name(part: str, design: Design) -> str:
+    """Name of a solved node's file.
+
+    Args:
+        part: ``node`` or ``stands``. design: D and T, mm.
+    """
+    return f"{part}_D{design[0]:g}_T{design[1]:g}.npz"

@@ -1,0 +1,150 @@
+"""The loading paths of the library, for D=130 T=8 in Smooth-Sil 950, and how they are scaled to another shell (N, mm).
+
+Eight tilts between 3 and 54 degrees, three paths each: touches, set-points, then a circle, a drag to slip, or travel
+while the force swings, then unloading. Seeds and numbers are apart from those of every protocol.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from sensing.simulator.press.press import Target
+from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
+from sensing.simulator.protocols.static import FRICTION_RANGE
+from sensing.simulator.robot.scene import ScenePlan, plan_scene
+from sensing.simulator.similarity.ratios import RELEASED_LOAD_N, LoadScale
+
+TILTS_DEG = (3.0, 11.0, 18.0, 25.0, 32.0, 39.0, 46.0, 54.0)
+PATHS_PER_TILT = 3  # they share level 2's tangents
+SEED = 20_261  # of the library's paths
+TOP = (0.35, 1.15)  # of the released 35 N
+RADIUS_MM = (0.5, 4.0)  # of circles and drags, as in the static protocol
+TRAVEL_STATES = 10
+APART_MM = 2.0
+FIRST_STAND = 1000  # number of the first path of the simulated robot
+
+
+def library_path(number: int, azimuths: int = 4) -> LoadPath:
+    """One path; its kind of travel goes by ``number % 3``, its tilt by the shard.
+
+    Args:
+        number: identity. azimuths: how many azimuths (any, uniform) are labelled from it.
+    """
+    rng = np.random.default_rng([SEED, number])
+    tilt = TILTS_DEG[number // PATHS_PER_TILT % len(TILTS_DEG)]
+    top = RELEASED_LOAD_N * float(rng.uniform(*TOP))
+    points = [Waypoint("approach", None, APART_MM)]
+    points += [Waypoint("touch", Target(normal_n=float(f))) for f in np.sort(np.exp(rng.uniform(-1, 1.6, 3)))]
+    rise = np.linspace(5.0, top, max(3, round(top / 7)))
+    points += [Waypoint("load", Target(normal_n=float(force))) for force in rise]
+    held = float(rng.uniform(0.3, 1.0)) * top
+    points += [Waypoint("unload", Target(normal_n=held))]
+    points += (_circle, _drag, _swing)[number % 3](rng, held)
+    last = points[-1].target
+    assert last is not None and last.normal_n is not None
+    points += [Waypoint("unload", replace(last, normal_n=s * last.normal_n)) for s in (0.5, 0.2, 0.06)]
+    points.append(Waypoint("clear", None, APART_MM))
+    turns = tuple(float(a) for a in rng.uniform(0, 360, azimuths))
+    return LoadPath(number, tilt, float(rng.uniform(*FRICTION_RANGE)), turns, timed(points))
+
+
+def library_paths() -> list[LoadPath]:
+    """All paths, those of one tilt side by side."""
+    return [library_path(number) for number in range(PATHS_PER_TILT * len(TILTS_DEG))]
+
+
+def scaled(path: LoadPath, scale: LoadScale) -> LoadPath:
+    """The path on another shell: forces, travel and depths in proportion; times, tilt and friction as they are."""
+    points = tuple(
+        replace(
+            point,
+            target=None if point.target is None else _target(point.target, scale),
+            begins=None if point.begins is None else _target(point.begins, scale),
+            via=tuple(_target(target, scale) for target in point.via),
+        )
+        for point in path.waypoints
+    )
+    return replace(path, waypoints=points)
+
+
+@lru_cache(maxsize=1)
+def plan() -> ScenePlan:
+    """The released robot's stands."""
+    return plan_scene()
+
+
+def load_share() -> float:
+    """Part of the 12 kg robot's load with which the stands are pressed, so that the largest is the released 35 N."""
+    loads = [point.target.normal_n for path in _released_paths() for point in path.waypoints if point.target]
+    return RELEASED_LOAD_N / max(load for load in loads if load is not None)
+
+
+def stand_paths() -> list[LoadPath]:
+    """One path for each loaded endcap of each stand, for D=130 T=8 in Smooth-Sil 950."""
+    share = LoadScale(load_share(), 1.0, 1.0)
+    return [replace(scaled(path, share), number=FIRST_STAND + k) for k, path in enumerate(_released_paths())]
+
+
+def touching_steps(path: LoadPath) -> list[int]:
+    """Numbers of the waypoints of a path that touch."""
+    return [step for step, point in enumerate(path.waypoints) if point.target is not None]
+
+
+def _released_paths() -> list[LoadPath]:
+    return [plan().path(*place)[0] for place in plan().places()]
+
+
+def _target(target: Target, scale: LoadScale) -> Target:
+    def pair(values: tuple[float, float], factor: float) -> tuple[float, float]:
+        return values[0] * factor, values[1] * factor
+
+    return replace(
+        target,
+        normal_n=None if target.normal_n is None else target.normal_n * scale.force,
+        depth_mm=None if target.depth_mm is None else target.depth_mm * scale.depth,
+        shift_mm=pair(target.shift_mm, scale.shift),
+        tangential_n=None if target.tangential_n is None else pair(target.tangential_n, scale.force),
+    )
+
+
+def _circle(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
+    radius, heading = float(rng.uniform(*RADIUS_MM)), float(rng.uniform(0, 2 * math.pi))
+    sense = float(rng.choice([-1.0, 1.0]))
+    return [
+        Waypoint("circle", Target(normal_n=force_n, shift_mm=_on_circle(radius, heading, sense, k / TRAVEL_STATES)))
+        for k in range(1, TRAVEL_STATES + 1)
+    ]
+
+
+def _drag(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
+    """Out, to slip, and half of the way back."""
+    reach, heading = float(rng.uniform(2, 8)), float(rng.uniform(0, 2 * math.pi))
+    way = [*np.linspace(0, 1, 8)[1:], 0.85, 0.65, 0.4]
+    return [
+        Waypoint(
+            "drag",
+            Target(normal_n=force_n, shift_mm=(s * reach * math.cos(heading), s * reach * math.sin(heading))),
+        )
+        for s in map(float, way)
+    ]
+
+
+def _swing(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
+    """A circle while the force swings, as on a moving robot."""
+    radius, heading = float(rng.uniform(*RADIUS_MM)), float(rng.uniform(0, 2 * math.pi))
+    swing, beat, sense = float(rng.uniform(0.1, 0.4)), float(rng.uniform(1, 2.5)), float(rng.choice([-1.0, 1.0]))
+    points = []
+    for k in range(1, TRAVEL_STATES + 1):
+        turn = 1.3 * k / TRAVEL_STATES
+        force = force_n * (1 + swing * math.sin(2 * math.pi * beat * turn))
+        points.append(Waypoint("circle", Target(normal_n=force, shift_mm=_on_circle(radius, heading, sense, turn))))
+    return points
+
+
+def _on_circle(radius_mm: float, heading: float, sense: float, turn: float) -> tuple[float, float]:
+    angle = heading + sense * 2 * math.pi * turn
+    return radius_mm * (math.sin(angle) - math.sin(heading)), radius_mm * (math.cos(heading) - math.cos(angle))

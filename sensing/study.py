@@ -1,0 +1,145 @@
+"""What a design will feel, before anything is printed: ``python -m sensing.study --help``.
+
+python -m sensing.study 130 8
+python -m sensing.study D=180 T=10 material='Dragon Skin 20'
+python -m sensing.study                                    # map of all designs in all silicones
+python -m sensing.study load=120 error=0.5                 # three designs that do, and why
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from itertools import takewhile
+from pathlib import Path
+
+from cad.errors import EndcapError, ParameterError
+from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG, transient
+from cad.params import EndcapParams
+from cad.plain_numbers import plain_number
+from cad.whole_file import make_folder, replace_file
+
+EXPORTS = "exports"
+OPTIONS = {"D": "", "T": "", "material": DEFAULT_SILICONE, "load": "", "error": "", "exports": EXPORTS, "folder": ""}
+HELP = """\
+options, as NAME=VALUE; two numbers at the start are D and T:
+  D=130 T=8             the design: writes exports/D130_T8/study/: study.html, study.csv, study.json
+  material='Smooth-Sil 950'   row of cad/materials.csv
+  (neither D nor T)     the map of all designs in all silicones: exports/study/: map.html, map.csv
+  load=120 error=0.6    with the map: three designs that bear so many newtons with so small an error an axis
+  exports=DIR           another folder; folder=DIR: the very folder to write into
+
+Every figure says whether it is computed, measured, estimated or unknown (docs/design.md).
+exit status: 0 written; 2 bad input, or a question that no design answers
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m sensing.study", description="What a design will feel, before anything is printed.",
+        epilog=HELP, formatter_class=argparse.RawDescriptionHelpFormatter, usage="%(prog)s [D T | NAME=VALUE ...]",
+    )  # fmt: skip
+    parser.add_argument("words", nargs="*", help=argparse.SUPPRESS)
+    words = parser.parse_args(arguments).words
+    try:
+        options = _options(words)
+        return _design(options) if options["D"] else _map(options)
+    except EndcapError as error:
+        LOG.error(f"sensing.study: {error}")
+        return 2
+    except KeyboardInterrupt:
+        LOG.error("\nsensing.study: interrupted; nothing was written")
+        return 130
+
+
+def _options(words: Sequence[str]) -> dict[str, str]:
+    """NAME=VALUE words over their defaults.
+
+    Raises:
+        ParameterError: a word that is no option, or options that do not go together.
+    """
+    numbers = list(takewhile(lambda word: "=" not in word, words))
+    given = dict(zip(("D", "T"), numbers, strict=False))
+    for word in [*numbers[2:], *words[len(numbers) :]]:
+        name, equals, value = word.partition("=")
+        if not equals or name not in OPTIONS or not value or name in given:
+            raise ParameterError(f"{word}: not understood; options are {', '.join(OPTIONS)}, each once", name=name)
+        given[name] = value
+    found = OPTIONS | given
+    if bool(found["D"]) != bool(found["T"]):
+        raise ParameterError("D and T belong together: give both, or neither for the map", name="D")
+    if found["D"] and (found["load"] or found["error"]):
+        raise ParameterError("load and error ask for a design: leave D and T out", name="load")
+    if bool(found["load"]) != bool(found["error"]):
+        raise ParameterError("load and error belong together, as in load=120 error=0.6", name="load")
+    return found
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(plain_number(text))
+    except (ValueError, argparse.ArgumentTypeError):
+        raise ParameterError(f"{name}={text}: give a plain number, such as 8 or 6.5", name=name, value=text) from None
+
+
+def _design(options: dict[str, str]) -> int:
+    from sensing.design.figures import as_csv, as_record, blind_direction, figures
+    from sensing.design.page import study_page
+    from sensing.design.pressed import Study
+
+    params = EndcapParams(_number("D", options["D"]), _number("T", options["T"]))
+    study = Study(params, silicone(options["material"]).name)
+    lines = figures(study)
+    same = study.silicone == DEFAULT_SILICONE
+    label = params.label if same else f"{params.label}_{study.silicone.replace(' ', '-')}"
+    folder = Path(options["folder"] or Path(options["exports"]) / label / "study")
+    make_folder(folder)
+    record = json.dumps(as_record(study, lines), indent=1, allow_nan=False, default=_plain)
+    for name, text in (
+        ("study.csv", as_csv(lines)),
+        ("study.json", record + "\n"),
+        ("study.html", study_page(study, lines)),
+    ):
+        replace_file(folder / name, text.encode())
+    width = max(len(line.name) for line in lines)
+    for line in lines:
+        print(f"{line.name:<{width}}  {line.text:>12}  {line.source.value}")
+    print(f"blind: {blind_direction(study)}")
+    print(f"{folder / 'study.html'}: {len(lines)} figures of {params.label} in {study.silicone}")
+    return 0
+
+
+def _map(options: dict[str, str]) -> int:
+    from sensing.design.page import map_page
+    from sensing.design.region import as_csv, choose, grid, survey
+
+    asked = bool(options["load"])
+    load, error = (_number(name, options[name]) if asked else math.nan for name in ("load", "error"))
+    places = survey(grid(), _progress)
+    choices = choose(places, load, error) if asked else []
+    folder = Path(options["exports"]) / "study"
+    make_folder(folder)
+    question = f"load {load:g} N with {error:g} N of error an axis" if asked else ""
+    replace_file(folder / "map.csv", as_csv(places).encode())
+    replace_file(folder / "map.html", map_page(places, choices, question).encode())
+    for choice in choices:
+        print(f"{choice.place.label}: {choice.why}")
+    print(f"{folder / 'map.html'}: {len(places)} designs and silicones, {sum(p.pareto for p in places)} on the front")
+    return 0
+
+
+def _plain(value: object) -> object:
+    return float(value) if hasattr(value, "__float__") else str(value)
+
+
+def _progress(done: int, total: int) -> None:
+    transient(f"{done}/{total} designs", done=done == total)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

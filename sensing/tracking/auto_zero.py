@@ -1,0 +1,50 @@
+"""A reference that renews itself: after a long time without any contact, when lamp or mounting have drifted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sensing.records import DotTracks, Frame
+from sensing.tracking.zero import STILL_PX, Zero, measure_drift, take_zero
+
+
+class AutoZero:
+    """Says when a new reference may be taken unasked: only after a long time without any contact, and with drift.
+
+    Args:
+        zero: the reference in use.
+        still_s: untouched and still for this long.
+        frames: frames kept for the new reference.
+    """
+
+    def __init__(self, zero: Zero, still_s: float = 30.0, frames: int = 10) -> None:
+        self.zero, self._still_s, self._keep = zero, still_s, frames
+        self._since_s: float | None = None
+        self._last: DotTracks | None = None
+        self._frames: list[Frame] = []
+
+    def update(self, frame: Frame, tracks: DotTracks) -> Zero | None:
+        """A new reference when it is surely time for one, else None."""
+        drift = measure_drift(self.zero, frame, tracks)
+        moved = self._last is not None and _step_px(self._last, tracks) > STILL_PX * min(tracks.size) / 480.0
+        self._last = tracks
+        if drift.cause == "contact" or moved:
+            self._since_s, self._frames = None, []
+            return None
+        self._since_s = frame.time_s if self._since_s is None else self._since_s
+        self._frames = [*self._frames, frame][-self._keep :]
+        waited = frame.time_s - self._since_s >= self._still_s and len(self._frames) == self._keep
+        if drift.cause == "none" or not waited:
+            return None
+        self.zero = replace(take_zero(self._frames, self.zero.sensor), made_of=self.zero.made_of)
+        self._since_s, self._frames, self._last = None, [], None
+        return self.zero
+
+
+def _step_px(before: DotTracks, now: DotTracks) -> float:
+    live = ~(before.lost | now.lost)
+    if not live.any():
+        return float("inf")
+    return float(np.percentile(np.linalg.norm((now.position_px - before.position_px)[live], axis=1), 95))

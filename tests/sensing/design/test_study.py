@@ -1,0 +1,127 @@
+"""The design study: its figures against closed forms and scaling laws, the map, and the inverse question."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cad.errors import ParameterError
+from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing import study as command
+from sensing.design.figures import Source, as_csv, figures
+from sensing.design.pressed import GYROID_FRACTION, Study
+from sensing.design.region import Place, choose, grid, in_silicone, pareto, place_of
+
+RELEASED = Study(EndcapParams(130, 8))
+
+
+def test_every_figure_says_where_it_comes_from_and_none_is_not_a_number():
+    lines = figures(RELEASED)
+    assert len({line.key for line in lines}) == len(lines)
+    assert all(line.source is Source.UNKNOWN if line.value is None else math.isfinite(line.value) for line in lines)
+    assert len(as_csv(lines).splitlines()) == len(lines) + 1
+
+
+def test_the_volume_is_that_of_the_wall_by_quadrature():
+    params = RELEASED.params
+    height = np.linspace(6.0, params.tip_height_mm, 200_001)
+    area = np.array([params.outer_radius_at(z) ** 2 - params.inner_radius_at(z) ** 2 for z in height]) * np.pi
+    volume = np.where(height < 31.0, (1 - GYROID_FRACTION) * area, area)
+    assert RELEASED.volume_cm3 == pytest.approx(float(np.trapezoid(volume, height)) / 1000, rel=1e-4)
+
+
+def test_the_released_endcap_agrees_with_the_simulators_report():
+    """docs/verification.md: 20 N at 4.525 mm, 35 N at 7.466 mm (tilt 30, friction 0.5)."""
+    curve = RELEASED.curves[1]
+    assert curve.depth_at(20.0) == pytest.approx(4.525, rel=0.05)
+    assert curve.depth_at(35.0) == pytest.approx(7.466, rel=0.05)
+    assert RELEASED.range_n == pytest.approx(35.0)
+
+
+def test_a_softer_silicone_scales_loads_and_bounds_and_nothing_else():
+    soft = Study(EndcapParams(130, 8), "Ecoflex 00-30")
+    ratio = silicone("Ecoflex 00-30").neo_hooke().shear_mpa / silicone().neo_hooke().shear_mpa
+    assert soft.range_n == pytest.approx(ratio * RELEASED.range_n)
+    assert soft.stiffness_n_mm(25.0) == pytest.approx(ratio * RELEASED.stiffness_n_mm(25.0))
+    assert soft.bound_n == pytest.approx(ratio * RELEASED.bound_n, rel=1e-4)
+    quick = in_silicone(place_of(RELEASED), "Ecoflex 00-30")
+    direct = place_of(soft)
+    for name in ("range_n", "safe_n", "stiffness_n_mm", "bound_n", "mass_g", "cost_usd"):
+        assert getattr(quick, name) == pytest.approx(getattr(direct, name), rel=1e-4)
+
+
+def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypatch):
+    """docs/wrench.md: 0.07 to 0.17 N an axis at D=130 T=8."""
+    assert 0.01 < RELEASED.bound_n < 0.17
+    before = RELEASED.bound.at(25.0, 17.0).sigma
+    for name in ("STILL_PX", "MOVING_PX", "SHARE"):
+        monkeypatch.setattr(
+            f"sensing.design.bound.{name}", 2 * getattr(__import__("sensing.design.bound", fromlist=["x"]), name)
+        )
+    assert RELEASED.bound.at(25.0, 17.0).sigma == pytest.approx(2 * before)
+
+
+def test_the_front_holds_what_nothing_beats():
+    def place(range_n: float, bound_n: float, mass_g: float) -> Place:
+        return Place(130, 8, "Smooth-Sil 950", range_n, range_n, "", 1.0, bound_n, mass_g, 1.0)
+
+    places = [place(10, 0.1, 100), place(10, 0.1, 90), place(20, 0.1, 200), place(10, 0.04, 300)]
+    assert pareto(places).tolist() == [False, True, True, True]
+
+
+def test_the_question_is_answered_by_designs_that_do_it_or_refused_with_the_nearest():
+    places = [place_of(Study(EndcapParams(d, t))) for d, t in ((130, 8), (150, 12), (200, 18), (180, 16))]
+    choices = choose(places, 60.0, 0.8)
+    assert 1 <= len(choices) <= 3 and len({choice.place for choice in choices}) == len(choices)
+    assert all(choice.place.safe_n >= 60 and choice.place.error_n <= 0.8 for choice in choices)
+    assert choices[0].place.mass_g == min(p.mass_g for p in places if p.safe_n >= 60 and p.error_n <= 0.8)
+    for load, error, words in (
+        (1e6, 1.0, "no design bears it; the most is"),
+        (60.0, 1e-4, "the least is"),
+        (-1, 1, "more than 0"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            choose(places, load, error)
+
+
+def test_the_grid_lies_inside_the_region_and_reaches_its_ends():
+    designs = grid(6, 4)
+    assert all(EndcapParams(*design) for design in designs)
+    assert min(d for d, _ in designs) < 99.5 and (250.0, 25.0) in designs and (250.0, 6.5) in designs
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["130"], "D and T belong together"),
+        (["D=130", "T=40"], "nearest valid choice"),
+        (["130", "8", "material=Jelly"], "choose one of"),
+        (["130", "8", "load=3", "error=1"], "leave D and T out"),
+        (["load=3"], "load and error belong together"),
+        (["nonsense"], "D and T belong together"),
+        (["D=1e2", "T=8"], "plain number"),
+        (["sand=3"], "not understood"),
+    ],
+)
+def test_bad_words_are_one_line(words, said, capsys):
+    assert command.main(words) == 2
+    found = capsys.readouterr()
+    assert said in found.err and len(found.err.splitlines()) == 1 and found.out == ""
+
+
+def test_a_study_is_written_as_page_table_and_record(tmp_path, capsys):
+    assert command.main(["150", "10", f"exports={tmp_path}"]) == 0
+    folder = tmp_path / "D150_T10" / "study"
+    assert sorted(path.name for path in folder.iterdir()) == ["study.csv", "study.html", "study.json"]
+    rows = list(csv.DictReader((folder / "study.csv").open()))
+    record = json.loads((folder / "study.json").read_text())
+    assert [row["key"] for row in rows] == [line["key"] for line in record["figures"]]
+    assert record["digest"] == EndcapParams(150, 10).digest
+    page = (folder / "study.html").read_text()
+    assert "http" not in page.replace("data:image/png", "") and "--design 150 10" in page
+    assert "study.html" in capsys.readouterr().out

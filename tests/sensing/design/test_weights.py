@@ -1,0 +1,94 @@
+"""Weights by similarity: another silicone is another scale, files lie where live finds them, mixtures are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cad.errors import FileError
+from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing import train
+from sensing.design.weights import DesignRequest, design_weights
+from sensing.learning.fit_config import FitConfig
+from sensing.live import cli
+from sensing.live.core.model import known_weights, load_model
+from sensing.wrench.model import WrenchModel, load_wrench_model
+from sensing.wrench.weight_files import command_for, find_weights, weights_folder, weights_name
+
+DESIGN = EndcapParams(150, 12)
+QUICK = DesignRequest(DESIGN, azimuths=1, pictures=False, numbers=(0, 4, 8, 9, 13, 17))
+CONFIG = FitConfig(components=20, hidden=8, epochs=2)
+
+
+@pytest.fixture(scope="module")
+def models() -> tuple[WrenchModel, WrenchModel]:
+    return design_weights(QUICK, CONFIG), design_weights(replace(QUICK, silicone="Dragon Skin 20"), CONFIG)
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    return tmp_path
+
+
+def test_another_silicone_is_the_same_network_at_another_scale(models):
+    first, second = models
+    ratio = silicone("Dragon Skin 20").neo_hooke().shear_mpa / silicone().neo_hooke().shear_mpa
+    fields = np.random.default_rng(0).normal(size=(5, 2 * 16 * 16))
+    (a, spread_a), (b, spread_b) = first.predict(fields), second.predict(fields)
+    assert b == pytest.approx(ratio * a, rel=1e-3, abs=1e-6 * np.abs(a).max())
+    assert spread_b == pytest.approx(ratio**2 * spread_a, rel=1e-2)
+    assert first.about["range_n"] == pytest.approx(35 * (12 / 8) ** 2)
+
+
+def test_even_these_few_states_give_an_error_of_percents(models):
+    force = np.array(models[0].about["metrics"]["validation_rmse"][:3])
+    assert (force < 0.05 * models[0].about["range_n"]).all()
+
+
+def test_weights_lie_where_live_finds_them_and_those_of_another_endcap_do_not(models, home):
+    assert find_weights(DESIGN) is None
+    weights_folder().mkdir(parents=True)
+    path = weights_folder() / weights_name(DESIGN, "Dragon Skin 20")
+    models[1].save(path)
+    assert path.is_relative_to(home)
+    assert find_weights(DESIGN) is None and find_weights(DESIGN, "Dragon Skin 20") == path
+    assert known_weights("paper", DESIGN, "Dragon Skin 20") is None
+    assert load_model("default", DESIGN, silicone="Dragon Skin 20").shape == (16, 16)
+    with pytest.raises(FileError, match=r"no weights for D150_T12 in Smooth-Sil 950: .*--design 150 12$"):
+        load_wrench_model(DESIGN)
+    with pytest.raises(FileError, match="weights of D150_T12, this endcap is D130_T8"):
+        load_wrench_model(EndcapParams(130, 8), path)
+    with pytest.raises(FileError, match="silicone"):
+        load_wrench_model(DESIGN, path)
+
+
+def test_what_ships_is_found_first(home):
+    shipped = find_weights(EndcapParams(130, 8))
+    assert shipped is not None and shipped.name == "default_D130_T8.safetensors"
+
+
+def test_the_simulated_robot_without_weights_names_their_command(home, capsys):
+    assert cli.main(["--diameter", "180", "--wall", "10", "--no-page"]) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1 and command_for(EndcapParams(180, 10)) in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "nothing to train on"),
+        (["--design", "180", "40"], "nearest valid choice"),
+        (["--design", "180", "10", "--silicone", "Jelly"], "choose one of"),
+        (["somewhere", "--design", "180", "10"], "one or the other"),
+        (["--design", "180", "10", "--out", "/nowhere/w.safetensors"], "its folder is not there"),
+        (["somewhere"], "--out is missing"),
+    ],
+)
+def test_bad_words_are_one_line(words, said, capsys, home):
+    assert train.main(words) == 2
+    found = capsys.readouterr().err
+    assert said in found and len(found.splitlines()) == 1

@@ -1,0 +1,97 @@
+"""``sensing.weigh --postures`` and ``sensing.dwell`` from their files to endcaps.toml; pictures are stood in for."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from dwell_stand_in import creep
+
+from sensing import dwell, weigh
+from sensing.live.core.config import load_config
+from sensing.live.outputs.recorded_config import about, parsed
+from sensing.records import Wrench
+from sensing.weighing import robot
+
+GAINS = (0.7, 0.9, 1.1)
+UPS = ((0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.6, 0.8), (-0.48, 0.36, 0.8))
+PARTS = ((0.2, 0.3, 0.5), (0.5, 0.25, 0.25), (0.3, 0.5, 0.2), (0.1, 0.6, 0.3))
+ROBOT = "weight_n = 60.0\n" + "".join(
+    f'[[endcap]]\nname = "endcap_{k}"\nsource = "{k}"\n'
+    + (
+        "T_robot_endcap = [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]\n"
+        if k == 1
+        else ""
+    )
+    for k in range(4)
+)
+TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.fixture
+def standing(monkeypatch, tmp_path):
+    """A robot in four postures; endcap_3 is in the air."""
+
+    def at_rest(endcap, recording, model):
+        number, posture = int(endcap.name[-1]), int(recording.stem)
+        if number == 3:
+            return None
+        force = 60.0 * PARTS[posture][number] * np.array(UPS[posture]) / GAINS[number]
+        return (TURN.T if number == 1 else np.eye(3)) @ force, np.eye(3) * 0.02**2
+
+    monkeypatch.setattr(robot, "_at_rest", at_rest)
+    (tmp_path / "endcaps.toml").write_text(ROBOT)
+    rows = [f"{k}.mcap,{','.join(map(str, up))}" for k, up in enumerate(UPS)]
+    (tmp_path / "postures.csv").write_text("\n".join(["recording,up_x,up_y,up_z", *rows]) + "\n")
+    return tmp_path
+
+
+def weighed(folder, *words):
+    return weigh.main(["--config", str(folder / "endcaps.toml"), "--postures", str(folder / "postures.csv"), *words])
+
+
+def test_a_robot_in_postures_stores_a_gain_for_each_endcap_that_stood(standing, capsys):
+    assert weighed(standing, "--dry-run") == 0 and (standing / "endcaps.toml").read_text() == ROBOT
+    assert weighed(standing) == 0
+    assert "endcap_3: carried no load, gain unchanged" in capsys.readouterr().out
+    found = [endcap.gain for endcap in load_config(standing / "endcaps.toml").endcaps]
+    assert found == pytest.approx([*GAINS, 1.0], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("x.mcap,0,0,2", "vertical of length 1"), ("x.mcap,0,up,1", "vertical of length 1"), ("x.mcap,0", "length 1"),
+    ],
+)  # fmt: skip
+def test_a_table_of_postures_that_cannot_be_read_is_named_by_its_line(standing, capsys, row, said):
+    with (standing / "postures.csv").open("a") as stream:
+        stream.write(row + "\n")
+    assert weighed(standing) == 2 and (standing / "endcaps.toml").read_text() == ROBOT
+    error = capsys.readouterr().err
+    assert "line 6" in error and said in error
+    (standing / "postures.csv").write_text("a,b\n1,2\n")
+    assert weighed(standing) == 2 and "columns recording, up_x" in capsys.readouterr().err
+
+
+def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, capsys):
+    path, picture = tmp_path / "endcaps.toml", tmp_path / "dwell.png"
+    path.write_text('# mine\n[[endcap]]\nname = "a"\nsource = "0"\n')
+
+    def readings(endcap, source, model):
+        for time_s, force_n, _ in zip(*creep(), strict=True):
+            yield SimpleNamespace(
+                valid=True, estimate=Wrench(time_s, np.array([0, 0, -force_n]), np.zeros(3), "endcap")
+            )
+
+    monkeypatch.setattr(dwell, "film_readings", readings)
+    words = ["--config", str(path), "--source", "dwell.mcap", "--picture", str(picture)]
+    assert dwell.main([*words, "--dry-run"]) == 0 and "relaxation" not in path.read_text()
+    assert dwell.main(words) == 0
+    config = load_config(path)
+    terms = config.endcaps[0].relaxation_terms
+    assert [term.tau_s for term in terms] == pytest.approx([0.1, 1.0], rel=0.15) and picture.stat().st_size > 5000
+    assert path.read_text().startswith("# mine") and "0.18" in capsys.readouterr().out
+    carried = replace(config, endcaps=(replace(config.endcaps[0], gain=0.7, gain_sd=0.01),))
+    again = parsed(about(carried, []), tmp_path / "run.mcap").config.endcaps[0]
+    assert again.relaxation == config.endcaps[0].relaxation and again.gain == 0.7

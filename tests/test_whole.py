@@ -1,0 +1,96 @@
+"""Everything of one endcap: which commands run with which words, what their failures do, and the page at the end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cad.errors import ParameterError
+from endcap import whole
+from endcap.whole import PAGE, Step, make, parsed
+
+MADE = {"checks": [{"name": "a"}, {"name": "b"}]}
+
+
+def runner(wanted, seen: list[Step], status: dict[str, int] | None = None):
+    """Stands in for the commands: writes what they would leave."""
+
+    def run(step: Step) -> int:
+        seen.append(step)
+        folder = wanted.exports / wanted.params.label
+        if step.module == "fab.molds":
+            folder.mkdir(parents=True)
+            (folder / "manifest.json").write_text(json.dumps(MADE))
+            (folder / "base.stl").write_text("solid")
+        if step.module == "sensing.study":
+            (folder / "study").mkdir()
+            (folder / "study" / "study.csv").write_text(
+                "key,name,value,unit,source,note\nrange_n,range <of> it,54.6875,N,computed,\nx,y,,%,unknown,\n"
+            )
+        return (status or {}).get(step.module, 0)
+
+    return run
+
+
+def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
+    wanted = parsed(["D=180", "T=10", "material=Dragon Skin 20", f"exports={tmp_path}"])
+    seen: list[Step] = []
+    assert make(wanted, runner(wanted, seen)) == 0
+    assert [step.module for step in seen] == [
+        "fab.molds", "fab.slice", "fab.build_sheet", "fab.led_ring", "sensing.train", "sensing.study",
+    ]  # fmt: skip
+    for step in seen:
+        assert {"D=180", "T=10"} <= set(step.words) or "--design 180 10" in " ".join(step.words)
+    assert all("Dragon Skin 20" in " ".join(step.words) for step in seen if step.module != "fab.led_ring")
+    page = (tmp_path / "D180_T10" / PAGE).read_text()
+    for words in (
+        "2 checks",
+        "range &lt;of&gt; it",
+        "54.7 N",
+        "base.stl",
+        "study/study.csv",
+        "--diameter 180 --wall 10",
+    ):
+        assert words in page
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_a_failure_stops_it_but_for_a_slicer_that_is_not_there(tmp_path, capsys):
+    wanted = parsed([f"exports={tmp_path / 'a'}"])
+    seen: list[Step] = []
+    assert make(wanted, runner(wanted, seen, {"fab.slice": 2})) == 0
+    assert "left out: slicer projects" in capsys.readouterr().out
+    wanted = parsed([f"exports={tmp_path / 'b'}"])
+    assert make(wanted, runner(wanted, seen, {"fab.build_sheet": 1})) == 1
+    assert "build sheet failed" in capsys.readouterr().err and not (tmp_path / "b" / "D130_T8" / PAGE).exists()
+    wanted = parsed([f"exports={tmp_path / 'c'}"])
+    assert make(wanted, runner(wanted, seen, {"fab.molds": 2})) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["D=180"], "D and T belong together"),
+        (["D=180", "T=40"], "nearest valid choice"),
+        (["D=1e2", "T=8"], "plain millimetres"),
+        (["d=180", "T=8"], "not understood"),
+        (["D=180", "T=10", "material=Jelly"], "choose one of"),
+    ],
+)
+def test_bad_words_are_refused(words, said):
+    with pytest.raises(ParameterError, match=said):
+        parsed(words)
+
+
+def test_makes_variables_are_read_as_they_were_typed(monkeypatch):
+    monkeypatch.setenv("MAKEFLAGS", r"w -- material=Dragon\ Skin\ 20 T=10 D=180 PYTHON=python3")
+    wanted = parsed([whole.FROM_MAKE])
+    assert wanted.params.label == "D180_T10" and wanted.material == "Dragon Skin 20"
+    assert wanted.exports == Path("exports")
+
+
+def test_help_and_errors_of_the_command(capsys):
+    assert whole.main(["--help"]) == 0 and "start.html" in capsys.readouterr().out
+    assert whole.main(["D=180"]) == 2 and len(capsys.readouterr().err.splitlines()) == 1

@@ -168,7 +168,7 @@ def make_molds(
     progress("page")
     preview = preview_glb(design, files.exploded_offsets_mm(design))
     write_index(variant, files.manifest(design, checks, folder, variant.silicone), checks, preview, folder)
-    files.write_manifest(files.manifest(design, checks, folder, variant.silicone), folder)
+    files.write_manifest(files.manifest(design, checks, folder, variant.silicone), folder)  # now with the page
     return f"{len(list(folder.iterdir()))} files, {len(design.parts)} parts, all {len(checks)} checks passed"
 
 

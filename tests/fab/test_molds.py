@@ -258,6 +258,9 @@ def stub(monkeypatch, tmp_path_factory):
     for name in ("write_solids", "write_assemblies"):
         monkeypatch.setattr(f"fab.exports.writer.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
     monkeypatch.setattr("fab.exports.writer.manifest", lambda *_: {})
+    monkeypatch.setattr("fab.exports.writer.exploded_offsets_mm", lambda _: {})
+    monkeypatch.setattr("fab.exports.preview_parts.preview_glb", lambda *_: b"glb")
+    monkeypatch.setattr("fab.exports.index_page.write_index", lambda *a: (a[-1] / "index.html").write_text("page"))
     monkeypatch.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
@@ -277,10 +280,14 @@ def test_the_stub_writes_when_nothing_fails(stub, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "writer", ["write_meshes", "write_3mf", "write_solids", "write_assemblies", "write_pictures", "write_manifest"]
+    "writer",
+    [
+        *(f"writer.write_{what}" for what in ("meshes", "3mf", "solids", "assemblies", "pictures", "manifest")),
+        "index_page.write_index",
+    ],
 )
 def test_a_full_disk_gets_one_line_status_2_and_leaves_nothing(stub, writer, tmp_path, capsys):
-    stub.setattr(f"fab.exports.writer.{writer}", full_disk)
+    stub.setattr(f"fab.exports.{writer}", full_disk)
     assert molds.main([f"exports={tmp_path}"]) == 2
     *steps, error = capsys.readouterr().err.splitlines()
     assert "No space left on device" in error and "exports=DIR" in error

@@ -34,7 +34,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     Raises:
         FileError: nothing of that name, a camera or an address, or no such endcap in a recording.
     """
-    if is_camera_number(source) or source.startswith("http") or not os.path.exists(source):
+    if is_camera_number(source) or source.startswith("http") or not os.path.exists(source) or _is_device(source):
         raise FileError(f"{source}: no such file or folder: give a recording, a video or a folder of pictures")
     recorded = source.lower().endswith(RECORDING)
     pipeline = EndcapPipeline(as_trained(endcap), model, zero_frames=0 if recorded else 1)
@@ -55,6 +55,11 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     transient()
     if count < 0:
         raise FileError(f"{source}: no picture of {endcap.name} in it: is it the recording of another endcap?")
+
+
+def _is_device(source: str) -> bool:
+    """Whether it is a camera's name in /dev, which is not a film."""
+    return Path(source).is_char_device()
 
 
 def as_trained(endcap: EndcapConfig) -> EndcapConfig:

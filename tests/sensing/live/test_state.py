@@ -370,13 +370,10 @@ def test_a_new_reference_of_the_untouched_endcap_is_taken(press):
 
 def test_pressed_at_the_very_start_is_seen_against_the_design():
     """On the simulator's pictures: a camera of the design, 41 N on the endcap when the run begins."""
-    from sensing.simulator.robot.frames import load_film
+    from sensing.live.demo.scene import scene_film
     from sensing.tracking.zero import single_zero
 
-    cache = Path.home() / ".cache" / "endcap-toolkit"
-    if not list(cache.glob("robot_scene_*.npz")):
-        pytest.skip("the robot's pictures are not rendered on this computer yet")
-    robot, params = load_film(cache), EndcapConfig("a", "0").params
+    robot, params = scene_film(), EndcapConfig("a", "0").params
     loads = [np.linalg.norm(robot.truth(0, tick)[:3]) for tick in range(robot.ticks)]
     free, heavy = robot.jpeg(0, int(np.argmin(loads))), robot.jpeg(0, int(np.argmin(np.abs(np.array(loads) - 41))))
     away = [misplaced_px(single_zero(Frame(0.0, 0, "a", jpeg=j, size=SIZE)), params) for j in (free, heavy)]

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from dwell_stand_in import creep
 
+from cad.errors import FileError
 from sensing import dwell, weigh
-from sensing.live.core.config import load_config
+from sensing.live.core.config import EndcapConfig, load_config
 from sensing.live.outputs.recorded_config import about, parsed
 from sensing.records import Wrench
 from sensing.weighing import robot
+from sensing.weighing.film import film_readings
 
 GAINS = (0.7, 0.9, 1.1)
 UPS = ((0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.6, 0.8), (-0.48, 0.36, 0.8))
@@ -95,3 +97,8 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
     carried = replace(config, endcaps=(replace(config.endcaps[0], gain=0.7, gain_sd=0.01),))
     again = parsed(about(carried, []), tmp_path / "run.mcap").config.endcaps[0]
     assert again.relaxation == config.endcaps[0].relaxation and again.gain == 0.7
+
+
+def test_a_camera_s_device_is_no_film():
+    with pytest.raises(FileError, match="give a recording, a video or a folder of pictures"):
+        next(film_readings(EndcapConfig("a", "0"), "/dev/null", None))

@@ -113,7 +113,11 @@ class Simulator:
         self._library = LibraryLevel(library, self._shell) if level == 4 else None
 
     def follow(self, scene: Scene, targets: Sequence[Target], began_s: float = 0.0) -> Iterator[SceneState]:
-        """States along a path from the untouched shell, one for each target; it was untouched at ``began_s``.
+        """States along a path from the untouched shell, one for each target.
+
+        Args:
+            scene: what presses. targets: where each step ends, in order.
+            began_s: when the shell was last untouched, on the path's clock, s.
 
         Raises:
             Refusal: the state at that target has no trustworthy answer; those before it stand.
@@ -172,9 +176,14 @@ class Simulator:
     def bulk(
         self, tilt_deg: Array, normal_n: Array, tangential_n: Array, friction: float = 0.5, azimuth_deg: float = 0.0
     ) -> BulkStates:
-        """Level 4 states of a plane at tilts (s,), normal forces (s,) and tangential forces (s, 2), N.
+        """Level 4 states of a plane.
 
         States out of the library's range, or with too large an estimate, are solved on level 2, one by one.
+
+        Args:
+            tilt_deg: polar angles of first contact (s,). normal_n: (s,), N.
+            tangential_n: along (meridian, lateral) (s, 2), N.
+            friction: Coulomb's mu. azimuth_deg: of the contact, one for all.
 
         Raises:
             ParameterError: the simulator has no library. Refusal: a state that no level can answer.

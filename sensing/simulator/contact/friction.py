@@ -109,7 +109,13 @@ class ContactResponse:
 
 
 def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: float = PENALTY_RATIO) -> ContactSurface:
-    """Contact quadrature of the outer faces of a mesh."""
+    """Contact quadrature of the outer faces of a mesh.
+
+    Args:
+        mesh: its outer faces are taken.
+        young_mpa: E of the silicone. wall_mm: T of the shell.
+        ratio: penalty eps_n over E / T.
+    """
     local, rule = face_rule(POINTS_PER_SIDE)
     shape, grad = shape_quad(local)
     nodes = mesh.cells[mesh.outer][:, OUTER_FACE]
@@ -121,7 +127,13 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
 
 
 def free_memory(surface: ContactSurface, position: Array, body: Body) -> ContactMemory:
-    """Memory of a surface that no body has touched, at nodal positions (n, 3)."""
+    """Memory of a surface that no body has touched.
+
+    Args:
+        surface: contact quadrature.
+        position: nodal positions (n, 3), mm.
+        body: what presses, at its first touch.
+    """
     y = np.einsum("ga,fai->fgi", surface.shape, position[surface.nodes])
     response = respond(
         surface, ContactMemory(np.zeros_like(y), y, np.zeros(y.shape[:2])), body, position, np.zeros(3), 0.0

@@ -109,5 +109,10 @@ def _made(name: str) -> Any:
 
 
 def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) -> Array:
-    """How far a body of that contact frame (3, 3) has come from its first touch (3,), mm: the module's equation."""
+    """How far a body has come from its first touch (3,), mm: the module's equation.
+
+    Args:
+        frame: contact frame, columns outward, meridian, lateral (3, 3).
+        depth_mm: travel against the outward normal. shift_mm: along (meridian, lateral).
+    """
     return frame @ np.array([-depth_mm, *shift_mm])

@@ -69,9 +69,13 @@ class Response(NamedTuple):
 
 @njit(cache=True)
 def respond(quadrature, memory, body, position, translation, friction, out):
-    """Fill the zeroed response ``out`` of all faces; returns the energy, mJ.
+    """Fill the response of all faces; returns the energy, mJ.
 
-    The arguments are the records of this module, the nodal positions (n, 3) and the body's translation (3,), mm.
+    Args:
+        quadrature, memory, friction: records of this module.
+        body: :class:`sensing.simulator.contact.body.Body`.
+        position: nodal positions (n, 3), mm. translation: of the body from its first touch (3,), mm.
+        out: zeroed :class:`Response`, filled here.
     """
     faces, points = quadrature.area.shape
     hessian, k, trial = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
@@ -171,7 +175,12 @@ def _add(shape, w, p, normal, tau, k, force, stiffness):
 
 @njit(cache=True)
 def nearest(nodes, shape, body, position, translation):
-    """Face, place (of ``shape``, (s, 9)) and distance where the surface is nearest to the body."""
+    """Face, place (row of ``shape``) and distance (mm) where the surface is nearest to the body.
+
+    Args:
+        nodes: of the faces (f, 9). shape: shape functions at the places to look at (s, 9).
+        body, position, translation: as of :func:`respond`.
+    """
     y, normal, hessian = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     nearest, face, place = np.inf, 0, 0
     for f in range(len(nodes)):

@@ -57,7 +57,11 @@ def studio(request: DataRequest) -> Studio:
 
 
 def shard_bytes(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> bytes:
-    """A shard as it lies on disk; see :func:`shard_arrays`."""
+    """A shard as it lies on disk.
+
+    Args:
+        request, paths, stored: as of :func:`shard_arrays`.
+    """
     buffer = io.BytesIO()
     np.savez(buffer, **cast(dict[str, Any], shard_arrays(request, paths, stored)))
     return buffer.getvalue()
@@ -141,7 +145,13 @@ def _labels(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg:
 
 
 def world_pose(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg: float) -> Array:
-    """Endcap to world (4, 4): the plane is z = 0 with its normal toward the endcap, x along the meridian."""
+    """Endcap to world (4, 4): the plane is z = 0 with its normal toward the endcap, x along the meridian.
+
+    Args:
+        request: its shell. path: tilt of the plane, or ``T_world_sphere`` where a robot gives the pose.
+        state: depth and travel are the means of its begin and end.
+        azimuth_deg: of the contact; not used where a robot gives the pose.
+    """
     geometry = shell_geometry(request.diameter_mm, request.wall_mm)
     if path.T_world_sphere:
         pose = np.array(path.T_world_sphere).reshape(4, 4)

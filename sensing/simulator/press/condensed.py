@@ -80,7 +80,13 @@ class _Point:
 
 
 class CondensedStep:
-    """The dense problem of one step: compliance of ``inverse``, contact of ``problem``."""
+    """The dense problem of one step: compliance of ``inverse``, contact of ``problem``.
+
+    Args:
+        problem: the step. inverse: compliance and stiffness of the patch.
+        last_shift_mm: tangential travel of the body at the last state, along (meridian, lateral).
+        converged: error, relative, under which :meth:`solve` is done.
+    """
 
     def __init__(
         self, problem: StepProblem, inverse: PatchInverse, last_shift_mm: tuple[float, float], converged: float
@@ -248,9 +254,12 @@ def stored_tangent(
     shift_mm: tuple[float, float],
     normal_n: float,
 ) -> StoredTangent:
-    """Factorise the elastic tangent at a displacement (n, 3) and condense it on the faces near the body.
+    """Factorise the elastic tangent at a displacement and condense it on the faces near the body.
 
-    The other arguments say where that is, so that the nearest of several tangents can be found.
+    Args:
+        model: the shell. displacement: nodal (n, 3), mm. contact: response there; its gaps choose the faces.
+        depth_mm, shift_mm, normal_n: depth, tangential travel and force on the whole shell there (mm, N), so that the
+            nearest of several tangents can be found.
     """
     solid, whole = model.solid, model.surface
     faces = np.flatnonzero(contact.gap.min(axis=1) < PATCH_MARGIN_MM)

@@ -34,7 +34,12 @@ STIFFNESS_N_MM = 4.0  # turns newtons into millimetres where the nearest tangent
 
 
 class FrozenPress:
-    """Level 2 on top of a level 1 press; counts what it did in ``fast_steps`` and ``fallbacks``."""
+    """Level 2 on top of a level 1 press; counts what it did in ``fast_steps`` and ``fallbacks``.
+
+    Args:
+        press: level 1. tolerance: residual over contact force.
+        tangents: stored ones, added to on the way; None for an empty list.
+    """
 
     def __init__(self, press: Press, tolerance: float = TOLERANCE, tangents: list[StoredTangent] | None = None) -> None:
         self.press = press

@@ -39,11 +39,8 @@ class StepProblem:
     """One step: the model, the body's place, what friction remembers, and the force asked for.
 
     Attributes:
-        model, body: shell and body.
-        frame: columns outward, meridian, lateral (3, 3).
-        friction: Coulomb coefficient.
-        memory: of the last accepted state.
-        shift_mm: tangential travel of the body at the end of the step.
+        model, body: shell and body. frame: columns outward, meridian, lateral (3, 3). friction: Coulomb coefficient.
+        memory: of the last accepted state. shift_mm: tangential travel of the body at the end of the step.
         normal_n: normal force on the whole shell, or None where the depth is given.
     """
 
@@ -63,7 +60,11 @@ class StepProblem:
     def contact(
         self, displacement: Array, depth_mm: float, bound: Array | None, fraction: Array | None
     ) -> ContactResponse:
-        """Contact response at a nodal displacement (n, 3) and a depth."""
+        """Contact response at a displacement and a depth.
+
+        Args:
+            displacement, depth_mm: nodal (n, 3), mm, and body. bound, fraction: (f, g), as of :func:`respond`.
+        """
         position = self.model.solid.mesh.points + displacement
         moved = translation(self.frame, depth_mm, self.shift_mm)
         return respond(self.model.surface, self.memory, self.body, position, moved, self.friction, bound, fraction)
@@ -74,9 +75,7 @@ class Iterate:
     """A configuration of a step.
 
     Attributes:
-        displacement, depth_mm: nodal (n, 3) and body.
-        contact: response there.
-        internal: internal nodal forces (n, 3).
+        displacement, depth_mm: nodal (n, 3) and body. contact: response there. internal: internal nodal forces (n, 3).
         potential: energy minus the work of the given force, mJ (meaningful for a frozen bound).
         residual: out of balance over the unknowns. force_gap: normal force minus its target, 0 where depth is given.
         error: both, relative to the contact force.
@@ -97,9 +96,8 @@ class Solution:
     """A converged iterate and what its last tangents showed (:class:`sensing.simulator.press.state.Certificate`).
 
     Attributes:
-        iterate: the configuration with its forces.
+        iterate: the configuration with its forces. force_stiffness_n_mm: dN/dd.
         negative_pivots: of the last tangent; :data:`UNKNOWN_PIVOTS` where none was factorised.
-        force_stiffness_n_mm: dN/dd.
         iterations: spent. errors: after each Newton iteration, the first guess included; empty at levels 2 and 3.
     """
 
@@ -126,7 +124,7 @@ def evaluate(
     bound: Array | None = None,
     fraction: Array | None = None,
 ) -> Iterate:
-    """Forces, potential and error of a configuration."""
+    """Forces, potential and error of a configuration. Args: the step, the rest as of :meth:`StepProblem.contact`."""
     model = problem.model
     energy, internal = model.solid.energy_and_force(displacement)
     contact = problem.contact(displacement, depth_mm, bound, fraction)
@@ -145,7 +143,7 @@ def evaluate(
 
 
 def solve(problem: StepProblem, displacement: Array, depth_mm: float) -> Solution:
-    """Equilibrium from a first guess.
+    """Equilibrium from a first guess. Args: the step, and the guess: nodal displacement (n, 3) and depth, mm.
 
     Raises:
         Refusal: ``unconverged`` or ``unstable``, with the residual and where it stopped.
@@ -199,7 +197,11 @@ def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: 
 
 
 def tangent(problem: StepProblem, displacement: Array, contact: ContactResponse) -> Array:
-    """Element matrices (e, 81, 81) of solid and contact; the outer face's nodes are the last nine of an element."""
+    """Element matrices (e, 81, 81) of solid and contact; the outer face's nodes are the last nine of an element.
+
+    Args:
+        problem: the step. displacement: nodal (n, 3), mm. contact: response there.
+    """
     blocks = problem.model.solid.tangent(displacement)
     active = np.flatnonzero((contact.pressure > 0).any(axis=1))
     blocks[problem.model.surface.cells[active], 54:, 54:] += contact.stiffness[active]

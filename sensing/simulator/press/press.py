@@ -55,7 +55,11 @@ class Target:
 
 
 class Press:
-    """A shell model, a body and a friction coefficient; rate effects with a Prony series.
+    """A shell model pressed by a body, with friction; rate effects with a Prony series.
+
+    Args:
+        model: the shell. indenter: the body. friction: Coulomb's mu, 0..5.
+        prony: rate effects of the silicone, pairs (g, tau_s); none by default.
 
     Raises:
         Refusal: ``path`` for a body that breaks the mirror of a half model; ``range`` for a friction outside 0..5.
@@ -151,7 +155,12 @@ class Press:
     def accept(
         self, state: State, target: Target, solution: newton.Solution, level: int = 1, switched: bool = False
     ) -> State:
-        """State and certificate of a converged step, solved by ``level``."""
+        """State and certificate of a converged step.
+
+        Args:
+            state: where the step began. target: where it ended. solution: of the step, converged.
+            level: that solved it. switched: the shell buckled within the step.
+        """
         here = solution.iterate
         position = self.model.solid.mesh.points + here.displacement
         wrench = contact_wrench(self.model, position, here.contact)

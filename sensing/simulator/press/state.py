@@ -149,7 +149,11 @@ def contact_patch(model: ShellModel, state: State) -> Patch:
 
 
 def contact_wrench(model: ShellModel, position: Array, contact: ContactResponse) -> Array:
-    """Wrench on the endcap (6,) from pressure and friction at the Gauss points."""
+    """Wrench on the endcap (6,), N and N mm, from pressure and friction at the Gauss points.
+
+    Args:
+        model: the shell. position: nodal positions, deformed (n, 3), mm. contact: response there.
+    """
     touching = np.flatnonzero((contact.pressure > 0).any(axis=1))
     traction = contact.pressure[touching, :, None] * contact.gradient[touching] + contact.traction[touching]
     points = model.surface.shape @ position[model.surface.nodes[touching]]

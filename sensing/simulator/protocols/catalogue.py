@@ -22,6 +22,10 @@ PROTOCOLS: dict[str, Callable[[int, int, int], LoadPath]] = {
 def load_path(protocol: str, seed: int, number: int, azimuths: int) -> LoadPath:
     """Path of a protocol by its name.
 
+    Args:
+        protocol: a name in :data:`PROTOCOLS`. seed: of the data set. number: of the path.
+        azimuths: how many azimuths are labelled from it.
+
     Raises:
         ParameterError: unknown protocol; the message lists the known ones.
     """

@@ -31,7 +31,12 @@ Motion = tuple[float, list[Waypoint]]  # when the shell was last untouched and a
 
 
 def dynamic_path(seed: int, number: int, azimuths: int) -> LoadPath:
-    """One motion; circle, stick-slip and impact in turn."""
+    """One motion; circle, stick-slip and impact in turn.
+
+    Args:
+        seed: of the data set. number: of the path.
+        azimuths: how many azimuths (any, uniform) are labelled from it.
+    """
     rng = np.random.default_rng([seed, number, 1])
     tilt, friction = float(rng.uniform(*TILT_RANGE_DEG)), float(rng.uniform(*FRICTION_RANGE))
     exposure, latency = float(rng.uniform(*EXPOSURE_RANGE_S)), float(rng.uniform(*LATENCY_RANGE_S))

@@ -111,6 +111,9 @@ class ReducedModel:
 def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> list[State]:
     """Level 2 states along winding paths of normal and tangential force; a refused step begins a new path.
 
+    Args:
+        fast: level 2 press. states: how many. seed: of the paths.
+
     Raises:
         Refusal: too few states could be solved.
     """
@@ -135,7 +138,12 @@ def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> l
 def reduced_model(
     model: ShellModel, states: list[State], modes: int = MODES, cubature_error: float = CUBATURE_ERROR
 ) -> ReducedModel:
-    """Modes and cubature from states; ``estimate_factor`` is infinite until it was judged."""
+    """Modes and cubature from states; ``estimate_factor`` is infinite until it was judged.
+
+    Args:
+        model: the shell. states: of training, under load (:func:`training_states`).
+        modes: how many. cubature_error: relative, of the projected internal forces.
+    """
     solid, surface = model.solid, model.surface
     loads = np.array([state.normal_n for state in states])
     fields = np.array([state.displacement for state in states]) / loads[:, None, None]
@@ -239,7 +247,12 @@ def _cubature(model: ShellModel, nodal: Array, states: list[State], error: float
 
 
 def sparse_weights(table: Array, wanted: Array, error: float) -> tuple[Index, Array]:
-    """Few columns (k,) of ``table`` (r, e) and weights >= 0 (k,) whose sum is ``wanted`` (r,) within ``error``."""
+    """Few columns (k,) of a table and weights >= 0 (k,) whose sum is the wanted one; at most :data:`MAX_ELEMENTS`.
+
+    Args:
+        table: (r, e). wanted: sum to reach (r,).
+        error: norm of what may be missing over the norm of ``wanted``.
+    """
     gram, goal = table.T @ table, table.T @ wanted
     chosen: list[int] = []
     weights = np.zeros(0)

@@ -83,7 +83,11 @@ class Library:
     shell: Array
 
     def states(self, tilt_deg: Array, normal_n: Array, tangential_n: Array) -> LibraryStates:
-        """States at tilts (s,), normal forces (s,) and tangential forces along (meridian, lateral) (s, 2)."""
+        """States at tilts, normal and tangential forces.
+
+        Args:
+            tilt_deg, normal_n: (s,), degrees and N. tangential_n: along (meridian, lateral) (s, 2), N.
+        """
         tilt_deg, normal_n = np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(normal_n, float))
         tangential_n = np.asarray(tangential_n, float).reshape(-1, 2)
         parts = [
@@ -99,7 +103,11 @@ class Library:
         return (weights @ modes.reshape(len(modes), -1)).reshape(len(weights), -1, 3)
 
     def inside(self, tilt_deg: Array, normal_n: Array, tangential_n: Array) -> NDArray[np.bool_]:
-        """Which states (s,) lie in the fitted range."""
+        """Which states (s,) lie in the fitted range.
+
+        Args:
+            tilt_deg, normal_n: (s,), degrees and N. tangential_n: along (meridian, lateral) (s, 2), N.
+        """
         low, high = self.normal_n
         return np.asarray(
             (tilt_deg >= self.tilt_deg[0])
@@ -168,7 +176,12 @@ def shell_key(geometry: ShellGeometry, law: HyperelasticLaw) -> Array:
 
 
 def local_variables(normal_n: Array, tangential_n: Array, normal_range: Array, cone: float) -> Array:
-    """Polynomial variables (s, 3): N on -1..1, and T over tau N."""
+    """Polynomial variables (s, 3): N on -1..1, and T over tau N.
+
+    Args:
+        normal_n: (s,), N. tangential_n: along (meridian, lateral) (s, 2), N.
+        normal_range: least and largest fitted N (2,). cone: tau, largest fitted T / N.
+    """
     low, high = normal_range
     first = (2 * normal_n - low - high) / (high - low)
     return np.column_stack([first, tangential_n / (cone * np.maximum(normal_n, 1e-9))[:, None]])

@@ -59,7 +59,11 @@ class Sample:
 
 
 def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> Iterator[tuple[float, Array]]:
-    """Normal force and tangential force asked for, state by state."""
+    """Normal force and tangential force (2,) asked for, N, state by state.
+
+    Args:
+        rng: source of the path's random numbers. states: how many. cone: largest T / N.
+    """
     low, high = NORMAL_N
     angle, phase, press = (float(rng.uniform(0, 2 * math.pi)) for _ in range(3))
     sense = float(rng.choice([-1.0, 1.0]))
@@ -73,7 +77,12 @@ def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> I
 
 
 def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, friction: float) -> list[Sample]:
-    """Solve one winding path at a tilt; a refused state ends it, and a new path goes on."""
+    """Solve one winding path at a tilt; a refused state ends it, and a new path goes on.
+
+    Args:
+        simulator: of the shell. tilt_deg: of the plane. states: how many.
+        seed: of the path, together with the tilt. friction: Coulomb's mu.
+    """
     rng = np.random.default_rng([seed, round(1000 * tilt_deg)])
     scene = Scene(Indenter(tilt_deg), friction)
     found: list[Sample] = []
@@ -96,6 +105,9 @@ def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, f
 
 def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Library:
     """Library from solved states: at least as many at each tilt as the polynomial has terms.
+
+    Args:
+        simulator: of the shell. samples: solved states at all tilts. degree: total, of the polynomials.
 
     Raises:
         ParameterError: too few states.
@@ -170,7 +182,11 @@ def _check_count(count: int, terms: int, tilt: float) -> None:
 
 
 def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Library:
-    """Solve and fit (minutes: :data:`TILTS_DEG` times ``states`` on level 2)."""
+    """Solve and fit (minutes: :data:`TILTS_DEG` times ``states`` on level 2).
+
+    Args:
+        simulator: of the shell, level 2. states: at each tilt. seed: of the paths.
+    """
     samples: list[Sample] = []
     for count, tilt in enumerate(TILTS_DEG):
         transient(f"tilt {tilt:g} degrees ({count + 1}/{len(TILTS_DEG)})")

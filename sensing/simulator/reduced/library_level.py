@@ -74,7 +74,12 @@ class LibraryLevel:
     def bulk(
         self, tilt_deg: Array, normal_n: Array, tangential_n: Array, friction: float, azimuth_deg: float
     ) -> BulkStates:
-        """Many states of a plane; ``level`` is 2 where the answer must not be used (see :func:`trusted`)."""
+        """Many states of a plane; ``level`` is 2 where the answer must not be used (see :func:`trusted`).
+
+        Args:
+            tilt_deg, normal_n: (s,), degrees and N. tangential_n: along (meridian, lateral) (s, 2), N.
+            friction: Coulomb's mu. azimuth_deg: of the contact, one for all.
+        """
         found = self.library.states(tilt_deg, normal_n, tangential_n)
         sampler = self.shell.sampler(azimuth_deg)
         marker = self.library.fields(found.weights, np.array([sampler.sample(mode) for mode in self.library.modes]))
@@ -83,6 +88,11 @@ class LibraryLevel:
 
 
 def trusted(found: LibraryStates, normal_n: Array, tangential_n: Array, friction: float) -> NDArray[np.bool_]:
-    """Which states (s,) lie in the fitted range, within the friction cone and under the limit of the estimate."""
+    """Which states (s,) lie in the fitted range, within the friction cone and under the limit of the estimate.
+
+    Args:
+        found: the library's answers. normal_n: asked for (s,), N. tangential_n: likewise (s, 2), N.
+        friction: Coulomb's mu.
+    """
     sliding = np.linalg.norm(tangential_n, axis=1) > tangential.MAX_CONE_SHARE * friction * np.asarray(normal_n)
     return np.asarray(found.inside & (found.error_estimate <= LIMIT) & ~sliding)

@@ -54,7 +54,12 @@ class _Point:
 
 
 class ReducedPress:
-    """Level 3 on top of a level 2 press; counts what it did in ``fast_steps`` and ``fallbacks``."""
+    """Level 3 on top of a level 2 press; counts what it did in ``fast_steps`` and ``fallbacks``.
+
+    Args:
+        fast: level 2. reduced: model of the same shell and body.
+        limit: error estimate over which level 2 answers.
+    """
 
     def __init__(self, fast: FrozenPress, reduced: ReducedModel, limit: float = LIMIT) -> None:
         self.fast = fast
@@ -227,6 +232,9 @@ def _learned(tangent: Array, moved: Array, changed: Array) -> Array:
 
 def trained(model: ShellModel, indenter: Indenter, states: int = STATES, modes: int = MODES) -> ReducedModel:
     """Reduced model of a shell under a body: trained on level 2 along winding paths, judged along another.
+
+    Args:
+        model: the shell. indenter: the body. states: how many to train on. modes: how many.
 
     Raises:
         Refusal: too few states could be solved, or level 3 misses half of those it is judged on.

@@ -71,7 +71,12 @@ class Canvas:
 
 
 def mix(window: Floats, color: ArrayLike, cover: ArrayLike, glossy: ArrayLike) -> None:
-    """Lay a colour over a texture window by coverage; ``glossy`` is the share of it that reflects like ink."""
+    """Lay a colour over a texture window by coverage.
+
+    Args:
+        window: (h, w, 4) of the texture, changed in place. color: blue, green, red, (3,) or (h, w, 3).
+        cover: coverage 0..1 (h, w). glossy: share of the colour that reflects like ink, a number or (h, w).
+    """
     cover = np.asarray(cover)[..., None]
     window[..., :3] += cover * (np.asarray(color) - window[..., :3])
     window[..., 3:] += cover * (np.broadcast_to(np.asarray(glossy), cover.shape[:2])[..., None] - window[..., 3:])

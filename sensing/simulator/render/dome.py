@@ -167,7 +167,11 @@ class DomeRenderer:
         azimuth_deg: float = 0.0,
         settings: RenderSettings | None = None,
     ) -> Floats:
-        """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear."""
+        """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear.
+
+        Args:
+            displacement_mm, start_mm, azimuth_deg, settings: as of :meth:`render`.
+        """
         self._last = None  # the caller may have changed the same array
         return self._light(self._displacement(displacement_mm), start_mm, azimuth_deg, settings or self.settings)
 

@@ -32,7 +32,12 @@ def dent(canvas: Canvas, at: Array) -> None:
 
 
 def ink_dot(canvas: Canvas, at: Array, paint: Paint, rng: np.random.Generator, smeared: bool) -> None:
-    """Fill a dent, with what ran over its edge and what a sleeve dragged along."""
+    """Fill a dent, with what ran over its edge and what a sleeve dragged along.
+
+    Args:
+        canvas: painted on. at: centre of the ink on the sphere (3,), mm. paint: look of the ink.
+        rng: this dot's own random numbers. smeared: whether a sleeve dragged ink along.
+    """
     radius = DOT_RADIUS_MM * paint.radius_scale * (1 + paint.size_spread * rng.standard_normal())
     away = np.arccos(np.clip((at[2] - canvas.centre[2]) / canvas.radius, -1, 1)) / (np.pi / 2)
     spilt = rng.random() < paint.overflow * (1 + OUTWARD * (2 * away - 1))
@@ -90,7 +95,12 @@ def _wave(angle: Array, rng: np.random.Generator) -> Array:
 
 
 def dirt(canvas: Canvas, params: EndcapParams, paint: Paint, seed: int) -> None:
-    """False dots, specks and the written mark."""
+    """False dots, specks and the written mark.
+
+    Args:
+        canvas: painted on. params: the design. paint: how many false dots and specks, look of the ink, text.
+        seed: fixes where they are.
+    """
     rng = np.random.default_rng([seed, 3])
     limit = np.cos(np.radians(params.view_rim_polar_deg))
     for number in range(paint.extra + paint.specks):

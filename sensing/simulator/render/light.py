@@ -37,7 +37,11 @@ def tip_irradiance(lamp: Lamp, tip_height_mm: float) -> float:
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def unit(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The vector at length 1."""
+    """The vector at length 1.
+
+    Args:
+        x, y, z: components of the vector.
+    """
     inverse = 1.0 / np.sqrt(x * x + y * y + z * z)
     return x * inverse, y * inverse, z * inverse
 

@@ -91,10 +91,14 @@ def vertex_normals(vertices_mm: Array, triangles: NDArray[np.int32]) -> Array:
 
 
 def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, neighbours: int = 14) -> csr_matrix:
-    """Sparse (t, n) matrix: values at undeformed surface nodes ``from_mm`` (n, 3) to points ``to_mm`` (t, 3).
+    """Sparse (t, n) matrix from values at undeformed surface nodes to those at points of the surface.
 
     Moving least squares with a quadratic polynomial in the tangent plane of each target: exact for quadratics, third
     order in the node spacing, and needs no connectivity, so any mechanics mesh will do.
+
+    Args:
+        params: the design. from_mm: undeformed nodes of the inner surface (n, 3), mm.
+        to_mm: points of the undeformed inner surface (t, 3), mm. neighbours: nodes used for each point.
 
     Raises:
         ParameterError: fewer than ``neighbours`` nodes, or nodes off the inner sphere by over 1 % of its radius.

@@ -69,7 +69,12 @@ def rasterise(
 
 @numba.njit(cache=True, fastmath=True)
 def interpolate(owner: NDArray[np.int32], weights: Floats, values: Floats, triangles: NDArray[np.int32]) -> Floats:
-    """Vertex values (n, CHANNELS) at each pixel: (CHANNELS, h, w), 0 where nothing is seen."""
+    """Vertex values at each pixel: (CHANNELS, h, w), 0 where nothing is seen.
+
+    Args:
+        owner, weights: triangle of each pixel (h, w) and barycentric weights (h, w, 2), of :func:`rasterise`.
+        values: at the vertices (n, CHANNELS). triangles: (m, 3) vertex numbers.
+    """
     height, width = owner.shape
     out = np.zeros((CHANNELS, height, width), np.float32)
     for y in range(height):

@@ -66,7 +66,12 @@ def pixel_angles(camera: FisheyeCamera) -> NDArray[np.float64]:
 
 
 def defocus(radiance: Floats, optics: Optics, edge_weight: Floats) -> Floats:
-    """Blur that grows from the axis to the edge: a mix of two Gaussians by ``edge_weight`` (h, w, 1)."""
+    """Blur that grows from the axis to the edge: a mix of two Gaussians.
+
+    Args:
+        radiance: (h, w, 3). optics: widths of both Gaussians, px at 480 rows.
+        edge_weight: (h, w) share of the wider one, 0..1.
+    """
     scale = radiance.shape[0] / 480
     middle = _gaussian(radiance, optics.defocus_px * scale)
     if optics.defocus_edge_px == optics.defocus_px:
@@ -93,9 +98,13 @@ def tone_table(sensor: Sensor) -> Image:
 
 @numba.njit(cache=True, fastmath=True)
 def signal_of(radiance: Floats, noise: Floats, exposure: float, gain: float, full_well: float, read: float) -> Floats:
-    """Signal (1 = white, not clipped) with shot and read noise; ``noise`` holds standard normals.
+    """Signal (1 = white, not clipped) with shot and read noise.
 
-    signal = gain (exposure L + n sqrt(exposure L / F + (r / F)^2)), F electrons at signal 1, r read noise.
+    signal = gain (exposure L + n sqrt(exposure L / F + (r / F)^2)).
+
+    Args:
+        radiance: L (h, w, 3). noise: n, standard normals, one for each number of ``radiance``.
+        exposure, gain: factors. full_well: F, electrons at signal 1. read: r, read noise, electrons.
     """
     out = np.empty_like(radiance)
     light, result, normal = radiance.ravel(), out.ravel(), noise.ravel()

@@ -137,7 +137,11 @@ def _seams(canvas: Canvas, params: EndcapParams, rng: np.random.Generator) -> No
 
 
 def smooth_noise(rng: np.random.Generator, cells: int, texels: int) -> Array:
-    """(texels, texels) standard normals at ``cells`` x ``cells`` points, smooth between."""
+    """(texels, texels) standard normals at ``cells`` x ``cells`` points, smooth between.
+
+    Args:
+        rng: source of the normals. cells: points along a side. texels: side of the result.
+    """
     return np.asarray(cv2.resize(rng.normal(0, 1, (cells, cells)), (texels, texels), interpolation=cv2.INTER_CUBIC))
 
 

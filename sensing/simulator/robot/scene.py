@@ -72,7 +72,11 @@ class RobotScene:
     modes: NDArray[np.float16]
 
     def state(self, stand: int, endcap: int, share: float) -> tuple[Array, Array]:
-        """((n, 3) displacement at azimuth 0, (6,) wrench) of an endcap under a share 0..1 of its load."""
+        """((n, 3) displacement at azimuth 0, (6,) wrench, N and N m) of an endcap under a share of its load.
+
+        Args:
+            stand: 0, 1, 2: on one, two, three endcaps. endcap: 0 to 5. share: of its load, 0..1.
+        """
         shares = (0.0, *SHARES)
         zero = np.zeros(1)
         coefficients = np.array(
@@ -138,6 +142,9 @@ def plan_scene() -> ScenePlan:
 
 def solve_endcap(simulator: Simulator, plan: ScenePlan, stand: int, endcap: int) -> tuple[Array, Array]:
     """((S, n, 3) displacement at azimuth 0 at the renderer's draft nodes, (S, 6) wrench in N and N m).
+
+    Args:
+        simulator: of the shell. plan: what is to be solved. stand, endcap: one of :meth:`ScenePlan.places`.
 
     Raises:
         FileError: a state that the simulator refuses.

@@ -61,7 +61,12 @@ def prism_mm() -> Array:
 
 
 def random_stand(rng: np.random.Generator, contacts: int, friction: float) -> Stand:
-    """A stand on 0 to 3 endcaps of the lower ring, the robot turned at random about the vertical."""
+    """A stand on 0 to 3 endcaps of the lower ring, the robot turned at random about the vertical.
+
+    Args:
+        rng: source of the random numbers. contacts: how many endcaps stand, 0 to 3.
+        friction: Coulomb's mu; it limits what cables pull.
+    """
     endcaps = prism_mm() @ _rotation([0, 0, 1], float(rng.uniform(0, 2 * math.pi))).T
     middle = endcaps.mean(axis=0) + PAYLOAD_MM * rng.uniform(-1, 1, 3) / math.sqrt(3)
     lower = rng.permutation([0, 2, 4])

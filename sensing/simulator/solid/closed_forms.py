@@ -15,8 +15,11 @@ from sensing.simulator.solid.geometry import ShellGeometry
 def reissner_stiffness_n_mm(young_mpa: float, poisson: float, radius_mm: float, wall_mm: float) -> float:
     """Stiffness of a thin spherical shell under a point load, F / w.
 
+    Args:
+        young_mpa, poisson: E and nu. radius_mm: R, the middle radius. wall_mm: T.
+
     Notes:
-        F / w = 8 D / l^2 = 4 E T^2 / (R sqrt(3 (1 - nu^2))), R the middle radius, D = E T^3 / (12 (1 - nu^2)) and
+        F / w = 8 D / l^2 = 4 E T^2 / (R sqrt(3 (1 - nu^2))), D = E T^3 / (12 (1 - nu^2)) and
         l^4 = R^2 T^2 / (12 (1 - nu^2))  (Reissner 1946, doi:10.1002/sapm194625180). Valid for T/R under about 1/20,
         w under T/2 and a load more than 3 l from the edge; a thicker wall also dents locally under the load.
     """
@@ -30,6 +33,9 @@ def point_stiffness_n_mm(geometry: ShellGeometry, law: HyperelasticLaw) -> float
 
 def hertz_force_n(young_mpa: float, poisson: float, radius_mm: float, depth_mm: float) -> float:
     """Force on a solid elastic sphere (or of a rigid sphere on a half-space) at a depth.
+
+    Args:
+        young_mpa, poisson: E and nu of what is elastic. radius_mm: R of the sphere. depth_mm: d, approach.
 
     Notes:
         F = 4/3 E* sqrt(R) d^(3/2), E* = E / (1 - nu^2), contact radius a = sqrt(R d) (Johnson 1985, Contact Mechanics,
@@ -46,6 +52,9 @@ def hertz_radius_mm(radius_mm: float, depth_mm: float) -> float:
 def mindlin_stick_radius_mm(contact_radius_mm: float, tangential_n: float, normal_n: float, friction: float) -> float:
     """Radius of the sticking core of a Hertz contact under a tangential force.
 
+    Args:
+        contact_radius_mm: a. tangential_n, normal_n: Q and P. friction: mu.
+
     Notes:
         c = a (1 - Q / (mu P))^(1/3) (Cattaneo 1938, Mindlin 1949; Johnson 1985, eq. 7.40). Zero once Q >= mu P.
     """
@@ -54,6 +63,9 @@ def mindlin_stick_radius_mm(contact_radius_mm: float, tangential_n: float, norma
 
 def flattening_force_n(geometry: ShellGeometry, law: HyperelasticLaw, depth_mm: float) -> float:
     """Force of a rigid plane that flattens a thin shell: Reissner's line, F = k d.
+
+    Args:
+        geometry, law: the shell. depth_mm: d, approach of the plane.
 
     Notes:
         A plane flattens the dome first (Updike, Kalnins 1970, doi:10.1115/1.3408580): the ring of contact grows and the
@@ -74,9 +86,12 @@ def flattening_radius_mm(outer_radius_mm: float, depth_mm: float) -> float:
 def inflated_sphere_pressure_mpa(shear_mpa: float, inner_stretch: float, outer_stretch: float) -> float:
     """Pressure in an incompressible neo-Hookean thick sphere.
 
+    Args:
+        shear_mpa: mu. inner_stretch, outer_stretch: la and lb, hoop stretches of inner and outer surface.
+
     Notes:
-        p = 2 mu [(1/lb + 1/(4 lb^4)) - (1/la + 1/(4 la^4))] with la, lb the hoop stretches of inner and outer surface
-        (Ogden 1984, Non-linear Elastic Deformations, sec. 5.3). Exact.
+        p = 2 mu [(1/lb + 1/(4 lb^4)) - (1/la + 1/(4 la^4))] (Ogden 1984, Non-linear Elastic
+        Deformations, sec. 5.3). Exact.
     """
 
     def part(stretch: float) -> float:
@@ -89,6 +104,10 @@ def lame_displacement_mm(
     pressure_mpa: float, young_mpa: float, poisson: float, inner_mm: float, outer_mm: float, radius_mm: float
 ) -> float:
     """Radial displacement of a thick sphere under small inner pressure.
+
+    Args:
+        pressure_mpa: p. young_mpa, poisson: E and nu. inner_mm, outer_mm: radii a and b.
+        radius_mm: r, where the displacement is wanted.
 
     Notes:
         u = p a^3 / (E (b^3 - a^3)) [(1 - 2 nu) r + (1 + nu) b^3 / (2 r^2)] (Lame; Timoshenko, Goodier, art. 136). Exact

@@ -54,9 +54,12 @@ def element_data(mesh: HexMesh) -> ElementData:
 
 
 def energy_and_force(law: HyperelasticLaw, data: ElementData, displacement: Array) -> tuple[float, Array]:
-    """Stored energy (mJ) and nodal forces (e, 27, 3) of element displacements (e, 27, 3).
+    """Stored energy (mJ) and nodal forces (e, 27, 3), N.
 
     An element turned inside out gives infinite energy, which every line search refuses.
+
+    Args:
+        law: hyperelastic constants. data: the undeformed elements. displacement: of their nodes (e, 27, 3), mm.
     """
     energy, force = elastic_kernels.energy_force(
         displacement, data.rows, data.weight, data.psi, data.mass_inverse,
@@ -66,7 +69,11 @@ def energy_and_force(law: HyperelasticLaw, data: ElementData, displacement: Arra
 
 
 def tangent(law: HyperelasticLaw, data: ElementData, displacement: Array) -> Array:
-    """Consistent element tangents (e, 81, 81), symmetric, N/mm; degree of freedom ``3 a + i``."""
+    """Consistent element tangents (e, 81, 81), symmetric, N/mm; degree of freedom ``3 a + i``.
+
+    Args:
+        law: hyperelastic constants. data: the undeformed elements. displacement: of their nodes (e, 27, 3), mm.
+    """
     return elastic_kernels.tangent(
         displacement, data.gradient, data.weight, data.psi, data.mass_inverse,
         law.c10_mpa, law.c20_mpa, law.c30_mpa, law.bulk_mpa,

@@ -19,7 +19,13 @@ _HELPER, _FAST_HELPER = {"forceinline": True}, {"forceinline": True, "fastmath":
 
 @njit(cache=True, fastmath=_FAST)
 def energy_force(u, rows, weight, psi, mass_inverse, c10, c20, c30, bulk):
-    """Energy and nodal forces (e, 27, 3) from element displacements (e, 27, 3); infinite for one turned inside out."""
+    """Energy (mJ) and nodal forces (e, 27, 3), N; infinite where an element is turned inside out.
+
+    Args:
+        u: element displacements (e, 27, 3), mm.
+        rows, weight, psi, mass_inverse: of :class:`sensing.simulator.solid.elasticity.ElementData`.
+        c10, c20, c30, bulk: constants of the law, MPa.
+    """
     count, points = weight.shape
     force = np.zeros((count, 27, 3))
     f, g, stress = np.empty((3, 3 * points)), np.empty((3, 3 * points)), np.empty((3, 3 * points))
@@ -118,7 +124,13 @@ def _stress(f, g, det, p, weight, c10, c20, c30, stress):
 
 @njit(cache=True)
 def tangent(u, gradient, weight, psi, mass_inverse, c10, c20, c30, bulk):
-    """Element matrices (e, 81, 81) at element displacements (e, 27, 3)."""
+    """Element matrices (e, 81, 81), N/mm.
+
+    Args:
+        u: element displacements (e, 27, 3), mm.
+        gradient, weight, psi, mass_inverse: of :class:`sensing.simulator.solid.elasticity.ElementData`.
+        c10, c20, c30, bulk: constants of the law, MPa.
+    """
     count = u.shape[0]
     result = np.empty((count, 81, 81))
     f, g, det = np.empty((27, 3, 3)), np.empty((27, 3, 3)), np.empty(27)

@@ -81,7 +81,11 @@ class HexMesh:
 
 
 def shell_mesh(geometry: ShellGeometry, density: MeshDensity, half: bool = False) -> HexMesh:
-    """Mesh of the shell; ``half`` keeps y >= 0, for paths in the mirror plane."""
+    """Mesh of the shell.
+
+    Args:
+        geometry: the shell. density: how fine. half: keep y >= 0 only, for paths in the mirror plane.
+    """
     quads = _disc_quads(density)  # (q, 9, 2)
     if half:
         quads = quads[quads[:, 4, 1] > 0]
@@ -114,7 +118,11 @@ def box_mesh(counts: tuple[int, int, int], size: tuple[float, float, float]) -> 
 
 
 def sphere_octant_mesh(inner_mm: float, outer_mm: float, across: int, layers: int) -> HexMesh:
-    """Octant x, y, z >= 0 of a thick sphere: three patches of a cubed sphere, ``across`` elements along an edge."""
+    """Octant x, y, z >= 0 of a thick sphere: three patches of a cubed sphere.
+
+    Args:
+        inner_mm, outer_mm: radii. across: elements along an edge of a patch. layers: elements through the wall.
+    """
     lattice = np.tan(np.linspace(0.0, math.pi / 4, 2 * across + 1))
     radii = np.linspace(inner_mm, outer_mm, 2 * layers + 1)
     cells = []
@@ -131,7 +139,11 @@ def sphere_octant_mesh(inner_mm: float, outer_mm: float, across: int, layers: in
 
 
 def merge(cell_points: Array, outer: Index, inner: Index) -> HexMesh:
-    """Mesh from each cell's own points (e, 27, 3): points nearer than 1e-6 of the size become one."""
+    """Mesh from each cell's own points: points nearer than 1e-6 of the size become one.
+
+    Args:
+        cell_points: (e, 27, 3), mm. outer, inner: numbers of the cells that own such a face.
+    """
     flat = cell_points.reshape(-1, 3)
     pitch = 1e-6 * float(np.ptp(flat, axis=0).max())
     keys = np.round(flat / pitch + 0.25).astype(np.int64)  # the offset keeps exact zeros away from a rounding edge

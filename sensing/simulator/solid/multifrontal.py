@@ -110,6 +110,10 @@ def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]
 class FrontalFactors:
     """Factors of a matrix given by elements.
 
+    Args:
+        fronts: of :func:`plan`. blocks: element matrices (e, 81, 81), N/mm.
+        symmetric: True takes Cholesky, False LU.
+
     Raises:
         NotPositive: a symmetric matrix with a pivot that is not positive.
     """

@@ -58,7 +58,11 @@ def relaxed_share(prony: Prony, time_s: float) -> float:
 
 
 def isochoric_stress(law: HyperelasticLaw, solid: Solid, displacement: Array) -> Array:
-    """Second Piola-Kirchhoff stress of the isochoric energy (e, 27, 3, 3) at a displacement (n, 3)."""
+    """Second Piola-Kirchhoff stress of the isochoric energy (e, 27, 3, 3), MPa.
+
+    Args:
+        law: hyperelastic constants. solid: its mesh and element data. displacement: nodal (n, 3), mm.
+    """
     gradient = elastic.deformation_gradient(solid.data, displacement[solid.mesh.cells])
     cauchy_green = gradient.swapaxes(2, 3) @ gradient
     scale = np.linalg.det(gradient) ** (-2 / 3)
@@ -76,7 +80,10 @@ def rest(solid: Solid, prony: Prony) -> ViscousHistory:
 
 
 def step_solid(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float) -> Solid:
-    """The elastic solid that a step of ``dt_s`` amounts to.
+    """The elastic solid that a step amounts to.
+
+    Args:
+        solid: with its slow law. history: before the step. prony: pairs (g, tau_s). dt_s: length of the step.
 
     Raises:
         ParameterError: ``dt_s`` is not positive.
@@ -94,7 +101,12 @@ def step_solid(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float)
 
 
 def remember(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float, displacement: Array) -> ViscousHistory:
-    """History after a step that ended at a displacement (n, 3); ``solid`` with its slow law."""
+    """History after a step.
+
+    Args:
+        solid: with its slow law. history: before the step. prony: pairs (g, tau_s).
+        dt_s: length of the step. displacement: nodal, at its end (n, 3), mm.
+    """
     now = isochoric_stress(solid.law, solid, displacement)
     overstress = [
         math.exp(-dt_s / tau) * h + b * math.exp(-dt_s / (2 * tau)) * (now - history.isochoric)

@@ -14,6 +14,10 @@ MAX_SAMPLERS = 64  # azimuths kept ready
 class ShellHalves:
     """Models of a shell; fields of either are read on :attr:`surface`, the half model's.
 
+    Args:
+        geometry, law: the shell. density: of the mesh, a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own
+            numbers.
+
     Raises:
         ParameterError: unknown density.
     """

@@ -133,7 +133,10 @@ def turn_wrench(wrench: Array, azimuth_deg: float) -> Array:
 
 
 def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0.0) -> SurfaceSampler:
-    """Find directions (k, 3) on the inner surface, for a contact at an azimuth.
+    """Find directions on the inner surface, for a contact at an azimuth.
+
+    Args:
+        model: half or whole. directions: unit vectors from the sphere's centre (k, 3). azimuth_deg: of the contact.
 
     Raises:
         ParameterError: a direction that meets the clamp before the inner surface.

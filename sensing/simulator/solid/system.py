@@ -106,7 +106,11 @@ class Factorisation:
 
 
 def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -> Solid:
-    """Number the unknowns along nested dissection and lay out fronts and sparse pattern."""
+    """Number the unknowns along nested dissection and lay out fronts and sparse pattern.
+
+    Args:
+        mesh, law: geometry and material. fixed: which degrees of freedom are fixed (n, 3).
+    """
     live = np.flatnonzero(~fixed.ravel())
     free = np.full(mesh.points.size, -1, dtype=np.int64)
     free[live] = np.arange(len(live))
@@ -120,16 +124,24 @@ def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -
 
 
 def nodal_sum(forces: Array, numbers: Index, count: int) -> Array:
-    """Sum (count, 3) of forces (g, a, 3) at nodes ``numbers`` (g, a)."""
+    """Sum (count, 3) of forces at the nodes.
+
+    Args:
+        forces: on groups of nodes (g, a, 3). numbers: of those nodes (g, a). count: of all nodes.
+    """
     total = np.zeros((count, 3))
     _scatter_force(forces, numbers, total)
     return total
 
 
 def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisation:
-    """Factorise element matrices (e, 81, 81).
+    """Factorise element matrices.
 
     A symmetric matrix that is not positive goes to SuperLU, whose unpivoted factors count the negative pivots.
+
+    Args:
+        solid: whose elements they are. blocks: (e, 81, 81), N/mm.
+        symmetric: whether they are; False takes LU, which leaves ``negative`` unknown.
 
     Raises:
         numpy.linalg.LinAlgError: an exactly singular matrix, or one that is not finite.

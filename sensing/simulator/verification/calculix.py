@@ -51,7 +51,11 @@ class Comparison:
 def compare(
     density: MeshDensity, depth_mm: float, shift_mm: float, tilt_deg: float, friction: float, increments: int = 10
 ) -> Comparison:
-    """Press to a depth, then pull along the meridian, in both codes, each in ``increments``.
+    """Press to a depth, then pull along the meridian, in both codes.
+
+    Args:
+        density: of the mesh. depth_mm: to press to. shift_mm: to pull along the meridian.
+        tilt_deg: polar angle of first contact. friction: Coulomb's mu. increments: of the press, and of the pull.
 
     Raises:
         EndcapError: ccx is missing, or did not finish.

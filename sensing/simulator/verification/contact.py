@@ -42,7 +42,12 @@ class BallOnBlock:
 
 
 def ball_on_block(friction: float = 0.5, travel_mm: float = 0.012, elements: int = 6) -> BallOnBlock:
-    """Press a ball of 10 mm into a block, then pull it sideways; nu = 0.4999 decouples normal and tangential."""
+    """Press a ball of 10 mm into a block, then pull it sideways; nu = 0.4999 decouples normal and tangential.
+
+    Args:
+        friction: Coulomb's mu. travel_mm: of the ball sideways.
+        elements: of the half block along y and along z; twice as many along x.
+    """
     law = hyperelastic_law(0.34, 0.4999)
     model = _block_model(elements, law.young_mpa)
     frame = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # outward z, meridian x, lateral y

@@ -71,7 +71,12 @@ def level_2_rate(fast: FrozenPress, path: list[Target]) -> float:
 
 
 def judge(fast: FrozenPress, reduced: ReducedModel, path: list[Target], exact: list[State]) -> Judgement:
-    """Level 3 along a path, in a second round that has the tangents of its fall-backs."""
+    """Level 3 along a path, in a second round that has the tangents of its fall-backs.
+
+    Args:
+        fast: level 2 press. reduced: level 3's model of the same shell and body.
+        path: its targets. exact: states along it, to judge by (:func:`exact_states`).
+    """
     level_3 = ReducedPress(fast, reduced)
     dots = surface_sampler(fast.press.model, dot_directions(fast.press.model.geometry))
     for _ in range(2):

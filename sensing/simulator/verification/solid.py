@@ -19,7 +19,12 @@ NEWTON_STEPS = 30
 
 
 def equilibrium(solid: Solid, displacement: Array, load: Array | None = None) -> Array:
-    """Newton from a displacement (n, 3) whose fixed values stay, under dead nodal loads (n, 3)."""
+    """Displacement (n, 3), mm, by Newton from one whose fixed values stay, under dead nodal loads.
+
+    Args:
+        solid: mesh, law and fixed degrees of freedom. displacement: to start from (n, 3), mm.
+        load: (n, 3), N; None for none.
+    """
     force = np.zeros_like(displacement) if load is None else load
     for _ in range(NEWTON_STEPS):
         energy, internal = solid.energy_and_force(displacement)
@@ -54,7 +59,11 @@ def patch_error(seed: int = 1) -> float:
 
 
 def lame_error(across: int, layers: int, poisson: float, inner_mm: float = 1.0, outer_mm: float = 2.0) -> float:
-    """Relative L2 error of the displacement of a thick sphere under small inner pressure (linear)."""
+    """Relative L2 error of the displacement of a thick sphere under small inner pressure (linear).
+
+    Args:
+        across, layers: of :func:`sphere_octant_mesh`. poisson: nu. inner_mm, outer_mm: radii.
+    """
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(inner_mm, outer_mm, across, layers)
     solid = build_solid(mesh, law, np.abs(mesh.points) < 1e-9)
@@ -74,7 +83,11 @@ def lame_error(across: int, layers: int, poisson: float, inner_mm: float = 1.0, 
 
 
 def inflated_sphere(inner_stretch: float, across: int, layers: int, poisson: float = 0.49999) -> tuple[float, float]:
-    """Pressure of a neo-Hookean sphere (radii 1 and 2) inflated to an inner stretch, and the closed form (MPa)."""
+    """Pressure of a neo-Hookean sphere (radii 1 and 2) inflated to an inner stretch, and the closed form (MPa).
+
+    Args:
+        inner_stretch: to inflate to. across, layers: of :func:`sphere_octant_mesh`. poisson: nu at small strain.
+    """
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(1.0, 2.0, across, layers)
     on_inner = np.abs(np.linalg.norm(mesh.points, axis=1) - 1) < 1e-9
@@ -114,7 +127,11 @@ def cantilever_ratio(poisson: float, load_n: float = 1e-4) -> float:
 
 
 def cook_tip_mm(across: int, law: HyperelasticLaw, load_n: float = 0.1) -> float:
-    """Tip deflection of Cook's membrane (48 x 44/16 mm, plane strain, 1 mm thick) under a shear load at its end."""
+    """Tip deflection of Cook's membrane (48 x 44/16 mm, plane strain, 1 mm thick) under a shear load at its end.
+
+    Args:
+        across: elements along each side. law: hyperelastic constants. load_n: shear load.
+    """
     box = box_mesh((across, across, 1), (1.0, 1.0, 1.0))
     x, y = 48 * box.points[:, 0], box.points[:, 1]
     points = np.stack([x, 44 / 48 * x + y * (44 - 28 / 48 * x), box.points[:, 2]], axis=1)
@@ -132,7 +149,12 @@ def cook_tip_mm(across: int, law: HyperelasticLaw, load_n: float = 0.1) -> float
 
 
 def face_load(mesh: HexMesh, owners: Index, face: Index, pressure_mpa: float) -> Array:
-    """Nodal forces (n, 3) of a dead pressure on faces, pushing into the solid."""
+    """Nodal forces (n, 3), N, of a dead pressure on faces, pushing into the solid.
+
+    Args:
+        mesh: of the solid. owners: cells that own the faces (f,). face: local numbers of a face's nodes (9,),
+            ``INNER_FACE`` or ``OUTER_FACE``. pressure_mpa: pressure.
+    """
     local, rule = face_rule(3)
     value, grad = shape_quad(local)
     nodes = mesh.cells[owners][:, face]

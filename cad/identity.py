@@ -137,7 +137,12 @@ def recorded(record: Any, design: EndcapParams) -> Identity:
 
 
 def differing(found: Identity, wanted: Identity, aspects: Iterable[str] = tuple(WORDS)) -> list[str]:
-    """Aspects, "design" included, in which two identities differ; those that do not matter to one of them are equal."""
+    """Aspects, "design" included, in which two identities differ; those that do not matter to one of them are equal.
+
+    Args:
+        found, wanted: the two.
+        aspects: those that are compared, besides the design.
+    """
     other = ["design"] if found.design.digest != wanted.design.digest else []
     for name in aspects:
         pair = found.aspects.get(name), wanted.aspects.get(name)

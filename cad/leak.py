@@ -24,7 +24,12 @@ MOST_BOWL_WALL_MM = 9.0  # a millimetre inside the dam, so that no surfaces of t
 
 
 def leak_ratio(params: EndcapParams, joint_clearance_mm: float, bowl_wall_mm: float, cast_mm3: float) -> float:
-    """Fraction of the pour that could creep through the bowl's joints before it sets."""
+    """Fraction of the pour that could creep through the bowl's joints before it sets.
+
+    Args:
+        params: the design. joint_clearance_mm: gap of the bowl's joints.
+        bowl_wall_mm: thickness of its wall, the way that silicone creeps. cast_mm3: volume of the pour.
+    """
     gap, path, radius = (1e-3 * mm for mm in (joint_clearance_mm, bowl_wall_mm, params.outer_radius_mm))
     head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
     joints = BOWL_SEAMS * math.pi / 2 * radius

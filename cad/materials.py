@@ -86,6 +86,10 @@ class HyperelasticLaw:
 def hyperelastic_law(c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_mpa: float = 0.0) -> HyperelasticLaw:
     """Law from C10 and Poisson's ratio.
 
+    Args:
+        c10_mpa, c20_mpa, c30_mpa: constants of the law (Yeoh), MPa.
+        poisson: Poisson's ratio of the undeformed material.
+
     Raises:
         ParameterError: Poisson's ratio outside 0..0.49999, or non-physical constants.
     """

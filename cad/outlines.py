@@ -16,7 +16,12 @@ def polygon(points: list[tuple[float, float]]) -> Face:
 
 
 def rectangle(left: float, right: float, low: float, high: float) -> Face:
-    """An upright rectangle."""
+    """An upright rectangle.
+
+    Args:
+        left, right: smallest and largest x (in a half section: radius), mm.
+        low, high: smallest and largest y (in a half section: height), mm.
+    """
     return polygon([(left, low), (right, low), (right, high), (left, high)])
 
 

@@ -20,7 +20,11 @@ def revolved(profile: Face) -> Solid:
 
 
 def drill(place: tuple[float, float], radius_mm: float, bottom_mm: float, top_mm: float) -> Solid:
-    """An upright cylinder at ``(x, y)`` between two heights."""
+    """An upright cylinder.
+
+    Args:
+        place: (x, y) of the axis, mm. radius_mm: of the cylinder. bottom_mm, top_mm: z of its ends.
+    """
     return Solid.make_cylinder(radius_mm, top_mm - bottom_mm, Plane(origin=(*place, bottom_mm)))
 
 
@@ -32,6 +36,9 @@ def cut_holes(body: Shape, tools: Iterable[Solid]) -> Shape:
 
 def intersected(body: Shape, tool: Solid, name: str) -> Solid:
     """What two solids share, where that is one solid.
+
+    Args:
+        body, tool: the two. name: of the part, for the message.
 
     Raises:
         GeometryError: none or several solids, or the kernel gave up (it answers with no shape at all).

@@ -94,7 +94,12 @@ def _bought_line(name: str, quantity: int) -> BomLine:
 def bom_checks(
     manifest: Mapping[str, Any], joints: Sequence[ScrewJoint], fits: Sequence[ScrewFit], lines: Sequence[BomLine]
 ) -> list[Check]:
-    """Gates: every screw clamps; every part and every screw of the assembly has its line."""
+    """Gates: every screw clamps; every part and every screw of the assembly has its line.
+
+    Args:
+        manifest: of the export; its ``parts`` are read. joints: screw joints of the assembly.
+        fits: how the screw of each joint fits. lines: the bill of materials.
+    """
     owners = {line.owner for line in lines}
     missing = [part["name"] for part in manifest["parts"] if part["name"] not in owners]
     screws = sum(line.quantity for line in lines if line.owner == "screws")

@@ -113,7 +113,12 @@ class Cache:
             return None
 
     def store(self, key: str, folder: Path, names: Sequence[str], values: Mapping[str, Any]) -> None:
-        """Keep files of a folder, and values that JSON holds, under a key."""
+        """Keep files of a folder, and values, under a key.
+
+        Args:
+            key: what they are found by. folder: holds the files. names: of the files, in the folder.
+            values: content that JSON holds.
+        """
         try:
             files = {}
             for name in names:

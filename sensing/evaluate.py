@@ -141,7 +141,12 @@ def _filtered(network: WrenchModel, test: Views, data: LabelledSet) -> dict[str,
 def cross_validate(
     train: Sequence[Path], holdouts: Sequence[str], paper_epochs: int = 100, seed: int = 0
 ) -> dict[str, Score]:
-    """Scores by "model, leave out what": everything fitted to a part of the data and tested on the rest."""
+    """Scores by "model, leave out what": everything fitted to a part of the data and tested on the rest.
+
+    Args:
+        train: folders of labelled frames. holdouts: names of :func:`sensing.learning.contenders.held_out`.
+        paper_epochs: of the paper's recipe, 0 without it. seed: of the split and the fits.
+    """
     from sensing.learning.fit_config import FitConfig
     from sensing.learning.fitting import fit
 

@@ -32,7 +32,10 @@ COLUMNS = ("wrench", "array_path", "path", "phase", "level")
 
 
 def export_dataset(data: LabelledSet, folder: Path, paths: Collection[int] | None = None) -> int:
-    """Write the fields of all frames, or of the named paths; the folder appears when all of it is there, or not at all.
+    """Write the fields of all frames, or of some paths; the folder appears when all of it is there, or not at all.
+
+    Args:
+        data: labelled frames. folder: a new or empty one. paths: numbers of the paths to write; None for all.
 
     Returns:
         Number of rows.

@@ -21,7 +21,10 @@ MOST_BYTES = 1 << 29  # of all arrays together
 def read_npz(
     path: str | Path, names: Collection[str] | None = None, most_bytes: int = MOST_BYTES
 ) -> dict[str, NDArray[Any]]:
-    """Arrays by name, all or those named; nothing is unpickled.
+    """Arrays by name; nothing is unpickled.
+
+    Args:
+        path: of the file. names: arrays wanted; None for all. most_bytes: largest size when unpacked.
 
     Raises:
         OSError: missing. KeyError: no array of that name. ValueError: no such file, damaged, or too large.

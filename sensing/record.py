@@ -99,7 +99,13 @@ def record(
     rest_frames: int = REST_FRAMES,
     most: int | None = None,
 ) -> RecordResult:
-    """Pair and write until the frames end, or ``most`` have been taken; whatever happens, what was paired is written.
+    """Pair and write until the frames end; whatever happens, what was paired is written.
+
+    Args:
+        frames: of the endcap. stream: of the force/torque sensor. recording: the folder.
+        slop_s: largest time between a frame and a sample of its pair. rest_frames: first frames, untouched, that make
+            the reference.
+        most: frames to take; None for all.
 
     Raises:
         ZeroError: the endcap moved during the first frames. ClockError: a clock jumped. StreamError: the stream broke.

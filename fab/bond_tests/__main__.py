@@ -97,6 +97,9 @@ def write_results(
 ) -> None:
     """Write table, statistics and box plots; each appears whole.
 
+    Args:
+        specimens: rows of the table. groups, comparisons: the statistics. folder: made if it is missing.
+
     Raises:
         FileError: the folder cannot be written.
     """

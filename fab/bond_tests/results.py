@@ -102,6 +102,9 @@ class Comparison:
 def evaluate(record: Record, kind: str, group: str) -> Specimen:
     """Result of one specimen.
 
+    Args:
+        record: load (N) of one test. kind: ``tensile`` or ``peel``. group: bonding method.
+
     Raises:
         FileError: a peel record without an initial peak.
     """

@@ -59,7 +59,11 @@ def camera_pixels(params: EndcapParams) -> list[tuple[float, float]]:
 
 
 def dots_in(pixels: Sequence[tuple[float, float]], width: float, height: float) -> int:
-    """How many points lie in a centred rectangle of the frame."""
+    """How many points lie in a centred rectangle of the frame.
+
+    Args:
+        pixels: (x, y) in the frame, px. width, height: of the rectangle, px.
+    """
     return sum(abs(x - FRAME_PX[0] / 2) <= width / 2 and abs(y - FRAME_PX[1] / 2) <= height / 2 for x, y in pixels)
 
 

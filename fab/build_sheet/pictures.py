@@ -73,7 +73,12 @@ class Workshop:
         return Thing(self.meshes[name], self.colors[name], (shift[0], shift[1], shift[2]) if shift else (0.0, 0.0, 0.0))
 
     def screws(self, prefix: str, back_mm: float = 0.0, lift: float = 0.0) -> list[Thing]:
-        """The screws of joints whose names begin so, drawn back along their axes."""
+        """The screws of some joints, drawn back along their axes.
+
+        Args:
+            prefix: beginning of the joints' names. back_mm: how far the screws are drawn back.
+            lift: shift of joint and screw along z, mm.
+        """
         things = []
         for fit in self.fits:
             if fit.joint.name.startswith(prefix):
@@ -148,7 +153,12 @@ def dots_mesh(layout: MoldLayout) -> trimesh.Trimesh:
 
 
 def draw(things: Sequence[Thing], view: View, path: Path, width: int = WIDTH_PX, height: int = HEIGHT_PX) -> Path:
-    """Draw things as they are, filling the picture."""
+    """Draw things as they are.
+
+    Args:
+        things: what is drawn; they fill the picture. view: from where it is seen. path: of the file.
+        width, height: of the picture, px.
+    """
     places = [thing.mesh.vertices + np.array(thing.shift) for thing in things]
     flat = [view.project(points) for points in places]
     low, high = np.min([p.min(axis=0) for p in flat], axis=0), np.max([p.max(axis=0) for p in flat], axis=0)
@@ -196,7 +206,12 @@ def step_pictures(
 
 
 def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
-    """What a step's picture shows: parts in place, parts on their way, screws drawn back, and extras."""
+    """What a step's picture shows: parts in place, parts on their way, screws drawn back, and extras.
+
+    Args:
+        shop: what can be drawn. step: of the work.
+        depth_mm: how far below the seam the poured silicone stands.
+    """
     things = [*_drawn(shop, step, step.in_place, np.zeros(3))]
     shifts = [np.zeros(3)]
     for number, move in enumerate(step.moves):

@@ -14,7 +14,11 @@ BLANK = re.compile(r"\{(\w+)(?::(\w+))?\}")
 
 
 def stage_blocks(data: SheetData, letter: str, stages: Sequence[str]) -> list[Block]:
-    """Steps <letter>1, 2, ... of some stages of the work, in order."""
+    """Steps <letter>1, 2, ... of some stages of the work, in order.
+
+    Args:
+        data: of the sheet. letter: before the numbers. stages: names of the stages.
+    """
     chosen = [step for step in data.steps if step.stage in stages]
     return [
         StepBlock(f"{letter}{number}", step.title, filled(data, step.lines), data.pictures.get(step.key))
@@ -52,7 +56,12 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
 
 
 def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:
-    """Steps <letter>1, 2, ... of work without parts, from (title, lines, name of the picture or None)."""
+    """Steps <letter>1, 2, ... of work without parts.
+
+    Args:
+        data: of the sheet. letter: before the numbers.
+        records: (title, lines, name of the picture or None) of each step.
+    """
     return [
         StepBlock(f"{letter}{number}", title, lines, data.pictures[picture] if picture else None)
         for number, (title, lines, picture) in enumerate(records, 1)

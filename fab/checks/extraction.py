@@ -3,7 +3,6 @@
 A path is a sequence of straight legs (unit direction, length). Core pieces leave through the bore of the TPU interface
 in the order of :data:`cad.mold_core.REMOVAL_ORDER`; cup segments leave away from the equator. Silicone and TPU flange
 are closed forms here (sphere, ramp, bumps, bore), so depths are exact for the sampled points; other pieces are meshes.
-
 Millimetres, endcap frame.
 """
 
@@ -38,8 +37,7 @@ class Leg:
     """One straight move.
 
     Attributes:
-        direction: unit vector.
-        length_mm: how far.
+        direction: unit vector. length_mm: how far.
     """
 
     direction: tuple[float, float, float]
@@ -51,10 +49,8 @@ class Extraction:
     """How one piece leaves.
 
     Attributes:
-        piece: its name.
-        legs: the path.
-        penetration_mm: deepest that any of its points enters silicone or TPU (0 wanted).
-        piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
+        piece: its name. legs: the path. penetration_mm: deepest that any of its points enters silicone or TPU (0
+            wanted). piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
         draft_deg: least angle between the piece's molding surface and the first leg.
         rim_strain: how far the opening must stretch to let it pass (0 wanted).
     """
@@ -73,9 +69,7 @@ def extract_core(
     """Take the core apart in its stated order.
 
     Args:
-        layout: mold sizes.
-        meshes: of the pieces.
-        paths: what :func:`core_path` gave for them, where it is known.
+        layout: mold sizes. meshes: of the pieces. paths: what :func:`core_path` gave for them, where it is known.
     """
     inside = [name for name in REMOVAL_ORDER if name in meshes]
     results = []
@@ -119,6 +113,9 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
     """The way out of one core piece: centre straight along the axis, the others inward until they fit, then out.
 
     The slope of the inward pull is the one with the largest least draft.
+
+    Args:
+        layout: mold sizes. name: of the piece. mesh: of the piece, mm.
     """
     out = Leg((0.0, 0.0, -1.0), layout.params.tip_height_mm)
     if name == "core_centre":
@@ -190,6 +187,9 @@ def seam_azimuth_deg(layout: MoldLayout, first: str, second: str) -> float:
 
     Booleans of bodies are turned back by it: boxes round facets that lie along the axes are thin, and those of two
     slanted walls that slide past each other meet by the thousand. Between a key and a wedge that is a factor of ten.
+
+    Args:
+        layout: mold sizes. first, second: names of the pieces.
     """
     for stem in ("core_key_", "core_wedge_"):
         for name in (first, second):

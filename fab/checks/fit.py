@@ -106,6 +106,9 @@ def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Chec
     """Steepest overhang inside the cavity of a cup segment as it is printed: on its foot, or on its rim.
 
     Bowl segments stand dome-down, collar segments on the mating plane; both as they are when poured or upside down.
+
+    Args:
+        layout: mold sizes. name: of the segment. mesh: of the segment, endcap frame, mm.
     """
     up = -1.0 if name.startswith("cup_bowl") else 1.0
     down = -up * mesh.face_normals[cavity_faces(layout, mesh), 2]

@@ -88,7 +88,11 @@ def run_gates(
 
 
 def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
-    """Wall, bumps, leak and air of the closed mold."""
+    """Wall, bumps, leak and air of the closed mold.
+
+    Args:
+        layout: mold sizes. meshes: of all parts, by name. cast_mm3: volume of the silicone shell.
+    """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     return [
         wall_check(layout, pieces),
@@ -102,7 +106,12 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
 def silicone_gates(
     layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float
 ) -> list[Check]:
-    """Sweeps of the steps, and the balance: what the closed mold encloses is made once for both."""
+    """Sweeps of the steps, and the balance: what the closed mold encloses is made once for both.
+
+    Args:
+        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
+        cast_mm3: volume of the silicone shell.
+    """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     opened = opened_space(layout, pieces)
     sweeps = sweep_checks(layout, steps, step_bodies(layout, steps, meshes, opened))

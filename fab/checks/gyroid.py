@@ -88,7 +88,11 @@ def outside_zone_mm(params: EndcapParams, mesh: trimesh.Trimesh) -> float:
 
 
 def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3000) -> np.ndarray:
-    """Thickness of the sheet along its normal at evenly chosen facets, away from the zone's faces: (about samples,)."""
+    """Thickness of the sheet along its normal at evenly chosen facets, away from the zone's faces: (about samples,).
+
+    Args:
+        params: the design. mesh: the whole interface, mm. samples: facets looked at, about.
+    """
     centres = mesh.triangles_center
     radius = np.linalg.norm(centres - (0, 0, params.centre_height_mm), axis=1)
     inner, outer = zone_radii_mm(params)
@@ -109,7 +113,11 @@ def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3
 
 
 def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VOXEL_MM) -> CastSpace:
-    """Voxels of TPU and of the space between core and cup, from the flange to a ball above the zone."""
+    """Voxels of TPU and of the space between core and cup, from the flange to a ball above the zone.
+
+    Args:
+        params: the design. mesh: the whole interface, mm. voxel_mm: side of a voxel.
+    """
     floor, top = params.flange_thickness_mm, params.interlock_top_mm + BALL_DIAMETER_MM
     widest = params.outer_radius_mm
     if params.centre_height_mm > top:
@@ -160,6 +168,9 @@ def ball_reach(params: EndcapParams, cast: CastSpace, diameter_mm: float = BALL_
     """Where a ball gets that starts in the silicone above the zone.
 
     With ``VOXEL_MARGIN`` the covered share at 0.3 mm voxels is 0.02 to 0.04 lower than at 0.15 mm: on the safe side.
+
+    Args:
+        params: the design. cast: voxels of the mold's space. diameter_mm: of the ball.
 
     Returns:
         ``(share of the zone's void that the ball covers, least gap between ball and flange in mm)``.

@@ -44,7 +44,11 @@ def mesh_checks(name: str, mesh: trimesh.Trimesh, solid_volume_mm3: float | None
 
 
 def step_check(name: str, volumes_mm3: Sequence[float], path: Path) -> Check:
-    """Volume of a STEP file, read back, against its solids; infinite where other or invalid solids were read."""
+    """Volume of a STEP file, read back, against its solids; infinite where other or invalid solids were read.
+
+    Args:
+        name: first part of the check's name. volumes_mm3: of the solids that were written. path: of the file.
+    """
     from build123d import import_step
 
     read = import_step(path).solids()

@@ -45,7 +45,11 @@ def nut_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
 
 
 class NutPocket:
-    """One pocket, seen from its screw's axis: x outward along the radius, y along the circle, z up."""
+    """One pocket, seen from its screw's axis: x outward along the radius, y along the circle, z up.
+
+    Args:
+        params: the design. body: the part with the pocket, endcap frame, mm. azimuth_deg: of the screw.
+    """
 
     def __init__(self, params: EndcapParams, body: manifold3d.Manifold, azimuth_deg: float) -> None:
         self._params = params

@@ -113,7 +113,11 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
 
 
 def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh], folder: Path) -> None:
-    """Write STL, STEP and 3MF of every part."""
+    """Write STL, STEP and 3MF of every part.
+
+    Args:
+        parts, meshes: by name. folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
+    """
     from build123d import export_step
 
     from cad.step_file import canonical_step
@@ -146,7 +150,12 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
 def coupon_bom(
     materials: Mapping[str, str], volumes_mm3: Mapping[str, float], silicone_name: str, density_g_cm3: float
 ) -> list[CouponLine]:
-    """Prints by volume, pours by volume and mass, one of each."""
+    """Prints by volume, pours by volume and mass, one of each.
+
+    Args:
+        materials: of each printed part, by its name. volumes_mm3: of the same parts.
+        silicone_name: of what is poured. density_g_cm3: of the silicone.
+    """
     lines = [CouponLine(name, material, volumes_mm3[name], None) for name, material in materials.items()]
     for tray in TRAYS:
         inside = volumes_mm3.get(IN_TRAY[tray.name], 0.0)

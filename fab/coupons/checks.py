@@ -37,7 +37,11 @@ def coupon_checks(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimes
 
 
 def closed_share(mesh: trimesh.Trimesh, low: tuple[float, float, float], high: tuple[float, float, float]) -> float:
-    """Largest share of an open side of a zone (all but its foot) that TPU covers, from the faces that lie in it."""
+    """Largest share of an open side of a zone (all but its foot) that TPU covers, from the faces that lie in it.
+
+    Args:
+        mesh: of the coupon. low, high: opposite corners (x, y, z) of the zone, mm.
+    """
     worst = 0.0
     sizes = np.array(high) - np.array(low)
     for axis in range(3):

@@ -39,6 +39,10 @@ def coupon_meshes(parts: Mapping[str, Part]) -> tuple[dict[str, trimesh.Trimesh]
 def with_gyroid(block: trimesh.Trimesh, zone: Box, step_mm: float = STEP_MM) -> tuple[trimesh.Trimesh, float]:
     """A block with the gyroid standing on it, its wall tuned until the zone is 10 % TPU.
 
+    Args:
+        block: the solid part. zone: lowest and highest corner (x, y, z) of the gyroid's box, mm.
+        step_mm: of the sampling.
+
     Raises:
         GeometryError: the density is not reached.
     """

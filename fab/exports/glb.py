@@ -20,7 +20,11 @@ from fab.exports.preview import METRE, Y_UP, linear_color
 def write_glb(
     design: Design, names: Sequence[str], offsets: Mapping[str, tuple[float, float, float]], path: Path
 ) -> None:
-    """Write parts of a design in place, or displaced by offsets (mm).
+    """Write parts of a design in place, or displaced.
+
+    Args:
+        design: parts and meshes. names: parts to write.
+        offsets: (x, y, z) of displaced parts by name, mm; the others stay in place. path: of the file.
 
     Raises:
         FileError: the file could not be written.

@@ -55,7 +55,11 @@ def write_solids(design: Design, folder: Path) -> None:
 
 
 def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
-    """Write one part as 3MF; identifiers, which the writer draws at random, are made from the part's name."""
+    """Write one part as 3MF; identifiers, which the writer draws at random, are made from the part's name.
+
+    Args:
+        mesh: of the part, mm. name: of the part. path: of the file.
+    """
     named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
     scene = trimesh.Scene()
     scene.add_geometry(named, node_name=name, geom_name=name)
@@ -112,7 +116,12 @@ def picture_items(design: Design) -> tuple[list[PictureItem], list[PictureItem]]
 
 
 def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem], folder: Path) -> None:
-    """Write ``exploded.png``, ``section.png`` and ``parts.png``."""
+    """Write ``exploded.png``, ``section.png`` and ``parts.png``.
+
+    Args:
+        product: what the exploded view and the section show. parts: those of the sheet of parts. folder: receives the
+            files.
+    """
     render_exploded(product, folder / "exploded.png")
     render_section(product, folder / "section.png")
     render_parts(parts, folder / "parts.png")
@@ -121,7 +130,12 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
 def manifest(
     design: Design, checks: Sequence[Check], folder: Path, silicone: str = DEFAULT_SILICONE
 ) -> dict[str, object]:
-    """Everything a reader or a program needs to know of the folder, in a fixed order."""
+    """Everything a reader or a program needs to know of the folder, in a fixed order.
+
+    Args:
+        design: parts, meshes and sizes. checks: results of the gates. folder: holds the files, already written.
+        silicone: row of cad/materials.csv.
+    """
     values = {check.name: check.value for check in checks}
     parts = []
     for name, part in design.parts.items():

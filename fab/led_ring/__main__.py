@@ -112,7 +112,11 @@ def folder_name(params: EndcapParams, led_count: int) -> str:
 
 
 def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -> dict[str, object]:
-    """Values, budget and checks of the ring for manifest and sheet."""
+    """Values, budget and checks of the ring for manifest and sheet.
+
+    Args:
+        driver: the circuit. params: the design. checks: results of the gates.
+    """
     return {
         "parameters": {"diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "leds": driver.led_count},
         "circuit": {

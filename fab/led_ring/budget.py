@@ -88,6 +88,9 @@ def temperatures_c(driver: Driver, params: EndcapParams, room_c: float) -> dict[
     Board -> air inside -> silicone -> room: the whole power of ring and camera (light ends as heat, too) leaves through
     the half sphere that sees the room; the board's heat also flows through spacer and base. Lumped: good to perhaps a
     third of the rise.
+
+    Args:
+        driver: the circuit. params: the design. room_c: temperature of the room.
     """
     heat = driver.input_w + CAMERA_A * driver.v_in
     dome = 2 * math.pi * (1e-3 * params.outer_radius_mm) ** 2

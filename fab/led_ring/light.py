@@ -119,7 +119,11 @@ def irradiance(source: np.ndarray, wall: np.ndarray, inward: np.ndarray) -> np.n
 
 
 def blocked(source: np.ndarray, wall: np.ndarray, body: Placement) -> np.ndarray:
-    """Whether the straight way from a source passes through a part's box: the slab test (...,) in the box's frame."""
+    """Whether the straight way from a source passes through a part's box: the slab test (...,) in the box's frame.
+
+    Args:
+        source: (3,) of the light, mm. wall: (..., 3) points that it shines at, mm. body: the part in between.
+    """
     angle = math.radians(-body.rotation_deg)
     turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
     foot = ring_spacer.SEAT_Z_MM + BOARD_THICKNESS_MM

@@ -22,7 +22,11 @@ DPI = 100
 
 
 def draw_board(layers: Layers, holes: Holes, places: Sequence[Placement], path: Path) -> None:
-    """Draw both sides, each as it is seen from outside, and the driver enlarged with its parts named."""
+    """Draw both sides, each as it is seen from outside, and the driver enlarged with its parts named.
+
+    Args:
+        layers: areas by layer, mm. holes: (x, y, diameter) each, mm. places: parts of the board. path: of the file.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(15, 10.5))
@@ -48,7 +52,11 @@ def draw_board(layers: Layers, holes: Holes, places: Sequence[Placement], path: 
 
 
 def draw_light(light: DomeLight, label: str, path: Path) -> None:
-    """Draw the light over the visible dome, seen along the axis (radius is the polar angle)."""
+    """Draw the light over the visible dome, seen along the axis (radius is the polar angle).
+
+    Args:
+        light: on the dome. label: first words of the title. path: of the file.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 4.8), layout="constrained")

@@ -129,7 +129,11 @@ def edge_distance_mm(shape: BaseGeometry, face: BaseGeometry) -> float:
 
 
 def hole_checks(layers: Layers, holes: Holes, face: BaseGeometry) -> list[Check]:
-    """Drill size, copper round every hole on both sides, distance from the edge and from each other."""
+    """Drill size, copper round every hole on both sides, distance from the edge and from each other.
+
+    Args:
+        layers: areas by layer, mm. holes: (x, y, diameter) each, mm. face: area of the board, mm.
+    """
     rims, edges = [], []
     for x, y, diameter in holes:
         at = Point(x, y)

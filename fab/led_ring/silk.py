@@ -51,7 +51,11 @@ def silk_shape(copper: Copper, side: str) -> BaseGeometry:
 
 
 def word(text: str, s_mm: float, t_mm: float, side: str) -> BaseGeometry:
-    """A word's filled letters, centred on an unrolled place and readable with the radius up."""
+    """A word's filled letters, readable with the radius up.
+
+    Args:
+        text: the word. s_mm, t_mm: unrolled place of its middle. side: ``top`` or ``bottom`` (mirrored).
+    """
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 

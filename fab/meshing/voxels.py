@@ -27,7 +27,11 @@ class VoxelBox:
 
     @staticmethod
     def around(low: np.ndarray, high: np.ndarray, step_mm: float) -> VoxelBox:
-        """Box whose voxel centres cover ``low..high``, a little off round numbers so that no ray meets an edge."""
+        """Box whose voxel centres cover ``low..high``, a little off round numbers so that no ray meets an edge.
+
+        Args:
+            low, high: (3,) lowest and highest corner, mm. step_mm: side of a voxel.
+        """
         shape = np.ceil((np.asarray(high) - low) / step_mm).astype(int) + 1
         shift = step_mm * np.array([0.0713, 0.0389, 0.0])
         return VoxelBox(np.asarray(low) - shift, (int(shape[0]), int(shape[1]), int(shape[2])), step_mm)

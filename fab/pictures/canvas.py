@@ -127,7 +127,12 @@ class Canvas:
         _aim(renderer, frame)
 
     def text(self, at: Point, text: str, size_px: int, align: str = "center", color: Color = INK) -> None:
-        """Write one line; ``at`` is the middle of its height, at its left end, centre or right end (``align``)."""
+        """Write one line.
+
+        Args:
+            at: (x, y) px of the picture, y upward: middle of the line's height, at the end that ``align`` names.
+            text: the line. size_px: of the font. align: ``left``, ``center`` or ``right``. color: RGB in 0..1.
+        """
         from vtkmodules.vtkRenderingCore import vtkTextActor
 
         actor = vtkTextActor()
@@ -146,7 +151,11 @@ class Canvas:
         self._overlay.AddViewProp(actor)
 
     def line(self, points: Iterable[Point], color: Color = (0.45, 0.48, 0.52), width_px: float = 1.2) -> None:
-        """Draw a thin line through points, with a dot at its last."""
+        """Draw a thin line through points, with a dot at its last.
+
+        Args:
+            points: (x, y) px of the picture, y upward. color: RGB in 0..1. width_px: of the line.
+        """
         from vtkmodules.vtkCommonCore import vtkPoints
         from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
         from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D

@@ -60,6 +60,9 @@ def render_exploded(
 ) -> None:
     """Draw the parts displaced by their offsets, each with its name, as one wide picture.
 
+    Args:
+        items: the parts. path: of the file. width_px: of the picture; its height follows. view: from where it is seen.
+
     Raises:
         GeometryError: no parts.
         FileError: the picture could not be written.
@@ -85,6 +88,9 @@ def render_section(
     """Draw the half y >= 0 of the assembled parts, the cut capped in each part's colour, with leader lines.
 
     Where two cut faces coincide, the later part shows. Offsets are ignored.
+
+    Args:
+        items: the parts. path: of the file. width_px: of the picture; its height follows. view: from where it is seen.
 
     Raises:
         GeometryError: no parts, none of them reaches y > 0, or a mesh is not closed.
@@ -115,6 +121,10 @@ def render_section(
 
 def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX, columns: int = 5) -> None:
     """Draw every part in a cell of its own, with name, role and size.
+
+    Args:
+        items: the parts. path: of the file. width_px: of the picture; its height follows. columns: cells side by side,
+            at most.
 
     Raises:
         GeometryError: no parts.

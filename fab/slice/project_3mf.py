@@ -110,7 +110,11 @@ class Project:
 
 
 def single(name: str, settings: PrintSettings, volumes: tuple[Volume, ...]) -> Project:
-    """A plate with one part in its middle."""
+    """A plate with one part in its middle.
+
+    Args:
+        name: of plate and part. settings: of the part. volumes: its meshes.
+    """
     return Project(name, (Piece(name, settings, volumes),))
 
 

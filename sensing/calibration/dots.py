@@ -270,7 +270,12 @@ def _place(start: MountedCamera, scale: float, azimuth: float, tip_px: Array, ti
 def mutual_nearest(
     blobs_px: Array, mounted: MountedCamera, points: Array, use: NDArray[np.bool_], tolerance_px: float
 ) -> DotPairs:
-    """Pairs that are each other's nearest, within a tolerance; ``use`` (n,) names the pattern's dots to consider."""
+    """Pairs that are each other's nearest, within a tolerance.
+
+    Args:
+        blobs_px: (m, 2) found dots. mounted: the camera. points: (n, 3) of the pattern, endcap frame, mm.
+        use: (n,) the pattern's dots to consider. tolerance_px: largest distance of a pair.
+    """
     predicted = mounted.project(points)
     candidates = np.flatnonzero(use & np.isfinite(predicted[:, 0]))
     if not len(candidates) or not len(blobs_px):

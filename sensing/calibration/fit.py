@@ -59,11 +59,20 @@ class Problem:
 
     @classmethod
     def of(cls, start: MountedCamera, prior: MountPrior, hold_lens: bool = False) -> Problem:
-        """The problem of a prior about a start camera, with its lens held or not."""
+        """The problem of a prior about a start camera.
+
+        Args:
+            start: the start camera. prior: standard deviations about it. hold_lens: whether its lens is held.
+        """
         return cls(start, prior.mean(start, hold_lens), prior.deviations(start, hold_lens))
 
     def refine(self, mounted: MountedCamera, points: Array, pixels: Array) -> MountedCamera:
-        """Refined camera (the callback of the assignment)."""
+        """Refined camera (the callback of the assignment).
+
+        Args:
+            mounted: where the fit starts. points: (n, 3) dots of the pattern, endcap frame, mm. pixels: (n, 2) of the
+                same dots.
+        """
         return self.solve(mounted, points, pixels).mounted
 
     def solve(self, near: MountedCamera, points: Array, pixels: Array, scatter: float | None = None) -> Fit:
@@ -187,7 +196,11 @@ def _cost(residual: Array, squared: NDArray[np.bool_]) -> float:
 
 
 def numeric_jacobian(function: Callable[[Array], Array], at: Array, scale: Array) -> Array:
-    """(m, n) derivatives of an (m,) function of (n,) numbers by central differences; ``scale``: their typical sizes."""
+    """(m, n) derivatives by central differences.
+
+    Args:
+        function: (n,) to (m,). at: (n,) where. scale: (n,) typical sizes of the numbers; a step is 1e-4 of them.
+    """
     step = 1e-4 * scale
     columns = [(function(at + e) - function(at - e)) / (2 * h) for e, h in zip(np.diag(step), step, strict=True)]
     return np.stack(columns, axis=1)

@@ -142,7 +142,10 @@ def _statistic(camera: MountedCamera, points: Array, pixels: Array) -> tuple[flo
 
 
 def f_beyond(statistic: float, upper: int, lower: int) -> float:
-    """Probability that a variable of the F distribution with (upper, lower) degrees of freedom is larger.
+    """Probability that a variable of the F distribution is larger.
+
+    Args:
+        statistic: the value to exceed. upper, lower: degrees of freedom of numerator and denominator.
 
     Notes:
         Regularised incomplete beta function (Abramowitz, Stegun 1964, eq. 26.6.2) by the trapezoidal rule; relative

@@ -77,7 +77,12 @@ def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams,
 def rivals(
     given: DesignFit, radius_px: Array, size_px: tuple[int, int], azimuth_hint_deg: float = 0.0
 ) -> list[DesignFit]:
-    """Other diameters that fit as well or better than the given design, best first."""
+    """Other diameters that fit as well or better than the given design, best first.
+
+    Args:
+        given: how well the photo fits the given design. radius_px: (m,) of all found dots. size_px: (width, height).
+        azimuth_hint_deg: which half turn, because the pattern repeats after 180 degrees.
+    """
     found = []
     for diameter in _diameters(given.params.diameter_mm):
         try:

@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 
 
 def draw_fit(image_bgr: NDArray[np.uint8], calibration: Calibration, params: EndcapParams) -> NDArray[np.uint8]:
-    """The photo with the fit: green cross matched (line: 10 x residual), gray cross unseen, red ring unclaimed blob."""
+    """The photo with the fit: green cross matched (line: 10 x residual), gray cross unseen, red ring unclaimed blob.
+
+    Args:
+        image_bgr: (H, W, 3) the photo; left as it is. calibration: the fit. params: the design.
+    """
     picture = image_bgr.copy()
     predicted = calibration.mounted.project(pattern_points(params)[0])
     matched = dict(zip(calibration.pattern_index.tolist(), calibration.residual_px, strict=True))

@@ -168,7 +168,11 @@ class FisheyeCamera:
         return np.where(inside, theta, np.nan)
 
     def cropped(self, left_px: int, top_px: int, width_px: int, height_px: int) -> FisheyeCamera:
-        """The camera of a sub-image that starts at column ``left_px``, row ``top_px``."""
+        """The camera of a sub-image.
+
+        Args:
+            left_px, top_px: column and row where the sub-image starts. width_px, height_px: its size.
+        """
         return self._replace(width_px, height_px, cx_px=self.cx_px - left_px, cy_px=self.cy_px - top_px)
 
     def resized(self, width_px: int, height_px: int) -> FisheyeCamera:
@@ -219,6 +223,10 @@ def points_array(values: ArrayLike, size: int) -> Array:
 
 
 def require(condition: bool, name: str, value: object, accepted: str) -> None:
-    """Refuse a parameter with what would be accepted."""
+    """Refuse a parameter with what would be accepted.
+
+    Args:
+        condition: whether it is valid. name, value: the parameter. accepted: what would be, in words ("must be ...").
+    """
     if not condition:
         raise ParameterError(f"{name}={value} is not valid: must be {accepted}", name=name, value=value)

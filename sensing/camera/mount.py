@@ -147,9 +147,12 @@ def rotation_matrix(rotation_vector: ArrayLike) -> Array:
 
 
 def mount(camera: FisheyeCamera, pupil_endcap_mm: ArrayLike, rotation: ArrayLike | None = None) -> MountedCamera:
-    """A camera at a pupil position in the endcap frame; ``rotation`` (3, 3) takes endcap to camera axes.
+    """A camera at a pupil position in the endcap frame.
 
-    Without a rotation the camera looks along +z at the tip, image x along the endcap's x.
+    Args:
+        camera: its lens and picture size. pupil_endcap_mm: (3,) position of the entrance pupil.
+        rotation: (3, 3) from endcap to camera axes; without one the camera looks along +z at the tip, image x along the
+            endcap's x.
     """
     R = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     T = np.eye(4)

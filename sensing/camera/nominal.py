@@ -21,5 +21,9 @@ def nominal_lens(width_px: int = 640, height_px: int = 480) -> FisheyeCamera:
 
 
 def nominal_mount(params: EndcapParams, width_px: int = 640, height_px: int = 480) -> MountedCamera:
-    """The released lens on the endcap's axis at the design's pupil height, image x along the endcap's x."""
+    """The released lens on the endcap's axis at the design's pupil height, image x along the endcap's x.
+
+    Args:
+        params: the design. width_px, height_px: of the picture.
+    """
     return mount(nominal_lens(width_px, height_px), (0.0, 0.0, params.camera_height_mm))

@@ -49,7 +49,11 @@ class Checkpoint:
         self._written = time.monotonic()
 
     def begin(self, stage: str, part: torch.nn.Module, optimizer: torch.optim.Optimizer) -> Descent | None:
-        """Put a stage back to where it was; None where nothing is known of it."""
+        """Put a stage back to where it was; None where nothing is known of it.
+
+        Args:
+            stage: its name. part, optimizer: of the stage; both get the state that was kept.
+        """
         tensors, about = self._found
         if f"{stage} done" in about:
             best = _named(tensors, f"{stage} best ")
@@ -66,7 +70,11 @@ class Checkpoint:
         return Descent(int(about["epoch"]), float(about["seconds"]), float(about["lowest"]), best)
 
     def keep(self, stage: str, part: torch.nn.Module, optimizer: torch.optim.Optimizer, state: Descent) -> None:
-        """Write, now and then."""
+        """Write, now and then.
+
+        Args:
+            stage: its name. part, optimizer: of the stage, as they are now. state: where the descent is.
+        """
         if self._path is None or time.monotonic() - self._written < EVERY_S:
             return
         tensors = {f"{stage} now {name}": value for name, value in part.state_dict().items()}

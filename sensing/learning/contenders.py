@@ -68,6 +68,9 @@ def read_views(folders: Sequence[Path], released: bool, markers: bool, shape: tu
 def read_all(folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAPE) -> Samples:
     """Samples of several folders of one design, in one.
 
+    Args:
+        folders: of labelled frames. method: of the field. shape: (H, W) of the field.
+
     Raises:
         ParameterError: folders of different designs. FileError: a folder that cannot be read.
     """
@@ -115,7 +118,12 @@ def frame_keys(samples: Samples) -> NDArray[np.str_]:
 
 
 def fitted(train: Views, ours: WrenchModel | None, paper_epochs: int, seed: int = 0) -> dict[str, Answer]:
-    """Every model by name, fitted to the training views; ours as given, where it is."""
+    """Every model by name, fitted to the training views; ours as given.
+
+    Args:
+        train: the training views. ours: our model, if it is to be among them. paper_epochs: of the paper's recipe.
+        seed: of the paper's recipe.
+    """
     from sensing.learning.compliance import fit_compliance
     from sensing.learning.ridge import fit_ridge
 

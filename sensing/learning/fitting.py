@@ -101,7 +101,12 @@ def as_net(model: WrenchModel) -> WrenchNet:
 
 
 def principal_fields(inputs: Array, count: int, side: int) -> Array:
-    """(count, 2 side side) leading directions of the symmetrised, uncentred data, scaled so that P x has variance 1."""
+    """(count, 2 side side) leading directions of the symmetrised, uncentred data, scaled so that P x has variance 1.
+
+    Args:
+        inputs: (N, 2 side side) fields. count: directions wanted, at most. side: cells along one side of the square
+            grid.
+    """
     gram = symmetric_moments(inputs, np.zeros((len(inputs), 6)), side)[0] / (COUNT * max(len(inputs), 1))
     values, vectors = np.linalg.eigh(gram)
     keep = np.argsort(values)[::-1][:count]

@@ -148,9 +148,13 @@ def shared_between(train: Samples, test: Samples) -> list[str]:
 def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int] = SHAPE) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Method ``markers`` takes the fields that domain-randomised sensors would see (:mod:`sensing.learning.marker_fields`)
-    instead of tracking the pictures; they stand for those of ``dots``. Fields are kept beside the data until it
-    changes.
+    Fields are kept beside the data until it changes.
+
+    Args:
+        folder: of the frames.
+        method: of the field. ``markers`` takes the fields that domain-randomised sensors would see
+            (:mod:`sensing.learning.marker_fields`) instead of tracking the pictures; they stand for those of ``dots``.
+        shape: (H, W) of the field.
 
     Raises:
         FileError: no such set, one that is not whole, or one of another dot pattern or camera than this toolkit's.

@@ -39,7 +39,12 @@ def moved_wrenches(wrenches: NDArray[np.float64], number: int) -> NDArray[np.flo
 
 
 def moved_inputs(inputs: NDArray[np.float64], number: int, side: int) -> NDArray[np.float64]:
-    """(N, 2 side side) fields of a square grid, moved by a symmetry."""
+    """(N, 2 side side) fields of a square grid, moved by a symmetry.
+
+    Args:
+        inputs: (N, 2 side side). number: of the symmetry, 0..7 (:func:`plane_map`). side: cells along one side of the
+            grid.
+    """
     order, sign = _permutation(number, side)
     return inputs[:, order] * sign
 
@@ -47,7 +52,11 @@ def moved_inputs(inputs: NDArray[np.float64], number: int, side: int) -> NDArray
 def symmetric_moments(
     inputs: NDArray[np.float64], wrenches: NDArray[np.float64], side: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """X'X (D, D) and X'Y (D, 6) summed over all eight copies of the samples, from those of the samples alone."""
+    """X'X (D, D) and X'Y (D, 6) summed over all eight copies of the samples, from those of the samples alone.
+
+    Args:
+        inputs: X (N, D), D = 2 side side. wrenches: Y (N, 6), N and N m. side: cells along one side of the grid.
+    """
     gram, moment = inputs.T @ inputs, inputs.T @ wrenches
     total, totals = np.zeros_like(gram), np.zeros_like(moment)
     for number in range(COUNT):

@@ -77,7 +77,11 @@ def _lag_of_run(reported: Array, truth: Array, times_s: Array) -> float:
 
 
 def lag_s(reported: Array, truth: Array, times_s: Array) -> float:
-    """Delay of an answer behind the truth: the shift that leaves the least misfit (parabola through the best three)."""
+    """Delay of an answer behind the truth: the shift that leaves the least misfit (parabola through the best three).
+
+    Args:
+        reported, truth: (n,) values of one axis. times_s: (n,) of both, evenly spaced.
+    """
     step = float(np.median(np.diff(times_s)))
     shifts = np.arange(-5, 6)
     misfits = np.array([_misfit(reported, truth, int(k)) for k in shifts])

@@ -14,7 +14,10 @@ from sensing.live.run import LiveRun
 
 
 def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, lines: Lines) -> None:
-    """Start what is asked for; each is closed with ``outputs``.
+    """Start what is asked for.
+
+    Args:
+        run: what is put out. options: of the command. outputs: closes them. lines: where the page's address is written.
 
     Raises:
         EndcapError: an output that cannot begin.

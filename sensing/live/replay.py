@@ -63,7 +63,10 @@ class Check:
 
 
 def read_config(path: Path, model: str | None = None, weights: Path | None = None) -> LiveConfig:
-    """What ran when the file was recorded, with another model or weights if asked for.
+    """What ran when the file was recorded.
+
+    Args:
+        path: of the recording. model, weights: instead of those recorded; None keeps them.
 
     Raises:
         FileError: no recording of ours.
@@ -88,7 +91,12 @@ def read_config(path: Path, model: str | None = None, weights: Path | None = Non
 def replay_endcaps(
     path: Path, config: LiveConfig, speed: float = 1.0, models: Models | None = None
 ) -> list[LiveEndcap]:
-    """Endcaps that read from a recording, keeping step with one another."""
+    """Endcaps that read from a recording, keeping step with one another.
+
+    Args:
+        path: of the recording. config: what is to run. speed: 1 is the recording's own pace, 0 at once.
+        models: model of an endcap; None for those of the configuration.
+    """
     models, pace = models or configured_models(config), Pace(speed)
     endcaps = []
     for number, endcap in enumerate(config.endcaps):
@@ -163,7 +171,11 @@ def recorded_wrenches(path: Path, endcap: str) -> list[np.ndarray]:
 
 
 def verify(path: Path, config: LiveConfig, models: Models | None = None) -> Check:
-    """Compute everything again and compare."""
+    """Compute everything again and compare.
+
+    Args:
+        path: of the recording. config: what is to run. models: model of an endcap; None for those of the configuration.
+    """
     models, check = models or configured_models(config), Check(0, 0)
     for number, endcap in enumerate(config.endcaps):
         pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)

@@ -88,7 +88,13 @@ def capture_time_s(stamp_s: float, arrival_s: float) -> float:
 def to_frame(
     data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float | None, gain: float | None
 ) -> Frame:
-    """A frame from what the driver gave: JPEG bytes as a row of uint8, or a decoded (H, W, 3) picture."""
+    """A frame from what the driver gave.
+
+    Args:
+        data: JPEG bytes as a row of uint8, or a decoded (H, W, 3) picture. time_s: of capture. sequence: number of the
+            frame.
+        name: of the source. exposure, gain: as the driver states them; None where it does not.
+    """
     if data.ndim == 2 and 1 in data.shape:
         jpeg = data.tobytes()
         return Frame(time_s, sequence, name, jpeg=jpeg, size=jpeg_size(jpeg), exposure=exposure, gain=gain)

@@ -42,7 +42,11 @@ class Degradation:
 
 
 def random_degradation(level: str, rng: np.random.Generator, size: tuple[int, int] = (640, 480)) -> Degradation:
-    """A degradation of a level: clean; mild, as a stable lamp and camera give; hard, the worst that must be survived.
+    """A degradation of a level.
+
+    Args:
+        level: ``clean``; ``mild``, as a stable lamp and camera give; ``hard``, the worst that must be survived.
+        rng: draws the strengths. size: (width, height) of the picture, px.
 
     Raises:
         ParameterError: unknown level.
@@ -76,7 +80,11 @@ def random_degradation(level: str, rng: np.random.Generator, size: tuple[int, in
 
 
 def degrade(image: Image, degradation: Degradation, rng: np.random.Generator) -> bytes:
-    """The JPEG bytes of a picture (H, W) or (H, W, 3) after all disturbances, in the order light, lens, sensor."""
+    """The JPEG bytes of a picture after all disturbances, in the order light, lens, sensor.
+
+    Args:
+        image: (H, W) or (H, W, 3) uint8. degradation: the disturbances. rng: of the noise.
+    """
     d = degradation
     height, width = image.shape[:2]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)

@@ -67,7 +67,11 @@ def draw_dots(drawing: Drawing, params: EndcapParams | None = None) -> tuple[Ima
 
 
 def project_px(point_mm: NDArray[np.floating], params: EndcapParams, drawing: Drawing) -> NDArray[np.float64]:
-    """(..., 3) points in the endcap frame to (..., 2) pixels: r = f * angle from the axis, 90 degrees at the rim."""
+    """(..., 2) pixels of points: r = f * angle from the axis, 90 degrees at the rim.
+
+    Args:
+        point_mm: (..., 3), endcap frame. params: the design. drawing: size, centre and turn of the picture.
+    """
     point_mm = np.asarray(point_mm, float)
     lateral = np.hypot(point_mm[..., 0], point_mm[..., 1])
     angle = np.arctan2(lateral, point_mm[..., 2] - params.camera_height_mm)

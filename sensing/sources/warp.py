@@ -71,7 +71,11 @@ class Displacement:
 
 
 def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -> Image:
-    """The picture (H, W) or (H, W, 3) as seen after ``displacement``; beyond its frame the border is repeated.
+    """The picture as seen after ``displacement``; beyond its frame the border is repeated.
+
+    Args:
+        image: (H, W) or (H, W, 3). displacement: where each point goes, px.
+        iterations: of the inverse of the displacement, at most.
 
     Notes:
         Sampled by Keys' cubic convolution (1981, doi:10.1109/TASSP.1981.1163711), which reproduces straight lines.

@@ -14,7 +14,11 @@ from sensing.compiled import HELPER, KEEPS_NAN, SHORT
 
 @numba.njit(**SHORT)
 def stretch_at_dots(gradient, moved, limit):
-    """(N, 2, 2) d displacement_i / d x_j at the dots, cut to -limit..limit, from displacements (N, 2)."""
+    """(N, 2, 2) d displacement_i / d x_j at the dots, cut to -limit..limit.
+
+    Args:
+        gradient: (2 N, N) of the operator. moved: (N, 2) displacements. limit: largest size of a number.
+    """
     count = len(moved)
     x, y = moved[:, 0].copy(), moved[:, 1].copy()
     result = np.empty((count, 2, 2))
@@ -37,10 +41,15 @@ def cells_of_dots(to_cells, moved):
 
 @numba.njit(**SHORT | {"fastmath": KEEPS_NAN})
 def add_surprise(cells, bend, predicted, stretch, least, scatters):
-    """Adds to ``cells`` what the measured stretch (N, 2, 2) says beyond the prediction's usual scatter.
+    """Adds to ``cells`` what the measured stretch says beyond the prediction's usual scatter.
 
     What is within ``scatters`` times the median contradiction (or ``least``) is shrunk to nothing, smoothly, as James
-    and Stein do; a dot with NaN says nothing.
+    and Stein do.
+
+    Args:
+        cells: (2, H * W) float32, changed. bend: (2 N, H * W) of the operator. predicted, stretch: (N, 2, 2); a dot
+            whose measured stretch is NaN says nothing.
+        least: least contradiction that counts. scatters: or this many times the median one.
     """
     count = len(stretch)
     square = np.zeros(count)

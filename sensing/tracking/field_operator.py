@@ -109,7 +109,12 @@ def field_operator(
     length_px: float = LENGTH_PX,
     noise: float = NOISE,
 ) -> FieldOperator:
-    """Build the maps for dots at ``reference_px`` (N, 2) in a picture of ``size`` (width, height).
+    """Build the maps for one set of dots.
+
+    Args:
+        reference_px: (N, 2) dots. size: (width, height) of the picture, px. shape: (H, W) of the field.
+        length_px: length of the kernel at a short side of 480 px. noise: relative to the variance of the kernel's local
+            part.
 
     Raises:
         ParameterError: no dots, positions that are not finite, or a length or noise that is not positive.
@@ -147,7 +152,10 @@ def displacement_to_cells(
     length_px: float = LENGTH_PX,
     noise: float = NOISE,
 ) -> NDArray[np.float64]:
-    """(N, H * W) as :attr:`FieldOperator.to_cells`, without the rest of the operator; arguments as there.
+    """(N, H * W) as :attr:`FieldOperator.to_cells`, without the rest of the operator.
+
+    Args:
+        reference_px, size, shape, length_px, noise: as for :func:`field_operator`.
 
     Raises:
         ParameterError: no dots, positions that are not finite, or a length or noise that is not positive.

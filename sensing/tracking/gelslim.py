@@ -124,7 +124,11 @@ def released_gray(image: Image) -> Image:
 def pooled_flow(
     reference: Image, gray: Image, shape: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(u, v), each (H, W), from two (200, 200) gray pictures."""
+    """(u, v), each (H, W), from two pictures.
+
+    Args:
+        reference, gray: (200, 200) gray pictures, before and after. shape: (H, W) of the field.
+    """
     flow = cv2.calcOpticalFlowFarneback(reference, gray, None, *FARNEBACK)  # type: ignore[call-overload]
     blocks = CROP_PX // BLOCK_PX
     mean = flow.reshape(blocks, BLOCK_PX, blocks, BLOCK_PX, 2).mean(axis=(1, 3))
@@ -135,7 +139,11 @@ def pooled_flow(
 def derived_channels(
     u: NDArray[np.floating], v: NDArray[np.floating], names: tuple[str, ...]
 ) -> dict[str, NDArray[np.floating]]:
-    """Those of div, curl and the Helmholtz parts that ``names`` asks for (per cell, for any field u, v)."""
+    """Those of div, curl and the Helmholtz parts that ``names`` asks for, per cell.
+
+    Args:
+        u, v: (H, W) each. names: channels wanted.
+    """
     found: dict[str, NDArray[np.floating]] = {}
     if "div" in names:
         found["div"] = divergence(u, v)

@@ -65,7 +65,14 @@ def smooth_into(gray, result):
 def align_windows(
     image, centre, half, rows, shear, plain, energy, which, displacement, stretch, iterations, stop_px, quality
 ):
-    """Align the windows ``which``: overwrites displacement, stretch, quality (correlation; 0 where none is found)."""
+    """Align the windows ``which``: overwrites displacement, stretch and quality.
+
+    Args:
+        image: framed. centre, half, rows, shear, plain, energy: of :class:`sensing.tracking.patches.Patches`.
+        which: rows of the windows to treat. displacement (N, 2), stretch (N, 2, 2): start and result.
+        iterations: at most. stop_px: a step this small ends them.
+        quality: (N,) zeros; receives the correlation, 0 where none is found.
+    """
     side = 2 * half + 2
     raw = np.zeros(side * side + side + 8, np.float32)
     value = np.empty((side - 1) * side, np.float32)

@@ -64,7 +64,12 @@ class Patches:
 
 
 def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half: int) -> Patches:
-    """Windows of a smoothed, framed picture around positions (N, 2); one with too little to see gets zero energy."""
+    """Windows of a picture around positions; one with too little to see gets zero energy.
+
+    Args:
+        image: as :func:`sensing.tracking.patch_kernels.smoothed` gives it. position: (N, 2) px, x and y.
+        half: half width of a window, px.
+    """
     image = image[MARGIN:-MARGIN, MARGIN:-MARGIN]
     count = len(position)
     centre = np.rint(position).astype(int)

@@ -63,7 +63,12 @@ class WideSearch:
     def lost(
         self, image: NDArray[np.float32], moved: NDArray[np.float64], live: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        """(N, 2) the same with the lost dots searched for near their neighbours' prediction; live ones stay."""
+        """(N, 2) displacements with the lost dots searched for near their neighbours' prediction; live ones stay.
+
+        Args:
+            image: framed working picture. moved: (N, 2) displacements, working pixels. live: (N,) dots that are not
+                lost.
+        """
         gone = np.flatnonzero(~live)
         place, score = np.zeros((len(live), CANDIDATES, 2)), np.zeros((len(live), CANDIDATES))
         place[gone], score[gone] = _candidates(self._maps(image, gone))

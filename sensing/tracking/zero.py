@@ -207,7 +207,10 @@ def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
 
 
 def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | None = None) -> Drift:
-    """What has changed between the reference and a frame with its tracks; ``gray``: the frame if it is decoded already.
+    """What has changed between the reference and a frame with its tracks.
+
+    Args:
+        zero: the reference. frame: the later picture. tracks: its dots. gray: the frame, if it is decoded already.
 
     Raises:
         FrameError: the frame cannot be decoded.

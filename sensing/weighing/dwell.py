@@ -126,7 +126,11 @@ def intervals(time_s: Array, force_n: Array) -> tuple[NDArray[np.bool_], NDArray
 
 
 def unit_overstress(time_s: Array, force_n: Array, taus_s: Sequence[float]) -> Array:
-    """(terms, n) overstress that terms of strength one would have."""
+    """(terms, n) overstress that terms of strength one would have.
+
+    Args:
+        time_s, force_n: (n,) of the curve. taus_s: relaxation time of each term.
+    """
     tau = np.asarray(taus_s, float)
     found, now = np.zeros((len(tau), len(time_s))), np.zeros((len(tau), 1))
     for k in range(1, len(time_s)):

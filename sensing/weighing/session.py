@@ -125,6 +125,9 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
 def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
     """Load and reading of one pose.
 
+    Args:
+        request: weight and attitude. rest: the interval at rest under it. gravity_m_s2: at this place.
+
     Raises:
         WeighingError: a model that gives no covariance.
     """

@@ -77,7 +77,12 @@ def pressure_centre(wrench: Wrench, params: EndcapParams) -> PressureCentre:
 def line_of_action(
     force: NDArray[np.float64], torque: NDArray[np.float64], radius_mm: float, centre_height_mm: float
 ) -> PressureCentre:
-    """Where the line of a force (3,) N and torque (3,) N m about the sphere's centre enters the sphere."""
+    """Where the line of a force enters the sphere.
+
+    Args:
+        force: (3,) N. torque: (3,) N m about the sphere's centre. radius_mm: of the sphere. centre_height_mm: its
+            centre's z.
+    """
     (fx, fy, fz), (tx, ty, tz) = force.tolist(), torque.tolist()  # plain floats: a tenth of numpy's time
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
     if not norm >= LEAST_FORCE_N:
@@ -95,7 +100,11 @@ def line_of_action(
 def friction_use(
     wrench: Wrench, centre: PressureCentre, params: EndcapParams, coefficient: float | None = None
 ) -> Friction:
-    """Friction in use at a contact; whether it holds is known only with a coefficient."""
+    """Friction in use at a contact; whether it holds is known only with a coefficient.
+
+    Args:
+        wrench: on the endcap. centre: of pressure. params: the design. coefficient: of friction; None where unknown.
+    """
     outward = centre.position_mm - [0, 0, params.centre_height_mm]
     outward = outward / np.linalg.norm(outward)
     normal = -float(wrench.force_n @ outward)
@@ -124,7 +133,11 @@ def patch_centre_px(field: ShearField) -> NDArray[np.float64]:
 
 
 def place_on_dome(point_px: NDArray[np.float64], mounted: MountedCamera, params: EndcapParams) -> NDArray[np.float64]:
-    """(3,) where the ray through a pixel of the 200 x 200 crop leaves the undeformed outer sphere (endcap frame)."""
+    """(3,) where the ray through a pixel of the 200 x 200 crop leaves the undeformed outer sphere (endcap frame).
+
+    Args:
+        point_px: (2,) in the crop. mounted: the camera. params: the design.
+    """
     camera = mounted.camera
     side = min(camera.width_px, camera.height_px)
     corner = np.array([(camera.width_px - side) // 2, (camera.height_px - side) // 2])

@@ -113,7 +113,12 @@ def _range(seen, gram, square):
 
 @numba.njit(**_KERNEL)
 def predict(state, covariance, step, walk, density):
-    """States (M, 2, 6) and covariances (M, 3, 6: of values, with rates, of rates) of M motions after a ``step``."""
+    """States and covariances of M motions after a ``step``.
+
+    Args:
+        state: (M, 2, 6) values and rates. covariance: (M, 3, 6) of values, with rates, of rates. step: s.
+        walk: (M, 6) noise density of the value, N^2/s. density: (M, 6) of the rate, N^2/s^3 (torques: N m for N).
+    """
     value, spread = state.copy(), covariance.copy()
     for m in range(len(state)):
         for k in range(6):
@@ -127,7 +132,12 @@ def predict(state, covariance, step, walk, density):
 
 @numba.njit(**_KERNEL)
 def mode_probabilities(weight, state, covariance, measured, variance, memory, least):
-    """Weights (M, 6) after a measurement (6,), before it is taken in: Bayes' rule with a fading past, none at zero."""
+    """Weights (M, 6) after a measurement, before it is taken in: Bayes' rule with a fading past, none at zero.
+
+    Args:
+        weight: (M, 6) before. state: (M, 2, 6). covariance: (M, 3, 6). measured, variance: (6,) each.
+        memory: part of the logarithm of a weight that lasts. least: least weight, before they are scaled to sum 1.
+    """
     count, probability = len(weight), np.empty(weight.shape)
     for k in range(6):
         best, total, kept = -math.inf, 0.0, 0.0
@@ -151,10 +161,15 @@ def mode_probabilities(weight, state, covariance, measured, variance, memory, le
 
 @numba.njit(**_KERNEL)
 def correct(state, covariance, measured, variance, surprise, rates):
-    """Takes a measurement (6,) of a variance (6,) into ``state`` and ``covariance`` of every motion.
+    """Takes a measurement into ``state`` and ``covariance`` of every motion.
 
     Where its normalised square is beyond ``surprise`` for all of them, values are widened by the innovation and rates
-    by ``rates`` (M, 6: variances) first.
+    by ``rates`` first.
+
+    Args:
+        state: (M, 2, 6). covariance: (M, 3, 6). measured, variance: (6,) each.
+        surprise: limit of the normalised square.
+        rates: (M, 6) variances that the rates are widened by.
     """
     least = math.inf
     for m in range(len(state)):
@@ -179,7 +194,11 @@ def correct(state, covariance, measured, variance, surprise, rates):
 
 @numba.njit(**_KERNEL)
 def mixture(weight, state, covariance):
-    """Value (6,) and variance (6,) of all motions together, how far they are apart included."""
+    """Value (6,) and variance (6,) of all motions together, how far they are apart included.
+
+    Args:
+        weight: (M, 6). state: (M, 2, 6). covariance: (M, 3, 6).
+    """
     value, variance = np.zeros(6), np.zeros(6)
     for m in range(len(weight)):
         for k in range(6):

@@ -267,7 +267,11 @@ def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
 
 
 def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array, Array]:
-    """(N,) norm of the whitened principal part, and (N,) norm of the rest in px; ``back`` inverts ``principal``."""
+    """(N,) norm of the whitened principal part, and (N,) norm of the rest in px.
+
+    Args:
+        principal: (K, D) to whitened parts. back: (D, K), its inverse. inputs: (N, D) fields, px.
+    """
     z = inputs @ principal.T
     return np.linalg.norm(z, axis=1), np.linalg.norm(inputs - z @ back.T, axis=1)
 

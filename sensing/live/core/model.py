@@ -57,7 +57,12 @@ class LiveModel:
 def live_model(
     name: str, estimator: WrenchEstimator, shape: tuple[int, int] = (30, 30), method: str = "dots"
 ) -> LiveModel:
-    """Any estimator as a model."""
+    """Any estimator as a model.
+
+    Args:
+        name: of the model. estimator: field to wrench. shape: (H, W) of its field. method: field method it was made
+            for.
+    """
     rest = estimator.estimate(ShearField(0.0, np.zeros((2, *shape), np.float32)))
     return LiveModel(name, method, shape, estimator, float(np.linalg.norm(rest.force_n)))
 

@@ -116,7 +116,11 @@ def plain(reading: EndcapReading) -> dict[str, Any]:
 
 
 def nothing(endcap: str, state: str, reason: str) -> dict[str, Any]:
-    """What :func:`plain` gives of an endcap of which no frame comes: its state, and null for every number."""
+    """What :func:`plain` gives of an endcap of which no frame comes: its state, and null for every number.
+
+    Args:
+        endcap: name. state: its state in a word. reason: why no frame comes.
+    """
     numbers = ("time_s", "force_norm_n", "contact", "contact_since_s")
     return {"endcap": endcap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
         "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3, "flags": [],
@@ -133,7 +137,12 @@ def without_numbers(
     captured_s: float,
     drift: Drift | None,
 ) -> EndcapReading:
-    """A reading whose numbers are all NaN and whose field, (H, W) = ``shape``, is invalid everywhere."""
+    """A reading whose numbers are all NaN and whose field is invalid everywhere.
+
+    Args:
+        endcap: name. number: place in the list of endcaps. frame: the picture. shape: (H, W) of the field.
+        zero, epoch, captured_s, drift: as in :class:`EndcapReading`.
+    """
     nothing = np.full(3, np.nan)
     wrench = Wrench(frame.time_s, nothing, nothing, "endcap")
     field = ShearField(frame.time_s, np.zeros((2, *shape), np.float32), valid=np.zeros(shape, bool))

@@ -149,7 +149,12 @@ class ReferenceTaker:
 
 
 def press_n(before: ModelInput, last: Zero, new: Zero, estimator: WrenchEstimator) -> float:
-    """Force that the picture of a new reference shows against the last, without what the mounting explains."""
+    """Force that the picture of a new reference shows against the last, without what the mounting explains.
+
+    Args:
+        before: method set up with the last reference; it starts anew. last, new: the references. estimator: field to
+            wrench.
+    """
     frame = new.frame()
     gray = before.decode(frame)
     tracks = before.track(gray, frame.time_s)

@@ -142,7 +142,12 @@ class Machine:
         return self._condition
 
     def happened(self, event: Event, reason: str, now_s: float) -> Condition:
-        """Take one event; ``reason`` is kept while the state is not a good one."""
+        """Take one event.
+
+        Args:
+            event: what has happened. reason: why, kept while the state is not a good one. now_s: on the clock of the
+                run.
+        """
         with self._lock:
             before = self._condition
             state = next_state(before.state, event)

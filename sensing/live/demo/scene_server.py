@@ -24,6 +24,10 @@ Open = Callable[[int], FrameSource]
 def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.0.1") -> ThreadingHTTPServer:
     """A server of ``/0`` to ``/5``; run its ``serve_forever``.
 
+    Args:
+        port: to listen on, 0 for any free one. open_source: makes the frames of an endcap from its number.
+        host: address to listen on.
+
     Raises:
         ParameterError: the port is taken.
     """

@@ -52,7 +52,11 @@ def header(stamp_ns: int, frame_id: str) -> Any:
 
 
 def wrench_stamped(wrench: Wrench, stamp_ns: int, frame_id: str) -> bytes:
-    """geometry_msgs/WrenchStamped."""
+    """geometry_msgs/WrenchStamped.
+
+    Args:
+        wrench: N and N m. stamp_ns: wall time. frame_id: name of the endcap.
+    """
     types = typestore().types
     vector = types["geometry_msgs/msg/Vector3"]
     force, torque = (vector(*(float(x) for x in part)) for part in (wrench.force_n, wrench.torque_nm))
@@ -61,7 +65,11 @@ def wrench_stamped(wrench: Wrench, stamp_ns: int, frame_id: str) -> bytes:
 
 
 def compressed_image(data: bytes, form: str, stamp_ns: int, frame_id: str) -> bytes:
-    """sensor_msgs/CompressedImage from the bytes of a picture file."""
+    """sensor_msgs/CompressedImage from the bytes of a picture file.
+
+    Args:
+        data: the file. form: ``jpeg`` or ``png``. stamp_ns: wall time. frame_id: name of the endcap.
+    """
     content = np.frombuffer(data, np.uint8)
     return encode(IMAGE, typestore().types[IMAGE](header=header(stamp_ns, frame_id), format=form, data=content))
 

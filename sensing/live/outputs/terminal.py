@@ -38,7 +38,12 @@ class Terminal:
         robot: RobotState,
         notes: Sequence[str],
     ) -> None:
-        """Rewrite all lines, or print what has changed."""
+        """Rewrite all lines, or print what has changed.
+
+        Args:
+            healths: of all endcaps. readings: the newest, by name of the endcap. robot: state of the whole robot.
+            notes: further lines.
+        """
         if not self._tty:
             self._print_changes(healths)
             return

@@ -21,7 +21,12 @@ LONGEST_LINE = 256
 
 
 def message(kind: bytes, data: bytes, endcap: int = 0) -> bytes:
-    """One message of the run."""
+    """One message of the run.
+
+    Args:
+        kind: one byte, for example :data:`STATE`. data: content. endcap: number of the endcap, or how many with
+            :data:`HELLO`.
+    """
     return HEAD.pack(kind, endcap, len(data)) + data
 
 

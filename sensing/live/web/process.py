@@ -107,7 +107,12 @@ class Link:
         self.token, self.hello = reported.pop("token"), json.dumps(reported)
 
     def ask(self, word: str, endcap: int, seen_ms: int) -> None:
-        """Press a button, on a state that was seen at ``seen_ms``."""
+        """Press a button.
+
+        Args:
+            word: one of :data:`sensing.live.web.link.WORDS`. endcap: its number. seen_ms: time of the state that the
+                viewer saw.
+        """
         self._writer.write(f"{word} {endcap} {seen_ms}\n".encode())
 
     async def look(self, endcap: int) -> str:

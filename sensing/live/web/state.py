@@ -33,7 +33,11 @@ def hello(run: LiveRun) -> dict[str, Any]:
 
 
 def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
-    """The newest numbers of all endcaps."""
+    """The newest numbers of all endcaps.
+
+    Args:
+        run: the run. note: of the recording, one line. recording: whether frames are being written.
+    """
     readings, robot = run.latest.all(), run.robot()
     endcaps = [_endcap(health, readings.get(health.endcap)) for health in run.engine.health()]
     return {

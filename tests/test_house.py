@@ -18,7 +18,11 @@ from endcap.command import SUBCOMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE_LINES, FUNCTION_LINES = 300, 40
-MOST = {"file": 15, "function": 18, "args": 200}  # over the limits; on 22 November 2026 there were 13, 15, 194
+MOST = {
+    "file": 15,
+    "function": 18,
+    "args": 0,
+}  # over the limits on 22 November 2026; public functions without Args: none
 PACKAGES = ("cad", "endcap", "fab", "sensing", "bench", "scripts", "tests")
 PUBLIC = ("cad", "endcap", "fab", "sensing")
 

@@ -67,8 +67,6 @@ def _run(options: argparse.Namespace) -> int:
         return _check(options.replay, config)
     if options.replay is None:
         endcaps = open_endcaps(config, options.speed)
-        if not options.json:
-            _say_weights(config)
     else:
         from sensing.live.replay import replay_endcaps
 
@@ -81,6 +79,8 @@ def _run(options: argparse.Namespace) -> int:
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
         add_outputs(run, options, outputs, lines)
+        if options.replay is None and not options.json:
+            lines.write(_weights_in_use(config))
         for endcap in config.endcaps:
             if endcap.weighed:
                 lines.write(f"{endcap.name}: {endcap.weighed}\n")
@@ -155,14 +155,15 @@ def _require_weights(model: str, options: argparse.Namespace) -> None:
         )
 
 
-def _say_weights(config: LiveConfig) -> None:
+def _weights_in_use(config: LiveConfig) -> str:
     """One line for each kind of endcap: which file answers."""
     if config.model != "default":
-        return
+        return ""
+    said = ""
     for endcap in {endcap.identity.digest: endcap for endcap in config.endcaps}.values():
         path = config.weights or known_weights(config.model, endcap.params, endcap.silicone)
-        if path is not None:
-            print(f"{endcap.params.label}: weights {path}", flush=True)
+        said += "" if path is None else f"{endcap.params.label}: weights {path}\n"
+    return said
 
 
 def _sources(options: argparse.Namespace) -> list[str]:

@@ -236,7 +236,8 @@ def load_wrench_model(
         path = find_weights(wanted, cast_of)
         if path is None:
             raise FileError(
-                f"no weights for {wanted.label} in {cast_of}: make them in minutes with {command_for(wanted, cast_of)}"
+                f"no weights for {wanted.label} in {cast_of}: make them in minutes with "
+                f"{command_for(wanted, cast_of)}; with weights of another silicone, weigh it (docs/weigh.md)"
             )
     model = _built(Path(path))
     if design is not None and design.digest != model.design.digest:

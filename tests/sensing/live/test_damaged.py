@@ -39,6 +39,7 @@ def own_cache(tmp_path, monkeypatch):
 
 def record(path: Path, config: LiveConfig, count: int = FRAMES) -> None:
     recorder = Recorder(path, config, {"endcap_0": 0}, lambda _: None)
+    recorder.idle = lambda: None  # this test writes in its own thread
     recorder.start()
     recorder._flushed_s, pipe = math.inf, pipeline()
     for k, frame in enumerate(frames(film([0, 0, 0.5, 1.0] * (count // 4)))):

@@ -96,7 +96,7 @@ def run(path, *words, ask=None) -> int:
 
 def test_weights_of_another_silicone_are_refused_until_it_is_weighed(mine):
     config = load_config(mine)
-    with pytest.raises(FileError, match=r"silicone .*weigh it"):
+    with pytest.raises(FileError, match=r"in Smooth-Sil 940.* weigh it"):
         configured_models(config)(config.endcaps[0])
     change_entries(mine, "soft", {"gain": 0.73, "gain_sd": 0.01})
     config = load_config(mine)

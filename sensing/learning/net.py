@@ -15,8 +15,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, silu, softplus
 
-MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
-MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
+from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD
+
 OUTPUTS = 6
 FACTOR = 21  # of a lower triangle
 

@@ -36,7 +36,8 @@ LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
 LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
-MIN_SPREAD, MAX_SPREAD, MAX_MIX = 0.02, 100.0, 3.0  # as in sensing.learning.net
+MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
+MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
 _ROWS, _COLUMNS = np.tril_indices(6)
 _STEPS, _DIAGONAL = np.arange(6), np.flatnonzero(_ROWS == _COLUMNS)
 SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M hidden

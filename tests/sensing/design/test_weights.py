@@ -58,7 +58,7 @@ def test_weights_lie_where_live_finds_them_and_those_of_another_endcap_do_not(mo
     assert find_weights(DESIGN) is None and find_weights(DESIGN, "Dragon Skin 20") == path
     assert known_weights("paper", DESIGN, "Dragon Skin 20") is None
     assert load_model("default", DESIGN, silicone="Dragon Skin 20").shape == (16, 16)
-    with pytest.raises(FileError, match=r"no weights for D150_T12 in Smooth-Sil 950: .*--design 150 12$"):
+    with pytest.raises(FileError, match=r"no weights for D150_T12 in Smooth-Sil 950: .*--design 150 12; "):
         load_wrench_model(DESIGN)
     with pytest.raises(FileError, match="weights of D150_T12, this endcap is D130_T8"):
         load_wrench_model(EndcapParams(130, 8), path)

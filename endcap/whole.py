@@ -205,7 +205,7 @@ BY_ENDING = {
 }  # fmt: skip
 STYLE = (
     "body{font:15px/1.45 system-ui,sans-serif;max-width:64rem;margin:1.5rem auto;padding:0 1rem}td{padding:.1rem .8rem "
-    ".1rem 0;vertical-align:top}img{max-width:48%}pre{background:#f3f3f3;padding:.6rem}"
+    ".1rem 0;vertical-align:top}img{max-width:48%}pre{background:#f3f3f3;padding:.6rem;overflow-x:auto}"
 )
 
 

@@ -18,7 +18,7 @@ body{font:15px/1.45 system-ui,sans-serif;max-width:70rem;margin:1.5rem auto;padd
 table{border-collapse:collapse}td,th{padding:.15rem .7rem .15rem 0;text-align:left;vertical-align:top}
 td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}img{max-width:100%}
 .computed{color:#186a3b}.measured{color:#1a4f8b}.estimated{color:#9a6400}.unknown{color:#888}
-code,pre{background:#f3f3f3;padding:.1rem .3rem}small{color:#555}
+code,pre{background:#f3f3f3;padding:.1rem .3rem}small{color:#555}pre{overflow-x:auto}
 """
 SOURCES = (
     '<p><small><span class="computed">computed</span>: from solved states of the simulator and closed forms; '

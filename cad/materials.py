@@ -15,13 +15,13 @@ Prony series: G(t) = G_inf + sum_i g_i G_0 exp(-t / tau_i), as relative moduli `
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cad.errors import FileError, ParameterError
+from cad.data_table import positive, read_table
+from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("materials.csv")
 DEFAULT_SILICONE = "Smooth-Sil 950"
@@ -165,33 +165,7 @@ def silicones() -> dict[str, Silicone]:
     Raises:
         FileError: a missing or unreadable table, naming the line.
     """
-    try:
-        with TABLE.open(newline="", encoding="utf-8") as stream:
-            reader = csv.DictReader(stream)
-            rows = [_row(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{TABLE.name}: cannot be read as the table of silicones ({error}): restore it") from error
-    return {row.name: row for row in rows}
-
-
-def _row(line: int, row: dict[str, str]) -> Silicone:
-    """One row of the table.
-
-    Raises:
-        FileError: naming the line, the silicone and the value that cannot be read.
-    """
-    where = f"{TABLE.name} line {line} ({row.get('name') or 'without a name'})"
-    form = "fill every column, numbers as plain decimals, or remove the row"
-    if None in row or None in row.values() or not row.get("name"):
-        raise FileError(f"{where}: has not one value for each column of the first line: {form}")
-    try:
-        found = _silicone(row)
-        found.neo_hooke()
-    except KeyError as error:
-        raise FileError(f"{TABLE.name}: the first line has no column {error}: restore it") from error
-    except ValueError as error:
-        raise FileError(f"{where}: {error}: {form}") from error
-    return found
+    return read_table(TABLE, _silicone)
 
 
 def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
@@ -213,31 +187,23 @@ def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
 
 def _silicone(row: dict[str, str]) -> Silicone:
     yeoh = tuple(row[f"yeoh_c{k}_mpa"] for k in (10, 20, 30))
-    return Silicone(
+    made = Silicone(
         name=row["name"],
-        density_g_cm3=_positive(row, "density_g_cm3"),
+        density_g_cm3=positive(row, "density_g_cm3"),
         mix_ratio=row["mix_ratio"],
-        pot_life_min=_positive(row, "pot_life_min"),
-        cure_h=_positive(row, "cure_h"),
+        pot_life_min=positive(row, "pot_life_min"),
+        cure_h=positive(row, "cure_h"),
         shore=row["shore"],
-        modulus_100_mpa=_positive(row, "modulus_100_mpa"),
-        elongation_percent=_positive(row, "elongation_percent"),
-        poisson=_positive(row, "poisson"),
-        neo_hooke_c10_mpa=_positive(row, "neo_hooke_c10_mpa"),
+        modulus_100_mpa=positive(row, "modulus_100_mpa"),
+        elongation_percent=positive(row, "elongation_percent"),
+        poisson=positive(row, "poisson"),
+        neo_hooke_c10_mpa=positive(row, "neo_hooke_c10_mpa"),
         yeoh_mpa=(float(yeoh[0]), float(yeoh[1]), float(yeoh[2])) if all(yeoh) else None,
         prony=tuple(zip(_floats(row["prony_g"]), _floats(row["prony_tau_s"]), strict=True)),
         provenance=row["provenance"],
     )
-
-
-def _positive(row: dict[str, str], column: str) -> float:
-    try:
-        value = float(row[column])
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{column}={row[column]!r} is not a positive number")
-    return value
+    made.neo_hooke()  # constants that are not physical are refused here, with their row
+    return made
 
 
 def _floats(text: str) -> tuple[float, ...]:

@@ -23,8 +23,8 @@ from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import is_plain, plain
 from cad.whole_file import replace_file
+from fab.command import FROM_MAKE, MAKES_OWN, make_variables
 
-FROM_MAKE = "--make-variables"
 OPTIONS = {"D": "130", "T": "8", "material": DEFAULT_SILICONE, "joint_clearance": "", "exports": "exports"}
 PAGE = "start.html"
 HELP = f"""\
@@ -122,11 +122,10 @@ def parsed(words: Sequence[str]) -> Wanted:
     typed = list(words)
     if FROM_MAKE in typed:
         typed.remove(FROM_MAKE)
-        flags = shlex.split(os.environ.get("MAKEFLAGS", ""))
-        typed += [word.replace("$$", "$") for word in flags[flags.index("--") + 1 :]] if "--" in flags else []
+        typed += make_variables(os.environ.get("MAKEFLAGS", ""))
     for word in typed:
         name, equals, value = word.partition("=")
-        if name in ("PYTHON", "VENV"):
+        if name in MAKES_OWN:
             continue
         if not equals or name not in OPTIONS or not value or name in given:
             raise ParameterError(f"{word}: not understood; options are {', '.join(OPTIONS)}, each once", name=name)

@@ -167,8 +167,9 @@ def make_molds(
         job.result()
     progress("page")
     preview = preview_glb(design, files.exploded_offsets_mm(design))
-    write_index(variant, files.manifest(design, checks, folder, variant.silicone), checks, preview, folder)
-    files.write_manifest(files.manifest(design, checks, folder, variant.silicone), folder)  # now with the page
+    content = files.manifest(design, checks, folder, variant.silicone)
+    write_index(variant, content, checks, preview, folder)
+    files.write_manifest(content, folder)
     return f"{len(list(folder.iterdir()))} files, {len(design.parts)} parts, all {len(checks)} checks passed"
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from cad.data_table import positive, read_table
 from cad.errors import FileError
 from cad.fasteners import BomLine
-from fab.data_table import positive, read_table
 from fab.recipe import Recipe
 
 TABLE = Path(__file__).with_name("supplies.csv")

@@ -19,6 +19,7 @@ BOTTOM = {
     f"cad.{name}"
     for name in (
         "errors",
+        "data_table",
         "extras",
         "plain_numbers",
         "scaling",

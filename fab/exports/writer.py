@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import trimesh
@@ -127,10 +128,8 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
     render_parts(parts, folder / "parts.png")
 
 
-def manifest(
-    design: Design, checks: Sequence[Check], folder: Path, silicone: str = DEFAULT_SILICONE
-) -> dict[str, object]:
-    """Everything a reader or a program needs to know of the folder, in a fixed order.
+def manifest(design: Design, checks: Sequence[Check], folder: Path, silicone: str = DEFAULT_SILICONE) -> dict[str, Any]:
+    """Everything a reader or a program needs to know of the parts, in a fixed order.
 
     Args:
         design: parts, meshes and sizes. checks: results of the gates. folder: holds the files, already written.
@@ -157,7 +156,6 @@ def manifest(
                 "files": {path.name: file_sha256(path) for path in files},
             }
         )
-    shared = sorted(path for path in folder.iterdir() if path.stem not in design.parts)
     return {
         "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
         "joint_clearance_mm": design.layout.joint_clearance_mm,
@@ -167,13 +165,15 @@ def manifest(
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,
         "checks": [check.record(DIGITS) for check in checks],
-        "files": {path.name: file_sha256(path) for path in shared},
     }
 
 
-def write_manifest(content: dict[str, object], folder: Path) -> None:
-    """Write ``manifest.json``."""
-    (folder / MANIFEST).write_text(json.dumps(content, indent=1) + "\n")
+def write_manifest(content: dict[str, Any], folder: Path) -> None:
+    """Write ``manifest.json``: the content, and last the digests of all files that are no part's."""
+    listed = {name for part in content.get("parts", []) for name in part["files"]}
+    shared = sorted(path for path in folder.iterdir() if path.name not in listed)
+    whole = {**content, "files": {path.name: file_sha256(path) for path in shared}}
+    (folder / MANIFEST).write_text(json.dumps(whole, indent=1) + "\n")
 
 
 def _item(design: Design, name: str, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PictureItem:

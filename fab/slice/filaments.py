@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from cad.data_table import positive, read_table
 from cad.errors import ParameterError
-from fab.data_table import positive, read_table
 
 FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
 

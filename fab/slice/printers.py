@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cad.data_table import positive, read_table
 from cad.errors import ParameterError
-from fab.data_table import positive, read_table
 
 PRINTER_TABLE = Path(__file__).with_name("printers.csv")
 DEFAULT_PRINTER = "generic256"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from cad.data_table import read_table
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from fab.data_table import read_table
 from fab.slice import filaments, printers
 from fab.slice.gcode import read_gcode
 from fab.slice.nest import Standing, nested

@@ -1,4 +1,4 @@
-"""Data files of fab: CSV with one row a record; whatever is wrong is named by file, line and row."""
+"""Data files: CSV with one row a record; whatever is wrong is named by file, line and row."""
 
 from __future__ import annotations
 

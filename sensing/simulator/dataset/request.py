@@ -109,6 +109,13 @@ class DataRequest:
                 raise ParameterError(
                     f"{name}={value!r} is unknown: choose one of {', '.join(map(str, known))}", name=name, value=value
                 )
+        self._require_protocol()
+        silicone(self.silicone)
+        self.body(0.0)
+        _ = self.params, self.settings, self.prony
+
+    def _require_protocol(self) -> None:
+        """Refuse what a protocol cannot give."""
         if load_path(self.protocol, self.seed, 0, 1).began_s is None and self.rate_effects:
             raise ParameterError(
                 f"protocol={self.protocol!r} has no rate effects: its states are at rest, and no time passes between "
@@ -122,9 +129,6 @@ class DataRequest:
                 name="loads",
                 value=self.loads,
             )
-        silicone(self.silicone)
-        self.body(0.0)
-        _ = self.params, self.settings, self.prony
 
     @property
     def params(self) -> EndcapParams:

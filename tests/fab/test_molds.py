@@ -19,10 +19,11 @@ from types import SimpleNamespace
 import pytest
 
 from cad.errors import ParameterError
+from cad.options import make_variables, parse_length, parse_options
 from cad.params import EndcapParams
 from fab import molds
 from fab.checks.check import Check
-from fab.command import VARIANT_DEFAULTS, make_variables, parse_length, parse_options, parse_variant
+from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.exports.whole_folder import whole_folder
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -32,6 +32,7 @@ class RobotHoles:
         hole_diameter_mm: through.
         head_diameter_mm: of the pocket for the head, from above; 0 for none.
         head_depth_mm: of that pocket.
+        order_as: the screw or pin that goes in, as a shop knows it.
     """
 
     element: str
@@ -41,6 +42,7 @@ class RobotHoles:
     hole_diameter_mm: float
     head_diameter_mm: float
     head_depth_mm: float
+    order_as: str
 
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
@@ -90,6 +92,11 @@ def robot_side(robot: str) -> tuple[RobotHoles, ...]:
     return robot_sides()[robot]
 
 
+def fixing_words(robot: str) -> str:
+    """Screws and pin of one pattern: ``4 x ISO 4762 M6 x 25, 1 x ISO 2338 6 m6 x 16``; empty for the blank side."""
+    return ", ".join(f"{holes.count} x {holes.order_as}" for holes in robot_side(robot))
+
+
 def _row(row: dict[str, str]) -> Row:
     if row["element"] not in ELEMENTS:
         raise ValueError(f"element={row['element']!r} is none of {', '.join(ELEMENTS)}")
@@ -104,4 +111,4 @@ def _row(row: dict[str, str]) -> Row:
     if circle + max(head, hole) / 2 > HUB_RADIUS_MM - LEAST_WALL_MM:
         raise ValueError(f"circle_radius_mm={circle:g}: holes come nearer than {LEAST_WALL_MM:g} mm to the hub's edge")
     turn = number(row, "first_azimuth_deg")
-    return Row(row["pattern"], RobotHoles(row["element"], int(count), circle, turn, hole, head, depth))
+    return Row(row["pattern"], RobotHoles(row["element"], int(count), circle, turn, hole, head, depth, row["order_as"]))

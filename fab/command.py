@@ -12,10 +12,11 @@ from pathlib import Path
 
 from cad.errors import EndcapError
 from cad.extras import program
-from cad.materials import DEFAULT_SILICONE, silicone
+from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.options import DESIGN_DEFAULTS, FROM_MAKE, make_variables, parse_design, parse_length, parse_options
+from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import ChecksFailedError
 from fab.exports.whole_folder import ENDING_SIGNALS
 from fab.variant import Variant
@@ -27,6 +28,7 @@ VARIANT_DEFAULTS = {
     **DESIGN_DEFAULTS,
     "joint_clearance": f"{JOINT_CLEARANCE_MM:g}",
     "material": DEFAULT_SILICONE,
+    "robot": DEFAULT_ROBOT,
     "exports": EXPORTS,
 }
 
@@ -132,11 +134,10 @@ def _ending(number: int) -> str:
 
 
 def parse_variant(options: Mapping[str, str]) -> Variant:
-    """The two numbers, the joint clearance and the silicone.
+    """The two numbers, the joint clearance, the silicone and the robot.
 
     Raises:
-        ParameterError: not numbers, outside the feasible region, or a silicone that is not in the table.
+        ParameterError: not numbers, outside the feasible region, or a silicone or robot that is in no table.
     """
-    params = parse_design(options)
-    layout = MoldLayout(params, parse_length("joint_clearance", options["joint_clearance"]))
-    return Variant(layout, silicone(options["material"]).name)
+    clearance = parse_length("joint_clearance", options["joint_clearance"])
+    return Variant(MoldLayout(parse_design(options), clearance, options["material"]), options["robot"])

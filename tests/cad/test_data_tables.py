@@ -21,11 +21,11 @@ ROBOT = (robot_sides.TABLE, robot_sides._row, ("pattern", "element"))
         (BOUGHT, "nut_m5,thickness,4", "not one value for each column"),
         (LED, "r_two,d,m,n,0603,10,ohm,-1.6,0.8,0.5,E", "length_mm='-1.6'"),
         (LED, "r_two,d,m,n,0603,ten,ohm,1.6,0.8,0.5,E", "value='ten'"),
-        (ROBOT, "mine,screw,4.5,25,45,6.6,11,6,E,", "count='4.5'"),
-        (ROBOT, "mine,screw,4,31,45,6.6,11,6,E,", "hub's edge"),
-        (ROBOT, "mine,bolt,4,25,45,6.6,11,6,E,", "element='bolt'"),
-        (ROBOT, "mine,screw,4,25,45,6.6,6,6,E,", "not larger than the hole's 6.6"),
-        (ROBOT, "blank,none,0,0,0,0,0,0,E,", "is there twice"),
+        (ROBOT, "mine,screw,4.5,25,45,6.6,11,6,x,E,", "count='4.5'"),
+        (ROBOT, "mine,screw,4,31,45,6.6,11,6,x,E,", "hub's edge"),
+        (ROBOT, "mine,bolt,4,25,45,6.6,11,6,x,E,", "element='bolt'"),
+        (ROBOT, "mine,screw,4,25,45,6.6,6,6,x,E,", "not larger than the hole's 6.6"),
+        (ROBOT, "blank,none,0,0,0,0,0,0,x,E,", "is there twice"),
     ],
 )
 def test_a_bad_row_is_named_by_its_line(table, row, expected, tmp_path):

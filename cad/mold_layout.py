@@ -28,6 +28,10 @@ JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coup
 NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
 TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies beyond the edge: locks, and still prints
 CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
+FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
+FLANGE_TAB_RADIUS_MM, FLANGE_TAB_BEYOND_MM = 3.5, 2.2  # the jigsaw tab in the bolt flanges of bowl and collar
+PIN_DEPTH_MM = 4.5  # of the sockets in the collar for the hanger's pins
+PIN_PLAY_MM = 0.5  # a pin ends short of its socket's floor
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 

@@ -33,6 +33,7 @@ options, as NAME=VALUE:
                    (0.05 to about 0.21; the widest, by the leak, depends on size and silicone and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
   robot=iso_9409_1_50_4_m6   what the arm adapter is screwed to: {robots}
+  printer=generic256   refuses at once what its bed is too small for: {printers}
   exports=DIR      folder that receives D130_T8/ (default: exports/)
   cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept
 
@@ -45,13 +46,16 @@ exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
+    from fab.slice.printers import DEFAULT_PRINTER, printers
+
     low, high = diameter_range_mm()
+    names = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
     command = Command(
         "make molds",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [exports=DIR] [cache=no]",
+        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [printer=NAME] [exports=DIR] [cache=no]",
         "Make the mold, the TPU interface, the base and the assembly of one endcap.",
-        HELP.format(low=low, high=high, materials=", ".join(silicones()), robots=", ".join(robot_sides())),
-        {**VARIANT_DEFAULTS, "cache": "yes"},
+        HELP.format(low=low, high=high, **{name: ", ".join(rows) for name, rows in names.items()}),
+        {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "cache": "yes"},
     )
     return command.run(argv, _act)
 
@@ -60,6 +64,10 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant, exports = parse_variant(options), Path(options["exports"])
     if options["cache"] not in ("yes", "no"):
         raise ParameterError(f"cache={options['cache']} is neither yes nor no", name="cache")
+    from fab.slice.footprints import require_printer
+    from fab.slice.printers import printer
+
+    require_printer(variant.layout, printer(options["printer"]))
     written = export(variant, exports, options["cache"] == "yes", interrupts)
     print(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")
     return 0

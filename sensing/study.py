@@ -84,13 +84,14 @@ def _design(options: dict[str, str]) -> int:
     from sensing.design.figures import as_csv, as_record, blind_direction, figures
     from sensing.design.page import study_page
     from sensing.design.pressed import Study
+    from sensing.design.prints import prints_of
 
     params = parse_design(options)
     study = Study(params, silicone(options["material"]).name)
-    lines = figures(study)
     same = study.silicone == DEFAULT_SILICONE
     label = params.label if same else f"{params.label}_{study.silicone.replace(' ', '-')}"
     folder = Path(options["folder"] or Path(options["exports"]) / label / "study")
+    lines = figures(study, prints_of(params, folder.parent))
     make_folder(folder)
     record = json.dumps(as_record(study, lines), indent=1, allow_nan=False, default=_plain)
     for name, text in (

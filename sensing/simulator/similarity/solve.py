@@ -27,6 +27,7 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal, contact_patch
 from sensing.simulator.protocols.loading import LoadPath
+from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.similarity.library import FILE, joined, save_library
 from sensing.simulator.similarity.node import (
     CAPACITY,
@@ -39,7 +40,7 @@ from sensing.simulator.similarity.node import (
     save_node,
 )
 from sensing.simulator.similarity.nodes import NODES, SOME_PATHS, file_name
-from sensing.simulator.similarity.paths import library_paths, scaled, stand_paths, touching_steps
+from sensing.simulator.similarity.paths import library_paths, stand_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
 from sensing.simulator.solid.elasticity import deformation_gradient
 from sensing.simulator.solid.element import Array

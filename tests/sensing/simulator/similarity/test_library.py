@@ -13,9 +13,10 @@ from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.similarity.labelled import library_source, shell_of, with_azimuths, write_labelled
 from sensing.simulator.similarity.library import LEAST_COUNT, load_library, save_library
-from sensing.simulator.similarity.paths import library_paths, scaled, stand_paths, touching_steps
+from sensing.simulator.similarity.paths import library_paths, stand_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, common_order
 from sensing.simulator.similarity.surface_modes import modes_at
 from sensing.simulator.solid.geometry import shell_geometry

@@ -129,14 +129,14 @@ def test_the_grid_lies_inside_the_region_and_reaches_its_ends():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["130"], "D and T belong together"),
+        (["130"], "D=130 without T: a design is two numbers"),
         (["D=130", "T=40"], "nearest valid choice"),
         (["130", "8", "material=Jelly"], "choose one of"),
         (["130", "8", "load=3", "error=1"], "leave D and T out"),
         (["load=3"], "load and error belong together"),
-        (["nonsense"], "D and T belong together"),
-        (["D=1e2", "T=8"], "plain number"),
-        (["sand=3"], "not understood"),
+        (["nonsense"], "D=nonsense is not a number"),
+        (["D=1e2", "T=8"], "plain millimetres"),
+        (["sand=3"], "'sand=3' is not an option"),
     ],
 )
 def test_bad_words_are_one_line(words, said, capsys):

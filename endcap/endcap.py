@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cad.mold_layout import MoldLayout
     from endcap.simulator import Simulator
     from endcap.solid import TwoKernelSolid
+    from sensing.design.report import Report
     from sensing.live.core.model import LiveModel
     from sensing.live.endcap import Endcap as RunningEndcap
 
@@ -108,6 +109,16 @@ class Endcap:
         from fab.variant import Variant
 
         return export(Variant(self.layout, self.silicone), Path(exports), use_cache).folder
+
+    def study(self) -> Report:
+        """What it will feel, before anything is printed, as ``endcap study``: figures with their sources.
+
+        ``study()["silicone_g"].value``, ``study().write("out")`` (:class:`sensing.design.report.Report`).
+        """
+        from sensing.design.pressed import Study
+        from sensing.design.report import Report
+
+        return Report(Study(self.params, self.silicone))
 
     def simulator(self, density: str = "data", level: int = 2) -> Simulator:
         """Its simulator (:class:`endcap.simulator.Simulator`)."""

@@ -12,6 +12,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.whole_file import make_folder, replace_file
 from sensing.design.figures import Figure, as_csv, as_record, blind_direction, figures
 from sensing.design.pressed import Study
+from sensing.design.prints import Prints
 
 
 @dataclass(frozen=True)
@@ -20,14 +21,16 @@ class Report:
 
     Attributes:
         study: the design in its silicone.
+        prints: what printing takes, of its sliced files; None for estimates.
     """
 
     study: Study
+    prints: Prints | None = None
 
     @cached_property
     def figures(self) -> tuple[Figure, ...]:
         """Every figure, in the order of the page, each with its source."""
-        return tuple(figures(self.study))
+        return tuple(figures(self.study, self.prints))
 
     def __getitem__(self, key: str) -> Figure:
         """One figure by its key.

@@ -109,6 +109,7 @@ def _dots(study: Study) -> list[Figure]:
 
 
 def _errors(study: Study) -> list[Figure]:
+    share = 100 * expected_share(study.params.diameter_mm)
     lines = [
         Figure(
             f"bound_{tilt:g}_n", f"bound on the force error at {tilt:g} degrees",
@@ -130,7 +131,7 @@ def _errors(study: Study) -> list[Figure]:
         ),
         Figure(
             "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED,
-            f"{100 * expected_share(study.params.diameter_mm):.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
+            f"{share:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
         ),
     ]  # fmt: skip
 

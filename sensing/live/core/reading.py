@@ -37,6 +37,7 @@ class EndcapReading:
         trend: (H, 6) change of ``wrench`` a second that can be counted on for each of
             :data:`sensing.wrench.trend.HORIZONS_S`; zero where holding it has been better.
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
+        likeness: of the picture with that of the reference, -1..1; NaN where none was compared.
     """
 
     endcap: str
@@ -57,6 +58,7 @@ class EndcapReading:
     event: Event
     reason: str
     trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros((len(HORIZONS_S), 6)))
+    likeness: float = float("nan")
 
     @property
     def valid(self) -> bool:

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -300,5 +301,14 @@ def replay_endcaps(
     models, endcaps = models or configured_models(config), []
     for number, endcap in enumerate(config.endcaps):
         pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
-        endcaps.append(LiveEndcap(ReplayFeed(path, endcap.name, pipeline.set_zero, playback), pipeline))
+        feed = ReplayFeed(path, endcap.name, partial(_begin, pipeline), playback)
+        endcaps.append(LiveEndcap(feed, pipeline))
     return endcaps
+
+
+def _begin(pipeline: EndcapPipeline, zero: Zero) -> None:
+    """Start anew with a reference; one that is in use already need not be made ready again, which takes a second."""
+    if pipeline.zero is not None and pipeline.zero.digest == zero.digest:
+        pipeline.restart()
+    else:
+        pipeline.set_zero(zero)

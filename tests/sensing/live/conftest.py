@@ -3,8 +3,10 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sensing.live.core import camera_check
 from sensing.live.core.warm_up import warm_up
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "scripts"))
@@ -14,6 +16,24 @@ from live_picture import CHROMIUM, SIZE, Browser
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
     warm_up(lambda _: None)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fitted_once():
+    """All drawn references are the same picture: the camera is fitted to it once, half a second, not once a test."""
+    fit, known = camera_check.camera_misfit, {}
+
+    def remembered(dots_px, size, params, camera=None):
+        key = (np.asarray(dots_px).tobytes(), tuple(size), params)
+        if camera is not None:
+            return fit(dots_px, size, params, camera)
+        if key not in known:
+            known[key] = fit(dots_px, size, params, camera)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(camera_check, "camera_misfit", remembered)
+        yield
 
 
 @pytest.fixture(scope="session")

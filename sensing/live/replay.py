@@ -88,8 +88,7 @@ def read_config(
         require_pictures(path, "another --model or --method", recorded.pictures)
     if model is not None and model != config.model:
         return replace(config, model=model, weights=weights, method=method)
-    changes = {"weights": weights, "method": method}
-    return replace(config, **{name: value for name, value in changes.items() if value is not None})
+    return replace(config, weights=weights or config.weights, method=method or config.method)
 
 
 def recorded_pictures(path: Path) -> Pictures:

@@ -74,10 +74,11 @@ def parse_request(text: str, endcaps: int) -> Press | None:
         return None
     if not isinstance(request, dict) or set(request) - {"do", "endcap", "seen", "value", "text"}:
         return None
-    numbers = [request.get(name, 0) for name in ("endcap", "seen", "value")]
-    if not all(type(number) is int for number in numbers):
+    endcap, seen, value = (request.get(name, 0) for name in ("endcap", "seen", "value"))
+    word, text = request.get("do"), request.get("text", "")
+    if not all(type(number) is int for number in (endcap, seen, value)) or not isinstance(word, str):
         return None
-    return _allowed(Press(request.get("do"), *numbers, request.get("text", "")), endcaps)
+    return _allowed(Press(word, endcap, seen, value, text), endcaps)
 
 
 def parse_line(line: bytes, endcaps: int) -> list[int] | Press | None:
@@ -89,13 +90,12 @@ def parse_line(line: bytes, endcaps: int) -> list[int] | Press | None:
         return looked if looked and len(looked) == len(rest) else None
     if len(numbers) != 3 or len(rest) > 4:
         return None
-    return _allowed(Press(word, *numbers, unquote("".join(rest[3:]))), endcaps, looks=False)
+    endcap, seen_ms, value = numbers
+    return _allowed(Press(word, endcap, seen_ms, value, unquote("".join(rest[3:]))), endcaps, looks=False)
 
 
 def _allowed(press: Press, endcaps: int, looks: bool = True) -> Press | None:
-    most = WORDS.get(press.word) if isinstance(press.word, str) else None
-    if looks and press.word == "show":
-        most = 0
+    most = 0 if looks and press.word == "show" else WORDS.get(press.word)
     if most is None or not isinstance(press.text, str) or len(press.text) > NOTE_CHARACTERS:
         return None
     if press.text and (press.word != "note" or not press.text.isprintable()):

@@ -73,11 +73,11 @@ def test_sent_to_a_moment_it_starts_anew_a_second_before_and_shows_one_picture_w
     playback, seen, engine = played(recording, speed=0, paused=True, at_end=AtEnd.STAY)
     with engine:
         wait_for(lambda: all(seen.numbers(name) == [0] for name in NAMES))
-        playback.seek(1.2)
+        playback.seek(1.19)
         run_up = list(range(round(0.2 * RATE_HZ), round(1.2 * RATE_HZ) + 1))
         wait_for(lambda: all(len(seen.numbers(name)) == 1 + len(run_up) for name in NAMES))
         state = playback.state()
-        assert state["paused"] and state["position_s"] == 1.2 and not state["whole"]
+        assert state["paused"] and state["position_s"] == 1.19 and not state["whole"]
         playback.pause(False)
         wait_for(lambda: playback.paused)  # behind the last picture it waits
         expected = [0, *run_up, *range(run_up[-1] + 1, COUNT)]
@@ -95,7 +95,7 @@ def test_sent_to_a_moment_it_starts_anew_a_second_before_and_shows_one_picture_w
 
 def test_what_a_moment_gives_is_compared_with_the_recording(recording):
     models = lambda _: stand_in()  # noqa: E731
-    check = verify(recording, read_config(recording), models, from_s=1.2)
+    check = verify(recording, read_config(recording), models, from_s=1.19)
     assert check.frames == 2 * (COUNT - round(1.2 * RATE_HZ)) and check.end is None
     assert 0 < check.largest_n < 0.05  # the filter's memory of what was before
     assert verify(recording, read_config(recording), models).largest_n == 0
@@ -105,7 +105,7 @@ def test_a_moment_is_found_by_the_heads_of_the_records_also_in_a_cut_file(record
     timeline = Timeline(recording)
     assert timeline.span_s >= (COUNT - 1) / RATE_HZ - 1e-3
     assert [timeline.start("endcap_1", s).byte for s in (0.0, -1.0)] == [0, 0]
-    late = timeline.start("endcap_1", 1.4)
+    late = timeline.start("endcap_1", 1.39)
     first = next(iter(recorded_frames(recording, "endcap_1", late)))
     assert first.frame.sequence == round(1.4 * RATE_HZ) and first.zero is not None and late.byte > 100_000
     cut = tmp_path / "cut.mcap"

@@ -73,7 +73,8 @@ def _run(options: argparse.Namespace) -> int:
     if options.replay is None:
         endcaps = open_endcaps(config, options.speed)
     else:
-        from sensing.live.playback import AtEnd, Playback, replay_endcaps
+        from sensing.live.playback import AtEnd, Playback
+        from sensing.live.recorded_feed import replay_endcaps
 
         playback = Playback(options.replay, options.speed, AtEnd(options.at_end), options.from_s, options.paused)
         endcaps = replay_endcaps(options.replay, config, playback)

@@ -17,7 +17,7 @@ import os
 import secrets
 import socket
 import sys
-from typing import Any
+from collections.abc import Awaitable, Callable
 from urllib.parse import urlsplit
 
 import uvicorn
@@ -165,39 +165,6 @@ def build_app(run: Link, port: int) -> Starlette:
     """The application, as it is served on a port."""
     viewers, cookie = _Viewers(), COOKIE.format(port)
 
-    async def file(request: Request) -> Response:
-        refusal = _refusal(request, run.token, cookie)
-        if refusal:
-            return HTMLResponse(LOCKED.format(refusal), 403, HEADERS)
-        name, kind = STATIC[request.url.path]
-        text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
-        response = Response(text, media_type=kind, headers=HEADERS)
-        if run.token:
-            response.set_cookie(cookie, run.token, httponly=True, samesite="strict")
-        return response
-
-    async def reported(request: Request) -> Response:
-        refusal = _refusal(request, run.token, cookie)
-        if refusal:
-            return PlainTextResponse(refusal, 403, HEADERS)
-        return Response(await run.look(0), media_type="application/json", headers=HEADERS)
-
-    async def domes(request: Request) -> Response:
-        refusal = _refusal(request, run.token, cookie)
-        if refusal:
-            return PlainTextResponse(refusal, 403, HEADERS)
-        curves = await asyncio.to_thread(dome_curves, run.designs)
-        return Response(json.dumps(curves), media_type="application/json", headers=HEADERS)
-
-    async def recording(request: Request) -> Response:
-        refusal, number = _refusal(request, run.token, cookie), request.path_params["number"]
-        if refusal or not _same_origin(request):
-            return PlainTextResponse(refusal or "Asked for by another page.", 403, HEADERS)
-        if number >= len(run.files) or not os.path.isfile(run.files[number]):
-            return PlainTextResponse("There is no such recording.", 404, HEADERS)
-        name = os.path.basename(run.files[number])
-        return FileResponse(run.files[number], media_type="application/octet-stream", filename=name, headers=HEADERS)
-
     async def socket_(websocket: WebSocket) -> None:
         if _refusal(websocket, run.token, cookie) or not _same_origin(websocket) or viewers.count >= MOST_VIEWERS:
             await websocket.close(1008)
@@ -211,9 +178,54 @@ def build_app(run: Link, port: int) -> Starlette:
         finally:
             viewers.count -= 1
 
-    routes: list[Any] = [Route(path, file) for path in STATIC]
-    routes += [Route("/state.json", reported), Route("/domes.json", domes), Route("/recording/{number:int}", recording)]
-    return Starlette(routes=[*routes, WebSocketRoute("/ws", socket_)])
+    return Starlette(routes=[*_files(run, cookie), *_answers(run, cookie), WebSocketRoute("/ws", socket_)])
+
+
+def _files(run: Link, cookie: str) -> list[Route]:
+    """The page itself."""
+
+    async def file(request: Request) -> Response:
+        refusal = _refusal(request, run.token, cookie)
+        if refusal:
+            return HTMLResponse(LOCKED.format(refusal), 403, HEADERS)
+        name, kind = STATIC[request.url.path]
+        text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
+        response = Response(text, media_type=kind, headers=HEADERS)
+        if run.token:
+            response.set_cookie(cookie, run.token, httponly=True, samesite="strict")
+        return response
+
+    return [Route(path, file) for path in STATIC]
+
+
+def _answers(run: Link, cookie: str) -> list[Route]:
+    """What else may be fetched: the state, the curves of pressed domes, recordings that have ended."""
+
+    async def reported(_: Request) -> Response:
+        return Response(await run.look(0), media_type="application/json", headers=HEADERS)
+
+    async def domes(_: Request) -> Response:
+        curves = await asyncio.to_thread(dome_curves, run.designs)
+        return Response(json.dumps(curves), media_type="application/json", headers=HEADERS)
+
+    async def recording(request: Request) -> Response:
+        number = request.path_params["number"]
+        if number >= len(run.files) or not os.path.isfile(run.files[number]):
+            return PlainTextResponse("There is no such recording.", 404, HEADERS)
+        name = os.path.basename(run.files[number])
+        return FileResponse(run.files[number], media_type="application/octet-stream", filename=name, headers=HEADERS)
+
+    def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
+        async def checked(request: Request) -> Response:
+            refusal = _refusal(request, run.token, cookie)
+            if refusal or not _same_origin(request):
+                return PlainTextResponse(refusal or "Asked for by another page.", 403, HEADERS)
+            return await answer(request)
+
+        return checked
+
+    paths = {"/state.json": reported, "/domes.json": domes, "/recording/{number:int}": recording}
+    return [Route(path, guarded(answer)) for path, answer in paths.items()]
 
 
 class _Viewers:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from live_stage import Stage
+from live_stand_in import Shown
 
 from sensing.live.core import camera_check
 from sensing.live.core.warm_up import warm_up
@@ -47,3 +49,10 @@ def tab(tmp_path_factory):
             yield tab
     finally:
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def stage(tab, tmp_path_factory):
+    """One running program for all tests of the page; each begins with ``stage.free()``."""
+    with Stage(tmp_path_factory.mktemp("run"), tab, Shown()) as stage:
+        yield stage

@@ -28,7 +28,8 @@ from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.outputs.recording import OTHERS_S
-from sensing.live.playback import Playback, replay_endcaps
+from sensing.live.playback import Playback
+from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, verify
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame

@@ -10,7 +10,8 @@ from sensing.live.cli import main
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine
 from sensing.live.outputs.recorder import Recorder
-from sensing.live.playback import AtEnd, Playback, replay_endcaps
+from sensing.live.playback import AtEnd, Playback
+from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, verify
 from sensing.live.timeline import Timeline
 from sensing.tracking.zero import single_zero

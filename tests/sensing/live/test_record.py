@@ -18,7 +18,8 @@ from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorder import TOPICS, Recorder
 from sensing.live.outputs.recording import Recording
-from sensing.live.playback import Playback, replay_endcaps
+from sensing.live.playback import Playback
+from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, verify
 from sensing.live.run import LiveRun
 from sensing.sources.newest import SourceError

@@ -139,7 +139,8 @@ def test_an_independent_reader_opens_the_recording(recorded):
         summary = reader.get_summary()
         topics = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
         assert topics == {f"/{endcap}/{t}": kind for endcap in ENDCAPS for t, kind in TOPICS.items()} | {
-            "/diagnostics": ros.DIAGNOSTICS
+            "/diagnostics": ros.DIAGNOSTICS,
+            "/notes": ros.STRING,
         }
         seen = {}
         for _, channel, message, decoded in reader.iter_decoded_messages():

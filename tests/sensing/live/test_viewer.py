@@ -97,7 +97,7 @@ def test_a_note_and_the_size_while_recording_and_the_file_to_download(stage):
     stage.free()
     stage.tab.value("$('pictures').value = 2")
     stage.click("record")
-    line = r"\.mcap: \d+:\d\d, [\d.]+ MB, \d+ MB/min, \d+ (GB|MB) free \(\d+ (h|min)\), [1-9]\d* frames"
+    line = r"\.mcap: \d+:\d\d, [\d.]+ MB, \d+ MB.min, \d+ (GB|MB) free \(\d+ (h|min)\), [1-9]\d* frames"
     stage.tab.until(f"live() && /{line}/.test($('record_note').textContent)")
     stage.tab.value("$('note').value = 'lifted by hand'; $('note_form').requestSubmit()")
     (path,) = stage.recordings()

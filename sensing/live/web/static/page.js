@@ -91,7 +91,7 @@ function choose(k) {
 }
 function stored() { try { return localStorage.getItem(KEPT); } catch { return null; } }
 
-// Text is written where it changed: a screen reader is not told the same 25 times a second.
+// Text is written where it changed: a screen reader does not say the same 25 times a second.
 function write(id, text) { if ($(id).textContent !== text) $(id).textContent = text; }
 
 function draw(shown) {

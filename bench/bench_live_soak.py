@@ -4,8 +4,8 @@
 
 Writes bench/live_soak.csv, a row a minute. Memory is the resident set (MB) of the run and of the page's process, rates
 are readings a second of all endcaps together, ``load`` is the machine's (1 minute): beside more work than it has
-cores for, frames are lost to that work. Pictures are encoded anew at ``--quality``, so that an hour fits the disk. At the
-end the one file is read from its first byte to its last, and its pictures are counted.
+cores for, frames are lost to that work. Pictures are encoded anew at ``--quality``, so that an hour fits the disk. At
+the end the one file is read from its first byte to its last, and its pictures are counted.
 """
 
 from __future__ import annotations

@@ -87,6 +87,9 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand("weigh", "sensing.weigh", "known weights, or a robot's own, to the gain of each endcap"),
             Subcommand("dwell", "sensing.dwell", "rate effects of the silicone from one dwell test"),
             Subcommand("live", "sensing.live.cli", "wrench and contact: terminal, page, recording, ROS 2"),
+            Subcommand(
+                "ros-package", "sensing.live.ros_package", "ROS 2 packages: message with covariance, launch file"
+            ),
             Subcommand("field", "sensing.field", "shear field of pictures or a video"),
             Subcommand("record", "sensing.record", "frames paired with a force/torque sensor"),
         ),

@@ -5,7 +5,7 @@
 Writes bench/live_soak.csv, a row a minute. Memory is the resident set (MB) of the run and of the page's process, rates
 are readings a second of all endcaps together, ``load`` is the machine's (1 minute): beside more work than it has
 cores for, frames are lost to that work. Pictures are encoded anew at ``--quality``, so that an hour fits the disk. At
-the end the one file is read from its first byte to its last, and its pictures are counted.
+the end, or after Ctrl-C, the one file is read from its first byte to its last, and its pictures are counted.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from mcap.records import Channel, Message
 
 from sensing.live.core.warm_up import warm_up
 from sensing.live.demo.scene import scene_config, scene_film
+from sensing.live.ending import Stop
 from sensing.live.mcap_records import read_records
 from sensing.live.open_endcaps import open_endcaps
 from sensing.live.outputs.recording import Recording
@@ -108,15 +110,17 @@ def soak(seconds: float, step_s: float, file: Path, out: Path) -> list[dict[str,
     run = LiveRun(config, open_endcaps(config))
     recording = Recording(run, file.parent)
     page = PageServer(run, recording, "127.0.0.1", 0)
-    with run.engine:
+    with run.engine, ExitStack() as own:
         page.start()
         reduce_pauses()
         viewer = Viewer(page.url)
         time.sleep(5.0)
         recording.start(file)
         watch, begin_s = Watch(run, recording, page, file), time.monotonic()
+        stop = own.enter_context(Stop()).asked
         for number in range(1, round(seconds / step_s) + 1):
-            time.sleep(max(0.0, begin_s + number * step_s - time.monotonic()))
+            if stop.wait(max(0.0, begin_s + number * step_s - time.monotonic())):
+                break
             rows.append(watch.row())
             print({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in rows[-1].items()}, flush=True)
             save(rows, out)

@@ -52,8 +52,6 @@ int main(int count, char** words) {
         auto* topic = participant->create_topic(words[word], words[word + 1], TOPIC_QOS_DEFAULT);
         readers.push_back(subscriber->create_datareader(topic, quality));
     }
-    std::puts("ready");
-    std::fflush(stdout);
     size_t seen = 0;
     while (seen < readers.size()) {
         for (auto*& reader : readers) {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, film, frames, pipeline
+from live_stand_in import PATIENCE_S, a_reading, film, frames, pipeline
 
 from cad.errors import ParameterError
 from sensing.camera.mount import rotation_matrix
@@ -75,13 +75,6 @@ print(json.dumps({
     "transforms": [[t.header.frame_id, t.child_frame_id, t.transform.translation.z] for t in late[0].transforms],
 }), flush=True)
 """
-
-
-def a_reading():
-    pipe, found = pipeline(), None
-    for frame in frames(film([0, 0, 1.0, 1.0])):
-        found = pipe.update(frame, time.monotonic())
-    return pipe, found
 
 
 def test_a_second_process_sees_topics_transforms_and_the_service(monkeypatch):

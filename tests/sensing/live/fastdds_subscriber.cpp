@@ -9,6 +9,8 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <memory>
 #include <thread>
 #include <vector>
 
@@ -38,8 +40,12 @@ class AnyType : public TopicDataType {
 };
 
 int main(int count, char** words) {
-    auto* participant =
-        DomainParticipantFactory::get_instance()->create_participant(std::atoi(words[1]), PARTICIPANT_QOS_DEFAULT);
+    DomainParticipantQos own = PARTICIPANT_QOS_DEFAULT;
+    auto loopback = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+    loopback->interfaceWhiteList = {"127.0.0.1"};  // as ROS has it with ROS_LOCALHOST_ONLY=1
+    own.transport().use_builtin_transports = false;
+    own.transport().user_transports = {loopback};
+    auto* participant = DomainParticipantFactory::get_instance()->create_participant(std::atoi(words[1]), own);
     if (participant == nullptr) return 3;
     auto* subscriber = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT);
     DataReaderQos quality = DATAREADER_QOS_DEFAULT;

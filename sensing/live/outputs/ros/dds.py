@@ -20,8 +20,10 @@ KEPT = 10  # ROS 2's default depth
 @lru_cache(maxsize=64)
 def idl_type(name: str) -> Any:
     """DDS type of a message type, for example ``geometry_msgs/msg/WrenchStamped``; its messages hold their bytes."""
-    from cyclonedds.idl import make_idl_struct
+    from cyclonedds.idl import make_idl_struct, types
     from rosbags.interfaces import Nodetype
+
+    generic: Any = types
 
     def of(field: Any) -> Any:
         kind, rest = field
@@ -30,14 +32,12 @@ def idl_type(name: str) -> Any:
         if kind == Nodetype.BASE:
             return _plain(rest[0])
         inner, length = rest
-        from cyclonedds.idl.types import array, sequence
-
-        return array[of(inner), length] if kind == Nodetype.ARRAY else sequence[of(inner)]
+        return generic.array[of(inner), length] if kind == Nodetype.ARRAY else generic.sequence[of(inner)]
 
     package, folder, short = name.split("/")
     fields = {field: of(content) for field, content in ros.typestore().fielddefs[name][1]}
     made = make_idl_struct(short, f"{package}::{folder}::dds_::{short}_", fields)
-    made.serialize = lambda self, *_, **__: self.cdr
+    made.serialize = lambda self, *_, **__: self.cdr  # type: ignore[method-assign]
     return made
 
 

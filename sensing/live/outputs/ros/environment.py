@@ -57,11 +57,11 @@ def dds_configuration(environment: Mapping[str, str] = os.environ) -> str | None
     if reach in ("SYSTEM_DEFAULT", "OFF"):
         peers = []
     general = discovery = ""
-    if reach == "LOCALHOST":
-        general = '<Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces>'
+    if reach == "LOCALHOST":  # with multicast for discovery: Fast DDS that starts later is not seen without
+        general = '<Interfaces><NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces>'
         peers = ["localhost", *peers]
     if reach in ("LOCALHOST", "OFF"):
-        general += "<AllowMulticast>false</AllowMulticast>"
+        general += f"<AllowMulticast>{'spdp' if reach == 'LOCALHOST' else 'false'}</AllowMulticast>"
         discovery = (
             f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{MOST_ON_ONE}</MaxAutoParticipantIndex>"
         )

@@ -81,6 +81,9 @@ class RosTopics(QueuedSink):
         self._domain = domain_id(domain)
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)
         self._cameras: dict[tuple[str, tuple[int, int]], Any] = {}
+        self._writers: dict[str, dict[str, Any]] = {}
+        self._diagnostics: Any = None
+        self._transforms: Any = None
         try:
             from cyclonedds.core import DDSException
         except ImportError:

@@ -40,7 +40,7 @@ class Endcap:
 
     def __post_init__(self) -> None:
         silicone(self.silicone)
-        _ = self.layout
+        _ = self.params if self.joint_clearance_mm is None else self.layout
 
     @cached_property
     def params(self) -> EndcapParams:
@@ -53,7 +53,7 @@ class Endcap:
         from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 
         gap = self.joint_clearance_mm
-        return MoldLayout(self.params, JOINT_CLEARANCE_MM if gap is None else gap)
+        return MoldLayout(self.params, JOINT_CLEARANCE_MM if gap is None else gap, self.silicone)
 
     @property
     def identity(self) -> Identity:
@@ -107,7 +107,7 @@ class Endcap:
         from fab.molds import export
         from fab.variant import Variant
 
-        return export(Variant(self.layout, self.silicone), Path(exports), use_cache).folder
+        return export(Variant(self.layout), Path(exports), use_cache).folder
 
     def simulator(self, density: str = "data", level: int = 2) -> Simulator:
         """Its simulator (:class:`endcap.simulator.Simulator`)."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, transient
-from cad.params import EndcapParams
+from cad.options import parse_design, parse_options
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
 
@@ -64,15 +64,8 @@ def _options(words: Sequence[str]) -> dict[str, str]:
         ParameterError: a word that is no option, or options that do not go together.
     """
     numbers = list(takewhile(lambda word: "=" not in word, words))
-    given = dict(zip(("D", "T"), numbers, strict=False))
-    for word in [*numbers[2:], *words[len(numbers) :]]:
-        name, equals, value = word.partition("=")
-        if not equals or name not in OPTIONS or not value or name in given:
-            raise ParameterError(f"{word}: not understood; options are {', '.join(OPTIONS)}, each once", name=name)
-        given[name] = value
-    found = OPTIONS | given
-    if bool(found["D"]) != bool(found["T"]):
-        raise ParameterError("D and T belong together: give both, or neither for the map", name="D")
+    design = [f"{name}={number}" for name, number in zip(("D", "T"), numbers, strict=False)]
+    found = parse_options([*design, *numbers[2:], *words[len(numbers) :]], OPTIONS)
     if found["D"] and (found["load"] or found["error"]):
         raise ParameterError("load and error ask for a design: leave D and T out", name="load")
     if bool(found["load"]) != bool(found["error"]):
@@ -91,13 +84,14 @@ def _design(options: dict[str, str]) -> int:
     from sensing.design.figures import as_csv, as_record, blind_direction, figures
     from sensing.design.page import study_page
     from sensing.design.pressed import Study
+    from sensing.design.prints import prints_of
 
-    params = EndcapParams(_number("D", options["D"]), _number("T", options["T"]))
+    params = parse_design(options)
     study = Study(params, silicone(options["material"]).name)
-    lines = figures(study)
     same = study.silicone == DEFAULT_SILICONE
     label = params.label if same else f"{params.label}_{study.silicone.replace(' ', '-')}"
     folder = Path(options["folder"] or Path(options["exports"]) / label / "study")
+    lines = figures(study, prints_of(params, folder.parent))
     make_folder(folder)
     record = json.dumps(as_record(study, lines), indent=1, allow_nan=False, default=_plain)
     for name, text in (

@@ -42,7 +42,7 @@ def definition(name: str) -> str:
 
 @lru_cache(maxsize=64)
 def type_hash(name: str) -> str:
-    """Hash of a message type (RIHS01), by which ROS 2 from Iron on tells definitions of one name apart."""
+    """Hash of a message type (RIHS01), by which ROS 2 from Iron on knows two definitions of one name."""
     return str(typestore().hash_rihs01(name))
 
 

@@ -171,7 +171,7 @@ def camera_frame(endcap: str) -> str:
 
 
 def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, Any]]:
-    """(parent, child to parent, mm) by child. An endcap whose place on the robot was never told has no parent."""
+    """(parent, child to parent, mm) by child. An endcap whose place on the robot is not known has no parent."""
     found: dict[str, tuple[str, Any]] = {}
     for pipeline in pipelines:
         endcap = pipeline.endcap

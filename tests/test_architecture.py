@@ -33,6 +33,7 @@ BOTTOM = {
         "plugins",
         "messages",
         "options",
+        "pattern",
     )
 }
 PLAIN = BOTTOM | {

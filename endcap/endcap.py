@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cad.mold_layout import MoldLayout
     from endcap.simulator import Simulator
     from endcap.solid import TwoKernelSolid
+    from sensing.design.report import Report
     from sensing.live.core.model import LiveModel
     from sensing.live.endcap import Endcap as RunningEndcap
 
@@ -108,6 +109,20 @@ class Endcap:
         from fab.variant import Variant
 
         return export(Variant(self.layout), Path(exports), use_cache).folder
+
+    def study(self, export: str | Path | None = None) -> Report:
+        """What it will feel, before anything is printed, as ``endcap study``: figures with their sources.
+
+        ``study()["silicone_g"].value``, ``study().write("out")`` (:class:`sensing.design.report.Report`).
+
+        Args:
+            export: folder of its files (:meth:`export`); where they are sliced, printing is counted, not estimated.
+        """
+        from sensing.design.pressed import Study
+        from sensing.design.prints import prints_of
+        from sensing.design.report import Report
+
+        return Report(Study(self.params, self.silicone), prints_of(self.params, Path(export)) if export else None)
 
     def simulator(self, density: str = "data", level: int = 2) -> Simulator:
         """Its simulator (:class:`endcap.simulator.Simulator`)."""

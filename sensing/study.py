@@ -9,7 +9,6 @@ python -m sensing.study load=120 error=0.5                 # three designs that 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -81,30 +80,20 @@ def _number(name: str, text: str) -> float:
 
 
 def _design(options: dict[str, str]) -> int:
-    from sensing.design.figures import as_csv, as_record, blind_direction, figures
-    from sensing.design.page import study_page
     from sensing.design.pressed import Study
     from sensing.design.prints import prints_of
+    from sensing.design.report import Report
 
     params = parse_design(options)
-    study = Study(params, silicone(options["material"]).name)
-    same = study.silicone == DEFAULT_SILICONE
-    label = params.label if same else f"{params.label}_{study.silicone.replace(' ', '-')}"
-    folder = Path(options["folder"] or Path(options["exports"]) / label / "study")
-    lines = figures(study, prints_of(params, folder.parent))
-    make_folder(folder)
-    record = json.dumps(as_record(study, lines), indent=1, allow_nan=False, default=_plain)
-    for name, text in (
-        ("study.csv", as_csv(lines)),
-        ("study.json", record + "\n"),
-        ("study.html", study_page(study, lines)),
-    ):
-        replace_file(folder / name, text.encode())
-    width = max(len(line.name) for line in lines)
-    for line in lines:
+    report = Report(Study(params, silicone(options["material"]).name))
+    folder = Path(options["folder"] or Path(options["exports"]) / report.label / "study")
+    report = Report(report.study, prints_of(params, folder.parent))
+    page = report.write(folder)
+    width = max(len(line.name) for line in report.figures)
+    for line in report.figures:
         print(f"{line.name:<{width}}  {line.text:>12}  {line.source.value}")
-    print(f"blind: {blind_direction(study)}")
-    print(f"{folder / 'study.html'}: {len(lines)} figures of {params.label} in {study.silicone}")
+    print(f"blind: {report.blind}")
+    print(f"{page}: {len(report.figures)} figures of {params.label} in {report.study.silicone}")
     return 0
 
 
@@ -125,10 +114,6 @@ def _map(options: dict[str, str]) -> int:
         print(f"{choice.place.label}: {choice.why}")
     print(f"{folder / 'map.html'}: {len(places)} designs and silicones, {sum(p.pareto for p in places)} on the front")
     return 0
-
-
-def _plain(value: object) -> object:
-    return float(value) if hasattr(value, "__float__") else str(value)
 
 
 def _progress(done: int, total: int) -> None:

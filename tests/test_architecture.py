@@ -32,6 +32,7 @@ BOTTOM = {
         "whole_file",
         "plugins",
         "messages",
+        "threads",
         "options",
         "pattern",
     )

@@ -6,8 +6,6 @@ solved by several processes, one after the other, and a stopped run goes on.
     python -m sensing.simulator.similarity.solve --node 0 --out build/similarity        # one node (a minute)
     python -m sensing.simulator.similarity.solve --out build/similarity                 # all, then the file that ships
     python -m sensing.simulator.similarity.solve --keep --out build/similarity          # only those that it lacks
-
-Set OMP_NUM_THREADS=1 on a busy computer: threads of the linear algebra that wait for one another cost ten times more.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def test_a_node_comes_out_of_the_library_as_its_own_states():
     for number in (1, int(library.ratios[:, 0].argmin())):  # the second has some of the paths only
         node, states = solved_node(library, number, standing=False), library.states(ratios(number))
         solved = np.isfinite(node.wrench).all(axis=1)
-        assert (solved == states.known).all() and 100 < solved.sum() and np.isnan(node.surface[~solved]).all()
+        assert (solved == states.known).all() and solved.sum() > 100 and np.isnan(node.surface[~solved]).all()
         for mine, given in ((node.surface, states.surface), (node.wrench, states.wrench), (node.labels, states.labels)):
             assert mine[solved] == pytest.approx(given[solved], abs=1e-6 * np.abs(given[solved]).max())
         given = library.capacity(ratios(number))

@@ -147,7 +147,7 @@ def test_base_camera_and_every_user_of_the_pupil_agree_on_one_stack(size):
     from sensing.simulator.render.dome import DomeRenderer
 
     params = EndcapParams(*size)
-    pupil = scaling.CAMERA_SEAT_Z_MM + scaling.CAMERA_STACK_MM
+    pupil = scaling.camera_height_mm()
     base, camera = base_part(params).solid, camera_part(params).solid
     offset = 14.0
     posts = [

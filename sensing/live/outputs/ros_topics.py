@@ -4,6 +4,7 @@
     /endcap_N/wrench/force_norm    std_msgs/Float64                N
     /endcap_N/array/shear_vector   std_msgs/Float32MultiArray      (channel, row, column), px of the 200 x 200 crop
     /endcap_N/contact              std_msgs/Bool                   only while it is known
+    /endcap_N/contact_place        geometry_msgs/PoseWithCovarianceStamped, while a plane touches: centre, z its normal
     /endcap_N/valid                std_msgs/Bool                   whether the numbers of this frame count
     /endcap_N/flags                std_msgs/String                 warnings, separated by commas
     /diagnostics                   diagnostic_msgs/DiagnosticArray levels of all endcaps, twice a second
@@ -91,6 +92,11 @@ class RosTopics(QueuedSink):
         writers["flags"].write(dds.String(", ".join(sorted(reading.wrench.flags))))
         if reading.contact.known:
             writers["contact"].write(dds.Bool(reading.contact.touching))
+        if reading.place.known:
+            position, quaternion, covariance = (part.ravel().tolist() for part in reading.place.pose())
+            pose = dds.Pose(dds.Point(*position), dds.Quaternion(*quaternion))
+            stated = dds.PoseWithCovarianceStamped(header, dds.PoseWithCovariance(pose, covariance))
+            writers["contact_place"].write(stated)
         channels, rows, columns = reading.field.channels.shape
         sizes = (
             ("channel", channels, channels * rows * columns),
@@ -131,6 +137,7 @@ def topic_types() -> dict[str, Any]:
         "wrench/force_norm": dds.Float64,
         "array/shear_vector": dds.Float32MultiArray,
         "contact": dds.Bool,
+        "contact_place": dds.PoseWithCovarianceStamped,
         "valid": dds.Bool,
         "flags": dds.String,
     }

@@ -96,6 +96,11 @@ def test_types_and_bytes_are_those_of_ros():
     force, torque = (dds.Vector3(*part.tolist()) for part in (reading.wrench.force_n, reading.wrench.torque_nm))
     ours = dds.WrenchStamped(header, dds.WrenchBody(force, torque)).serialize()
     assert ours == ros.wrench_stamped(reading.wrench, stamp, "endcap_0")  # rosbags is an implementation of its own
+    place = reading.place
+    position, quaternion, covariance = (part.ravel().tolist() for part in place.pose())
+    pose = dds.PoseWithCovariance(dds.Pose(dds.Point(*position), dds.Quaternion(*quaternion)), covariance)
+    assert place.known
+    assert dds.PoseWithCovarianceStamped(header, pose).serialize() == ros.pose_stamped(place, stamp, "endcap_0")
     names = {name: kind.__idl__.idl_transformed_typename for name, kind in topic_types().items()}
     assert names["wrench/wrench_pred"] == "geometry_msgs::msg::dds_::WrenchStamped_"
     assert names["array/shear_vector"] == "std_msgs::msg::dds_::Float32MultiArray_"

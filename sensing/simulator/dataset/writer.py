@@ -28,15 +28,13 @@ from cad.whole_file import put_file
 from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.frames import rest_arrays, shard_bytes
-from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 
 MAX_WORKERS = 1024
 CONNECT_S = 15
 Work = tuple[DataRequest, int, list[LoadPath], Path | None]  # request, number of the shard, its paths, stored states
-# What a manifest written before these options means by its silence.
-ADDED_SINCE = {"rate_effects": False, "prony": [], "indenter": "plane", "radius_mm": 20.0}
 
 
 def write_dataset(

@@ -6,7 +6,7 @@
     PYTHONPATH=. python bench/bench_floor.py exports/floor_frames --states exports/floor_states
 
 Around each judged frame a quadratic is fitted to the solved states near it in tilt and forces: its slopes say how the
-dots move with the plane, and what it leaves is the loading history, which no single picture tells. The tracker's error
+dots move with the plane, and what it leaves is the loading history, which no single picture shows. The tracker's error
 is measured on the judged frames against the true dots (bench/tracker_noise.py). Bounds of a frame: with the history
 known, with it unknown, and with what ``sensing.calibrate`` leaves of the camera. Writes bench/floor.csv and .png. N,
 N m about the sphere's centre.

@@ -1,4 +1,4 @@
-"""The bench of the floor on made-up states and errors whose slopes and laws are known."""
+"""The bench of the floor on states and errors made by hand, whose slopes and laws are known."""
 
 import numpy as np
 import pytest

@@ -74,6 +74,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("frames", type=Path, help="rendered frames that are judged")
     parser.add_argument("--states", type=Path, nargs="+", required=True, help="sets written with --render off")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="judge every Nth frame in contact (1)")
     parser.add_argument("--weights", type=Path, help="of the model (those that ship)")
     parser.add_argument("--out", type=Path, default=HERE / "floor.csv")
     options = parser.parse_args()
@@ -82,7 +83,7 @@ def main() -> int:
     print("tracker:", *(f"{name}={value:.4g}" for name, value in vars(noise).items()), flush=True)
     camera = camera_of_set(data)
     answers = answered(data, camera, options.weights)
-    used, bounds = frame_bounds(data, load_states(options.states), noise, camera)
+    used, bounds = frame_bounds(data, load_states(options.states), noise, camera, options.every)
     rows = table(answers.take(used), bounds)
     with options.out.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
@@ -124,12 +125,13 @@ def placed(wrench: Array, tilt_deg: float, azimuth_deg: float) -> tuple[Array, A
 
 
 def frame_bounds(
-    data: LabelledSet, states: States, noise: Noise, camera: MountedCamera | None
+    data: LabelledSet, states: States, noise: Noise, camera: MountedCamera | None, every: int = 1
 ) -> tuple[Array, dict[str, Array]]:
     """(rows of the set that have enough states near, covariances (n, 6, 6) by variant).
 
     Args:
         data: judged frames. states: solved. noise: of the tracker. camera: as calibrated; None for the nominal one.
+        every: judge every Nth frame.
     """
     params = data.params
     shell = ShellHalves(shell_geometry(params.diameter_mm, params.wall_mm), silicone().neo_hooke(), "data")
@@ -138,7 +140,7 @@ def frame_bounds(
     wrenches = np.concatenate([data.column("force_n"), data.column("torque_nm")], axis=1) @ to_sphere.T
     contact, tilt, azimuth = (data.column(name) for name in ("contact", "tilt_deg", "azimuth_deg"))
     used, found = [], []
-    for row in np.flatnonzero(contact & (np.linalg.norm(wrenches[:, :3], axis=1) > 1)):
+    for row in np.flatnonzero(contact & (np.linalg.norm(wrenches[:, :3], axis=1) > 1))[::every]:
         place, _ = placed(wrenches[row], float(tilt[row]), float(azimuth[row]))
         near = _near(states, place)
         if near is not None:
@@ -268,7 +270,8 @@ def answered(data: LabelledSet, camera: MountedCamera | None, weights: Path | No
 def table(answers: LiveAnswers, bounds: dict[str, Array]) -> list[dict[str, Any]]:
     """A row for each range of tilt and load and each axis: bounds and error, root mean square over its frames."""
     load = np.linalg.norm(answers.truth[:, :3], axis=1)
-    tilt_of, load_of = np.digitize(answers.tilt_deg, TILTS_DEG) - 1, np.digitize(load, LOADS_N) - 1
+    tilt_of = np.clip(np.digitize(answers.tilt_deg, TILTS_DEG) - 1, 0, len(TILTS_DEG) - 2)
+    load_of = np.clip(np.digitize(load, LOADS_N) - 1, 0, len(LOADS_N) - 2)
     rows = []
     for t, n in sorted(set(zip(tilt_of.tolist(), load_of.tolist(), strict=True))):
         here = (tilt_of == t) & (load_of == n)

@@ -32,8 +32,9 @@ from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.filter import WrenchFilter
+from sensing.wrench.plane_contact import NO_CONTACT, PlaneContactLaw
 from sensing.wrench.relaxation import RateFilter
-from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, weights_digest
+from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, shear_mpa_of, weights_digest
 
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
 COARSE = 8  # reduction at which methods without dots compare whole pictures
@@ -65,6 +66,7 @@ class Measurement:
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._stiffness = Stiffness(endcap.gain, endcap.gain_sd)
+        self._plane = PlaneContactLaw(endcap.params, endcap.gain * shear_mpa_of(model.estimator))
         digest = weights_digest(model.estimator) if endcap.gain_weights else ""
         self._foreign = frozenset({OTHER_WEIGHTS} if endcap.gain_weights != digest else ())
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
@@ -111,6 +113,7 @@ class Measurement:
         contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
         self.contact = contact
         centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
+        place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")
         if self._count % DRIFT_EVERY == 0 and tracks is not None and gray is not None:
             self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)
@@ -118,8 +121,8 @@ class Measurement:
         self._count += 1
         flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return replace(
-            blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
-            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            blank, tracks=tracks, field=field, contact=contact, centre=centre, place=place, drift=self._drift,
+            event=verdict.event, estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
             wrench=self._at_origin(smooth, flags, seen),
             trend=self._filter.trend @ self._to_endcap.T if used else blank.trend,
             reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages, likeness=alike,

@@ -52,6 +52,7 @@ TOPICS: dict[str, str] = {
     "wrench/wrench_pred": ros.WRENCH,
     "wrench/force_norm": ros.FLOAT64,
     "contact": ros.BOOL,
+    "contact_place": ros.POSE,
     "valid": ros.BOOL,
     "flags": ros.STRING,
 }
@@ -149,6 +150,9 @@ class Recorder(QueuedSink):
         self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)
         if reading.contact.known:
             self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
+        if reading.place.known:
+            place = ros.pose_stamped(reading.place, stamp, reading.endcap)
+            self._add(reading, "contact_place", place, stamp)
         self._write_notes()
         self._diagnose(reading.ready_s, stamp)
         self.frames += 1

@@ -22,9 +22,10 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     Raises:
         EndcapError: an output that cannot begin.
     """
+    from sensing.live.core.seen import Pictures
     from sensing.live.outputs.recording import Recording
 
-    recording = Recording(run, Path.cwd())
+    recording = Recording(run, Path.cwd(), Pictures(options.record_pictures))
     outputs.callback(recording.stop)  # if one of those below cannot begin
     run.notes.append(lambda: recording.note)
     run.losses.append(lambda: recording.loss)
@@ -40,9 +41,9 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         run.stop_when(lambda: bool(numbers.failed))
         run.losses.append(lambda: numbers.loss)
     if options.ros:
-        from sensing.live.outputs.ros_topics import RosTopics
+        from sensing.live.outputs.ros.topics import RosTopics
 
-        topics = RosTopics(run.latest.names, health=run.engine.health)
+        topics = RosTopics([endcap.pipeline for endcap in run.engine.endcaps], health=run.engine.health)
         topics.start()
         run.engine.add_sink(topics)
         outputs.callback(lambda: topics.close(run.patience_s))

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-import cad.dots
+import cad.identity
 from cad.errors import FileError, ParameterError
 from cad.identity import identity
 from cad.params import EndcapParams
@@ -14,7 +14,8 @@ from sensing.camera.nominal import nominal_mount
 from sensing.frames import FtMount
 from sensing.learning.contenders import read_all
 from sensing.learning.samples import read_samples
-from sensing.live.core.config import EndcapConfig, LiveConfig, load_config, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.open_endcaps import configured_models
 from sensing.live.outputs.recorded_config import about, parsed
 from sensing.recording.folder import Recording
@@ -33,7 +34,7 @@ PATTERN = "for the released dot pattern, this endcap has the dot pattern "
 @pytest.fixture
 def other_dots(monkeypatch):
     """Call it, and the toolkit has another dot pattern."""
-    return lambda: monkeypatch.setattr(cad.dots, "DOT_RADIUS_MM", 1.8)
+    return lambda: monkeypatch.setattr(cad.identity, "DENT_DEPTH_MM", 0.5)
 
 
 @pytest.fixture

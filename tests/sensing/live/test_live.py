@@ -12,7 +12,8 @@ from live_stand_in import PATIENCE_S, LinearModel, dots, endless, film, frames, 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig, LiveConfig, load_config, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.model import live_model, load_model
@@ -357,6 +358,10 @@ def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
         reported[15]["force_n"] == pytest.approx(found[15].wrench.force_n, abs=1e-5) and reported[15]["contact"] is True
     )
     assert reported[0]["centre_mm"] == [None] * 3  # no force, no place: null, not NaN
+    assert reported[0]["place_mm"] == reported[0]["normal"] == [None] * 3 and reported[0]["normal_sd_deg"] is None
+    pushed = reported[15]
+    assert pushed["normal"] == pytest.approx(found[15].place.normal, abs=1e-5) and pushed["friction_use_sd"] > 0
+    assert np.linalg.norm(pushed["normal"]) == pytest.approx(1, abs=1e-4) and 0 < pushed["normal_sd_deg"] < 90
 
     class Gone(io.StringIO):
         def write(self, _):

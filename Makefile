@@ -18,7 +18,7 @@ TAKES_train := D T material WORKERS
 TAKES_evaluate := D T material WORKERS OPTIONS
 TAKES_live := D T material OPTIONS
 TAKES_study := D T material load error exports
-TAKES_endcap := D T material joint_clearance robot exports
+TAKES_endcap := D T gyroid material joint_clearance robot exports
 TAKES_clean-all := SURE
 TAKEN := PYTHON VENV $(foreach goal,$(MAKECMDGOALS),$(TAKES_$(goal)))
 TYPED := $(foreach name,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $(name)))),$(name)))
@@ -96,7 +96,7 @@ coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and thei
 
 test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
-	@$(BIN)/python -m pytest -n 2 --dist loadfile
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # Quick: what makes no CAD solids, renders nothing and presses nothing. 80 s of processor time with warm caches.
 QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.py test_extras.py test_makefile.py \

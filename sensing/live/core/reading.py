@@ -39,6 +39,7 @@ class EndcapReading:
             :data:`sensing.wrench.trend.HORIZONS_S`; zero where holding it has been better.
         place: centre, normal and use of friction were it a plane that touches; NaN while nothing does.
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
+        likeness: of the picture with that of the reference, -1..1; NaN where none was compared.
     """
 
     endcap: str
@@ -60,6 +61,7 @@ class EndcapReading:
     reason: str
     trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros((len(HORIZONS_S), 6)))
     place: PlaneContact = NO_CONTACT
+    likeness: float = float("nan")
 
     @property
     def valid(self) -> bool:

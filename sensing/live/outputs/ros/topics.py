@@ -147,7 +147,8 @@ class RosTopics(QueuedSink):
         if reading.place.known:
             yield "contact_place", ros.pose_stamped(reading.place, stamp, name)
         yield "array/shear_vector", ros.shear_vector(reading.field)
-        if self._looked_at[name]:
+        pictured = reading.frame.jpeg is not None or reading.frame.image is not None  # not so of dots alone
+        if self._looked_at[name] and pictured:
             picture, form = ros.picture_bytes(reading.frame)
             yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, camera_frame(name))
         height, width = reading.zero.image.shape[:2]

@@ -25,6 +25,8 @@ from sensing.simulator.solid.mesh import DENSITIES
 PATHS_PER_SHARD = 3
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
 PATH_LEVELS = (1, 2)  # those that follow a path; level 4 knows forces alone (Simulator.bulk)
+# What a manifest written before these options means by its silence.
+ADDED_SINCE = {"rate_effects": False, "prony": [], "indenter": "plane", "radius_mm": 20.0, "axis_deg": 90.0}
 RENDERERS = ("off", *RENDER_LEVELS)
 LAMPS = ("varied", "steady")
 MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
@@ -40,8 +42,8 @@ class DataRequest:
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
-        indenter, radius_mm: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a sphere or
-            edge, ignored for the plane.
+        indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
+            sphere or edge, and the edge's direction from the meridian, each ignored where it means nothing.
         protocol, seed: loading paths. azimuths: labelled azimuths of every solved state.
         render: quality of the pictures (:data:`sensing.simulator.render.settings.LEVELS`), or ``off``.
         lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.
@@ -62,6 +64,7 @@ class DataRequest:
     rate_effects: bool = False
     indenter: str = "plane"
     radius_mm: float = 20.0
+    axis_deg: float = 90.0
     protocol: str = "static"
     seed: int = 0
     azimuths: int = 4
@@ -138,7 +141,7 @@ class DataRequest:
         Raises:
             ParameterError: a radius that is not positive, or a tilt that no indenter reaches.
         """
-        return Indenter(tilt_deg, self.indenter, self.radius_mm)
+        return Indenter(tilt_deg, self.indenter, self.radius_mm, self.axis_deg)
 
     @property
     def mounted(self) -> MountedCamera:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from sensing.records_labelled import LabelledSet, read_manifest, read_shard
-from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.scene import SceneState
@@ -34,7 +34,7 @@ def require_same_states(folder: Path, request: DataRequest) -> None:
     Raises:
         FileError: no such set. ParameterError: other options, pictures instead of states, or a protocol of motions.
     """
-    found = read_manifest(folder)["request"]
+    found = ADDED_SINCE | read_manifest(folder)["request"]
     other = [f.name for f in fields(request) if found.get(f.name) != getattr(request, f.name)]
     other = [name for name in other if name not in OF_THE_SENSOR]
     said = ""

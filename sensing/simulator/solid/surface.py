@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from cad.dots import dot_pattern
+from cad.dots import DOT_RADIUS_MM, dot_pattern
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.simulator.solid.element import INNER_FACE, Array, shape_quad
@@ -23,6 +23,10 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import HexMesh, Index
 from sensing.simulator.solid.shell import ShellModel
 
+# What a tracked window shows of a dot is the mean displacement of this ring round its centre, in radii of the dot (M:
+# bench/bench_wrench.py tracking). It is that wide because a window weighs what lies outside the ink, and because a
+# round outline shows only the motion across it: of a bulge, one and a half times what its mean would.
+OUTLINE_RADII, OUTLINE_POINTS = 1.65, 8
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
 ON_RAY = 1e-9  # relative miss of the ray
@@ -118,6 +122,18 @@ def dot_directions(geometry: ShellGeometry) -> Array:
     The pattern asks only for inner radius and view rim, which a shell of any wall has.
     """
     return np.array([dot.direction for dot in dot_pattern(cast(EndcapParams, geometry))])
+
+
+def outline_directions(geometry: ShellGeometry) -> Array:
+    """Directions (m * OUTLINE_POINTS, 3) of a ring of points round every painted dot, dot by dot."""
+    outward = dot_directions(geometry)
+    aside = np.where(np.abs(outward[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    east = np.cross(outward, aside)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    angle = 2 * np.pi * np.arange(OUTLINE_POINTS)[:, None] / OUTLINE_POINTS
+    ring = np.cos(angle) * east[:, None] + np.sin(angle) * np.cross(outward, east)[:, None]
+    found = outward[:, None] + OUTLINE_RADII * DOT_RADIUS_MM / geometry.inner_radius_mm * ring
+    return np.asarray((found / np.linalg.norm(found, axis=2, keepdims=True)).reshape(-1, 3))
 
 
 def turn_about_axis(azimuth_deg: float) -> Array:

@@ -13,12 +13,12 @@ GOALS := help setup $(FAB) endcap study data train evaluate live test quick chec
 # Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
 STRANGE := $(filter-out $(GOALS),$(foreach goal,$(MAKECMDGOALS),$(if $(findstring /,$(goal)),,$(goal))))
 $(if $(STRANGE),$(error $(STRANGE): not a target (`make help` lists them); give sizes by name: make molds D=150 T=9))
-TAKES_data := N D T WORKERS OPTIONS
+TAKES_data := N D T material WORKERS OPTIONS
 TAKES_train := D T material WORKERS
-TAKES_evaluate := D T WORKERS OPTIONS
+TAKES_evaluate := D T material WORKERS OPTIONS
 TAKES_live := D T material OPTIONS
 TAKES_study := D T material load error exports
-TAKES_endcap := D T material joint_clearance exports
+TAKES_endcap := D T material joint_clearance robot exports
 TAKES_clean-all := SURE
 TAKEN := PYTHON VENV $(foreach goal,$(MAKECMDGOALS),$(TAKES_$(goal)))
 TYPED := $(foreach name,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $(name)))),$(name)))
@@ -57,8 +57,9 @@ ring: $(VENV)/fab.stamp ## LED ring: board files, BOM, electrical budget, light 
 design: $(VENV)/fab.stamp ## a page with sliders for D and T: preview, mass, cost, and a button that makes the files
 	@$(BIN)/python -m fab.design_page $(ASKED)
 
-data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 WORKERS=2 OPTIONS='--help']
-	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(DESIGN) $(OPTIONS)
+data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 material=... WORKERS=2 OPTIONS='--help']
+	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(DESIGN) \
+	  $(if $(D)$(material),--loads design) $(OPTIONS)
 
 WRENCH := exports/wrench_train/small.safetensors
 WRENCH_DATA := exports/wrench_train exports/wrench_motion
@@ -68,11 +69,12 @@ train: $(if $(D)$(material),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train 
 	@$(if $(D)$(material),$(BIN)/python -m sensing.train --design "$${D:-130}" "$${T:-8}" \
 	  $(if $(material),--silicone "$$material"),true)
 
-evaluate: $(if $(D),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10]
-	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) \
-	  --out "exports/wrench_test$(if $(D),_D$${D}_T$${T})"
-	@$(BIN)/python -m sensing.evaluate "exports/wrench_test$(if $(D),_D$${D}_T$${T})" \
-	  $(if $(D),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
+# Of another design: pressed in proportion to the range of its weights.
+TESTED = exports/wrench_test$(if $(D)$(material),_D$${D:-130}_T$${T:-8}$(if $(material),_$$material))
+evaluate: $(if $(D)$(material),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10 material=...]
+	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) $(if $(D)$(material),--loads design) --out "$(TESTED)"
+	@$(BIN)/python -m sensing.evaluate "$(TESTED)" \
+	  $(if $(D)$(material),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
 
 $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train

@@ -9,23 +9,18 @@ floors of head pockets.
 
 from __future__ import annotations
 
-import csv
 import math
-from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from cad import base
-from cad.errors import ParameterError
 from cad.fasteners import ScrewJoint
 from cad.part import Part
+from cad.robot_sides import DEFAULT_ROBOT, HUB_RADIUS_MM, robot_side
 
 if TYPE_CHECKING:
     from cad.params import EndcapParams
 
 THICKNESS_MM = 20.0  # M
-HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
 BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 5 mm inside the heads of the flange's screws
 GROOVE_HALF_WIDTH_MM = 6.0  # E: from the bore outward, between two arms, for the cable
 GROOVE_DEPTH_MM = 10.0  # E
@@ -33,72 +28,17 @@ GROOVE_AZIMUTH_DEG = 0.0  # between two arms, between two screws of either patte
 SCREW_RADIUS_MM = 2.25  # M: M4 through
 HEAD_RADIUS_MM = 4.125  # M
 HEAD_DEPTH_MM = 6.0  # E: M4 x 20 then holds 6 mm of the insert
-DEFAULT_PATTERN = "iso_9409_1_50_4_m6"
 COLOR = (0.42, 0.36, 0.50)
 
 
-@dataclass(frozen=True)
-class RobotHoles:
-    """One row: equal holes on a circle of the robot's flange.
-
-    Attributes:
-        element: ``screw``, ``pin`` or ``none``.
-        count: how many, equally spaced.
-        circle_radius_mm: of their axes.
-        first_azimuth_deg: of the first.
-        hole_diameter_mm: through.
-        head_diameter_mm: of the pocket for the head, from above; 0 for none.
-        head_depth_mm: of that pocket.
-    """
-
-    element: str
-    count: int
-    circle_radius_mm: float
-    first_azimuth_deg: float
-    hole_diameter_mm: float
-    head_diameter_mm: float
-    head_depth_mm: float
-
-    @property
-    def places_mm(self) -> tuple[tuple[float, float], ...]:
-        """Axes (x, y)."""
-        angles = [math.radians(self.first_azimuth_deg + 360.0 * k / self.count) for k in range(self.count)]
-        return tuple((self.circle_radius_mm * math.cos(a), self.circle_radius_mm * math.sin(a)) for a in angles)
-
-
-@cache
-def robot_sides() -> dict[str, tuple[RobotHoles, ...]]:
-    """All patterns: name -> holes (none for the blank side)."""
-    sides: dict[str, list[RobotHoles]] = {}
-    with files("cad").joinpath("robot_sides.csv").open(encoding="utf-8") as stream:
-        for row in csv.DictReader(stream):
-            holes = sides.setdefault(row["pattern"], [])
-            if row["element"] != "none":
-                sizes = [float(row[name]) for name in list(row)[3:8]]
-                holes.append(RobotHoles(row["element"], int(row["count"]), *sizes))
-    return {name: tuple(holes) for name, holes in sides.items()}
-
-
-def robot_side(pattern: str) -> tuple[RobotHoles, ...]:
-    """The holes of one pattern.
-
-    Raises:
-        ParameterError: no such pattern; the message lists them.
-    """
-    if pattern not in robot_sides():
-        raise ParameterError(
-            f"robot={pattern} is not in cad/robot_sides.csv: choose one of {', '.join(robot_sides())} or add rows",
-            name="robot",
-            value=pattern,
-        )
-    return robot_sides()[pattern]
-
-
-def adapter_part(params: EndcapParams, pattern: str = DEFAULT_PATTERN) -> Part:
+def adapter_part(params: EndcapParams, robot: str = DEFAULT_ROBOT) -> Part:
     """Build the adapter for a diameter and a robot.
 
+    Args:
+        params: the design. robot: a pattern of ``robot_sides.csv``.
+
     Raises:
-        ParameterError: an unknown pattern.
+        ParameterError: an unknown robot.
         GeometryError: the kernel did not return one valid solid.
     """
     from build123d import Pos, Rot, Solid, Vector
@@ -121,7 +61,7 @@ def adapter_part(params: EndcapParams, pattern: str = DEFAULT_PATTERN) -> Part:
     for place in arm_places_mm(params):
         tools.append(drill(place, SCREW_RADIUS_MM, low - 1, high + 1))
         tools.append(drill(place, HEAD_RADIUS_MM, low - 1, low + HEAD_DEPTH_MM))
-    for holes in robot_side(pattern):
+    for holes in robot_side(robot):
         for place in holes.places_mm:
             tools.append(drill(place, holes.hole_diameter_mm / 2, low - 1, high + 1))
             if holes.head_depth_mm:

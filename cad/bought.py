@@ -5,18 +5,43 @@ Columns: ``part``, ``dimension``, ``value_mm``, ``provenance`` (letter of docs/p
 
 from __future__ import annotations
 
-import csv
+from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
+from cad.data_table import positive, read_table
 from cad.errors import ParameterError
+
+TABLE = Path(__file__).with_name("bought.csv")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One row.
+
+    Attributes:
+        part, dimension: together its name.
+        value_mm: of the dimension.
+    """
+
+    part: str
+    dimension: str
+    value_mm: float
 
 
 @cache
 def bought_table() -> dict[tuple[str, str], float]:
-    """All rows: ``(part, dimension)`` -> millimetres."""
-    with files("cad").joinpath("bought.csv").open(encoding="utf-8") as stream:
-        return {(row["part"], row["dimension"]): float(row["value_mm"]) for row in csv.DictReader(stream)}
+    """All rows: ``(part, dimension)`` -> millimetres.
+
+    Raises:
+        FileError: a missing or unreadable table, naming the line.
+    """
+    rows = read_table(TABLE, _dimension, "part", "dimension")
+    return {(row.part, row.dimension): row.value_mm for row in rows.values()}
+
+
+def _dimension(row: dict[str, str]) -> Dimension:
+    return Dimension(row["part"], row["dimension"], positive(row, "value_mm"))
 
 
 def bought_mm(part: str, dimension: str) -> float:

@@ -2,7 +2,7 @@
 
 Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M, GEO15,
 GEO16); the heights of holder and lens are our estimate (E). The board's back lies on the base's corner posts
-(``CAMERA_SEAT_Z_MM``) and the entrance pupil a stack above it (``CAMERA_STACK_MM``). Only the front glass rises over
+(``CAMERA_SEAT_Z_MM``) and the entrance pupil a stack above it (cad/cameras.csv). Only the front glass rises over
 the 180 degree plane.
 """
 

@@ -4,7 +4,7 @@ The libraries come in groups, the extras of ``pyproject.toml``. A command whose 
 
     endcap live: numba is not installed: run pip install 'endcap-toolkit[live]'
 
-and status 2. The packages ``fab`` and ``sensing`` call :func:`explain_missing_libraries` when they are
+and status 2. The packages ``fab`` and ``sensing`` call :func:`prepare_command` when they are
 imported; it acts only where Python was started as ``python -m fab...`` or ``python -m sensing...``: an import from a
 program, a notebook or a test raises ModuleNotFoundError as usual.
 """
@@ -18,6 +18,7 @@ from traceback import walk_tb
 from types import TracebackType
 
 from cad.messages import LOG
+from cad.threads import one_thread
 
 DISTRIBUTION = "endcap-toolkit"
 KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build123d brings one without VTK
@@ -104,11 +105,15 @@ def explain(error: ImportError, command: str) -> str | None:
     return f"{missing} is not installed: run {install_command(next((e for e in wanted if e in extras), extras[0]))}"
 
 
-def explain_missing_libraries() -> None:
-    """Make a command that was started with ``python -m`` end with one line where a library is missing."""
+def prepare_command() -> None:
+    """Make a command that was started with ``python -m`` end with one line where a library is missing.
+
+    And give its linear algebra one thread (:mod:`cad.threads`).
+    """
     command = started_module(sys.orig_argv)
     if not extra_of_command(command):
         return
+    one_thread()
     before = sys.excepthook
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

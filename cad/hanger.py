@@ -7,8 +7,8 @@ ring of ten wet wells that the mold is full. Millimetres, endcap frame, casting 
 from __future__ import annotations
 
 from cad.fasteners import ScrewJoint
-from cad.mold_cup import PIN_DEPTH_MM, PIN_SOCKET_RADIUS_MM
-from cad.mold_layout import MoldLayout, rotated
+from cad.mold_cup import PIN_SOCKET_RADIUS_MM
+from cad.mold_layout import PIN_DEPTH_MM, PIN_PLAY_MM, MoldLayout, rotated
 from cad.part import Part
 from cad.solids import cut_holes, drill, fused, one_solid
 
@@ -16,7 +16,6 @@ SCREW_HOLE_RADIUS_MM = 1.7  # S: M3 clearance, as in the base
 VENT_RADIUS_MM = 1.75
 WELL_RADIUS_MM = 3.5
 WELL_DEPTH_MM = 4.0
-PIN_PLAY_MM = 0.5  # the pin ends short of the socket's floor
 CAP_SCREW = "ISO 4762 cap screw, steel"
 COLOR = (0.55, 0.75, 0.45)
 

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cad import dots, lens
+from cad import dots
 from cad.errors import FileError
+from cad.lens import camera_module
 from cad.materials import silicone as silicone_named
 from cad.params import EndcapParams
 
@@ -82,10 +83,11 @@ def identity(params: EndcapParams, silicone: str | None = None, mesh: Sequence[i
     Raises:
         ParameterError: unknown silicone.
     """
+    module = camera_module()
     camera = {
-        "focal_per_row": lens.FOCAL_PER_ROW,
-        "k": list(lens.K),
-        "max_half_angle_deg": lens.MAX_HALF_ANGLE_DEG,
+        "focal_per_row": module.focal_per_row,
+        "k": list(module.k),
+        "max_half_angle_deg": module.max_half_angle_deg,
         "pupil_height_mm": params.camera_height_mm,
     }
     angles = [(dot.ring, dot.polar_deg, dot.azimuth_deg) for dot in dots.dot_pattern(params)]

@@ -2,20 +2,19 @@
 
 Notes:
     Flow between parallel plates, q = g^3 dp / (12 mu l) for each length of joint (Batchelor, An Introduction to Fluid
-    Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone.
+    Dynamics, 4.2): g joint clearance, l thickness of the bowl's wall, dp the mean head of silicone, mu its viscosity as
+    mixed for all of its pot life: it only thickens, so the estimate is on the safe side.
 """
 
 from __future__ import annotations
 
 import math
 
+from cad.materials import Silicone
 from cad.params import EndcapParams
 
 LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
 DESIGN_RATIO = 0.0095  # what walls are made for: the closed form of the volume leaves dents and fillet out
-VISCOSITY_PA_S = 35.0  # S: Smooth-Sil 950 as mixed; it only thickens, so the estimate is on the safe side
-POT_LIFE_S = 45 * 60.0  # S
-SILICONE_KG_M3 = 1240.0  # S
 GRAVITY_M_S2 = 9.81
 BOWL_SEAMS = 3
 GYROID_DENSITY = 0.10  # P
@@ -23,18 +22,20 @@ LEAST_BOWL_WALL_MM = 6.0
 MOST_BOWL_WALL_MM = 9.0  # a millimetre inside the dam, so that no surfaces of the bowl touch
 
 
-def leak_ratio(params: EndcapParams, joint_clearance_mm: float, bowl_wall_mm: float, cast_mm3: float) -> float:
+def leak_ratio(
+    params: EndcapParams, silicone: Silicone, joint_clearance_mm: float, bowl_wall_mm: float, cast_mm3: float
+) -> float:
     """Fraction of the pour that could creep through the bowl's joints before it sets.
 
     Args:
-        params: the design. joint_clearance_mm: gap of the bowl's joints.
+        params: the design. silicone: what is poured. joint_clearance_mm: gap of the bowl's joints.
         bowl_wall_mm: thickness of its wall, the way that silicone creeps. cast_mm3: volume of the pour.
     """
     gap, path, radius = (1e-3 * mm for mm in (joint_clearance_mm, bowl_wall_mm, params.outer_radius_mm))
-    head = SILICONE_KG_M3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
+    head = 1e3 * silicone.density_g_cm3 * GRAVITY_M_S2 * (params.tip_height_mm - params.flange_thickness_mm) * 1e-3
     joints = BOWL_SEAMS * math.pi / 2 * radius
-    flow_m3_s = gap**3 * head / (12 * VISCOSITY_PA_S * path) * joints
-    return flow_m3_s * POT_LIFE_S * 1e9 / cast_mm3
+    flow_m3_s = gap**3 * head / (12 * silicone.viscosity_pa_s * path) * joints
+    return flow_m3_s * 60 * silicone.pot_life_min * 1e9 / cast_mm3
 
 
 def cast_volume_mm3(params: EndcapParams) -> float:
@@ -49,15 +50,19 @@ def cast_volume_mm3(params: EndcapParams) -> float:
     return shell - GYROID_DENSITY * zone
 
 
-def bowl_wall_mm(params: EndcapParams, joint_clearance_mm: float) -> float:
-    """Thickness of the bowl's wall, the way that silicone must creep: as much as the joint needs."""
-    thin = leak_ratio(params, joint_clearance_mm, LEAST_BOWL_WALL_MM, cast_volume_mm3(params))
+def bowl_wall_mm(params: EndcapParams, silicone: Silicone, joint_clearance_mm: float) -> float:
+    """Thickness of the bowl's wall, the way that silicone must creep: as much as the joint needs.
+
+    Args:
+        params: the design. silicone: what is poured. joint_clearance_mm: gap of the bowl's joints.
+    """
+    thin = leak_ratio(params, silicone, joint_clearance_mm, LEAST_BOWL_WALL_MM, cast_volume_mm3(params))
     return LEAST_BOWL_WALL_MM * min(max(1.0, thin / DESIGN_RATIO), MOST_BOWL_WALL_MM / LEAST_BOWL_WALL_MM)
 
 
-def widest_joint_mm(params: EndcapParams) -> float:
+def widest_joint_mm(params: EndcapParams, silicone: Silicone) -> float:
     """Largest joint clearance whose leak the thickest wall still holds: the leak goes as its cube."""
-    at_one = leak_ratio(params, 1.0, MOST_BOWL_WALL_MM, cast_volume_mm3(params))
+    at_one = leak_ratio(params, silicone, 1.0, MOST_BOWL_WALL_MM, cast_volume_mm3(params))
     return (DESIGN_RATIO / at_one) ** (1 / 3)
 
 

@@ -6,12 +6,14 @@ sides; the last column says where the numbers come from, with the letters of doc
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
+from cad.data_table import positive, read_table
 from cad.errors import ParameterError
+
+TABLE = Path(__file__).with_name("led_parts.csv")
 
 
 @dataclass(frozen=True)
@@ -42,20 +44,23 @@ class LedPart:
 
 @cache
 def led_parts() -> dict[str, LedPart]:
-    """All rows by name."""
-    with files("cad").joinpath("led_parts.csv").open(encoding="utf-8") as stream:
-        return {row["part"]: _part(row) for row in csv.DictReader(stream)}
+    """All rows by name.
+
+    Raises:
+        FileError: a missing or unreadable table, naming the line.
+    """
+    return read_table(TABLE, _part, "part")
 
 
 def _part(row: dict[str, str]) -> LedPart:
-    length, width, height = (float(row[name]) for name in ("length_mm", "width_mm", "height_mm"))
+    length, width, height = (positive(row, name) for name in ("length_mm", "width_mm", "height_mm"))
     return LedPart(
         row["part"],
         row["description"],
         row["maker"],
         row["part_number"],
         row["package"],
-        float(row["value"]),
+        positive(row, "value"),
         row["unit"],
         length,
         width,

@@ -112,6 +112,7 @@ class Silicone:
     density_g_cm3: float
     mix_ratio: str
     pot_life_min: float
+    viscosity_pa_s: float
     cure_h: float
     shore: str
     modulus_100_mpa: float
@@ -192,6 +193,7 @@ def _silicone(row: dict[str, str]) -> Silicone:
         density_g_cm3=positive(row, "density_g_cm3"),
         mix_ratio=row["mix_ratio"],
         pot_life_min=positive(row, "pot_life_min"),
+        viscosity_pa_s=positive(row, "viscosity_pa_s"),
         cure_h=positive(row, "cure_h"),
         shore=row["shore"],
         modulus_100_mpa=positive(row, "modulus_100_mpa"),

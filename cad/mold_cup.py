@@ -12,7 +12,14 @@ from build123d import Solid
 from cad.errors import GeometryError
 from cad.fasteners import ScrewJoint
 from cad.jigsaw import Tab, sector_prisms
-from cad.mold_layout import MoldLayout, rotated
+from cad.mold_layout import (
+    FLANGE_TAB_BEYOND_MM,
+    FLANGE_TAB_OFFSET_MM,
+    FLANGE_TAB_RADIUS_MM,
+    PIN_DEPTH_MM,
+    MoldLayout,
+    rotated,
+)
 from cad.outlines import common, disc, polygon, rectangle, upright
 from cad.part import Part, Recipe
 from cad.solids import cut_holes, drill, intersected, one_solid, revolved
@@ -21,12 +28,10 @@ BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
 SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
 PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
 PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
-PIN_DEPTH_MM = 4.5
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
 # Rise over run of the cone under the bowl's skirt. 1 prints without support, as steeper ones do; at some sizes
 # (D=150..160 T=8) the kernel cannot cut that very cone near its axis and gives no shape at all: then the next.
 SKIRT_STEEPNESS = (1.0, 1.04, 1.09, 1.15)
-FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 COLOR = (0.36, 0.56, 0.80)
 
 
@@ -143,7 +148,8 @@ def _segments(
 
 def flange_tab(layout: MoldLayout) -> Tab:
     """The tab in the bolt flanges of bowl and collar."""
-    return Tab(along_mm=layout.params.outer_radius_mm + FLANGE_TAB_OFFSET_MM, radius_mm=3.5, beyond_mm=2.2)
+    along = layout.params.outer_radius_mm + FLANGE_TAB_OFFSET_MM
+    return Tab(along_mm=along, radius_mm=FLANGE_TAB_RADIUS_MM, beyond_mm=FLANGE_TAB_BEYOND_MM)
 
 
 def _gusset(top: float, flange: float, piston: float) -> list[tuple[float, float]]:

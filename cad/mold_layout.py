@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 from cad import feasible, leak
 from cad.errors import ParameterError
+from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
 
 JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon shows your printer's
@@ -27,6 +28,10 @@ JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coup
 NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
 TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies beyond the edge: locks, and still prints
 CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
+FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
+FLANGE_TAB_RADIUS_MM, FLANGE_TAB_BEYOND_MM = 3.5, 2.2  # the jigsaw tab in the bolt flanges of bowl and collar
+PIN_DEPTH_MM = 4.5  # of the sockets in the collar for the hanger's pins
+PIN_PLAY_MM = 0.5  # a pin ends short of its socket's floor
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 
@@ -34,21 +39,32 @@ LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over 
 class MoldLayout:
     """Derived sizes of the mold for one endcap (mm, endcap frame).
 
+    Attributes:
+        params: the endcap. joint_clearance_mm: gap on each side of a joint.
+        silicone: row of ``cad/materials.csv``; a thinner one needs closer joints and a thicker bowl.
+
     Raises:
-        ParameterError: a joint clearance that this size cannot have (:func:`joint_clearance_range_mm`).
+        ParameterError: a silicone that is not in the table, or a joint clearance that this size cannot have with it
+            (:func:`joint_clearance_range_mm`).
     """
 
     params: EndcapParams
     joint_clearance_mm: float = JOINT_CLEARANCE_MM
+    silicone: str = DEFAULT_SILICONE
 
     def __post_init__(self) -> None:
-        low, high = joint_clearance_range_mm(self.params)
+        row = silicone(self.silicone)
+        low, high = joint_clearance_range_mm(self.params, row.name)
         if not low <= self.joint_clearance_mm <= high:
+            where = f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g} in {row.name}"
+            if high < low:
+                raise ParameterError(_no_joint_message(self.params, where, high), name="material", value=row.name)
             raise ParameterError(
-                f"joint_clearance={self.joint_clearance_mm:g} outside {low:g}..{high:g} mm a side at "
-                f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g}: tighter joints fuse in print, looser ones "
-                "leak more than 1 % of the silicone; measure it with the fit coupon (make coupons); where that "
-                "needs a wider one, correct the slicer's horizontal expansion and print the coupon again",
+                f"joint_clearance={self.joint_clearance_mm:g} outside {low:g}..{high:g} mm a side at {where} "
+                f"({row.viscosity_pa_s:g} Pa s): tighter joints fuse in print, looser ones leak more than 1 % of the "
+                f"silicone; nearest valid choice joint_clearance={min(max(self.joint_clearance_mm, low), high):g}; "
+                "measure yours with the fit coupon (make coupons); where it needs a wider one, correct the slicer's "
+                "horizontal expansion and print the coupon again",
                 name="joint_clearance",
                 value=self.joint_clearance_mm,
             )
@@ -103,7 +119,7 @@ class MoldLayout:
     @property
     def bowl_wall_mm(self) -> float:
         """PLA outside the silicone below the equator: the way that silicone must creep through a joint."""
-        return leak.bowl_wall_mm(self.params, self.joint_clearance_mm)
+        return leak.bowl_wall_mm(self.params, silicone(self.silicone), self.joint_clearance_mm)
 
     @property
     def stand_height_mm(self) -> float:
@@ -235,10 +251,23 @@ class MoldLayout:
         return (0.0, 120.0, 240.0)
 
 
-def joint_clearance_range_mm(params: EndcapParams) -> tuple[float, float]:
-    """Joint clearances that a size can have, mm a side: the fit coupon's, as far as the bowl holds the silicone."""
+def joint_clearance_range_mm(params: EndcapParams, material: str = DEFAULT_SILICONE) -> tuple[float, float]:
+    """Joint clearances that a size can have, mm a side: the fit coupon's, as far as the bowl holds the silicone.
+
+    The upper one is below the lower where no joint that a printer can part holds it.
+    """
     low, high = JOINT_CLEARANCE_RANGE_MM
-    return low, min(high, math.floor(leak.widest_joint_mm(params) * 1000) / 1000)
+    return low, min(high, math.floor(leak.widest_joint_mm(params, silicone(material)) * 1000) / 1000)
+
+
+def _no_joint_message(params: EndcapParams, where: str, widest_mm: float) -> str:
+    """No joint is both loose enough to part and tight enough for this silicone."""
+    low = JOINT_CLEARANCE_RANGE_MM[0]
+    holding = [name for name in silicones() if joint_clearance_range_mm(params, name)[1] >= low]
+    return (
+        f"{where}: joints would have to be {widest_mm:g} mm, below the {low:g} that a printer can part; choose a "
+        f"smaller D or material={' or '.join(repr(name) for name in holding) or 'a thicker one'}"
+    )
 
 
 def rotated(point: tuple[float, float], azimuth_deg: float) -> tuple[float, float]:

@@ -150,7 +150,7 @@ class EndcapParams:
     @property
     def camera_height_mm(self) -> float:
         """Entrance pupil of the camera above the mating plane; sensing hardware, so it does not scale."""
-        return scaling.CAMERA_HEIGHT_MM
+        return scaling.camera_height_mm()
 
     @property
     def view_rim_polar_deg(self) -> float:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 
+from cad.lens import camera_module
+
 RELEASED_OUTER_RADIUS_MM = 65.0  # P, GEO01: 130 mm endcap
 RELEASED_CENTRE_HEIGHT_MM = 38.37  # M, GEO03: sphere centre above the mating plane
 RELEASED_SCREW_CIRCLE_MM = 47.53  # M, GEO07: radius of the ten M3 screws
@@ -20,10 +22,7 @@ RING_CLEARANCE_MM = 0.3  # E: a ring that drops through the bore without filing
 BORE_INSET_MM = 4.5  # E: half a nut (2.8) and 1.7 of TPU ledge inside it, so that the nut cannot tip inward
 MIN_RIM_RADIUS_MM = RING_ENVELOPE_RADIUS_MM + RING_CLEARANCE_MM + BORE_INSET_MM + SCREW_INSET_MM  # 48.74
 
-# The camera stack: base, camera part, renderer and calibration all take the pupil from these two lines (docs/base.md).
 CAMERA_SEAT_Z_MM = -1.0  # M: back of the camera's board, on the base's four corner posts
-CAMERA_STACK_MM = 18.0  # derived: from the board's back to the entrance pupil; no data sheet states it
-CAMERA_HEIGHT_MM = CAMERA_SEAT_Z_MM + CAMERA_STACK_MM  # 17: puts the view's rim where the photos show it
 FLANGE_THICKNESS_MM = 6.0  # E: 2.2 TPU under the nut, 2.0 nut pocket, 1.8 roof
 INTERLOCK_DEPTH_MM = 25.0  # P, GEO25
 
@@ -39,7 +38,15 @@ def centre_height_mm(diameter_mm: float) -> float:
     return math.sqrt(square) if square >= 0 else math.nan
 
 
+def camera_height_mm() -> float:
+    """Entrance pupil above the mating plane: seat and the module's stack, -1 + 18 of the released one.
+
+    Base, camera part, renderer and calibration all take it from here (docs/base.md).
+    """
+    return CAMERA_SEAT_Z_MM + camera_module().stack_mm
+
+
 def view_rim_polar_deg(diameter_mm: float, wall_mm: float) -> float:
     """Polar angle at which the inner sphere crosses the camera's 180 degree plane."""
-    cosine = (CAMERA_HEIGHT_MM - centre_height_mm(diameter_mm)) / (diameter_mm / 2 - wall_mm)
+    cosine = (camera_height_mm() - centre_height_mm(diameter_mm)) / (diameter_mm / 2 - wall_mm)
     return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))

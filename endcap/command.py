@@ -141,7 +141,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run(command: Subcommand, words: Sequence[str]) -> int:
     """Import a subcommand's module and call its ``main``."""
     from cad.extras import explain, start_as
+    from cad.threads import one_thread
 
+    one_thread()
     start_as(" ".join(("endcap", command.name)))
     try:
         return int(import_module(command.module).main([*command.arguments, *_named(command, words)]) or 0)

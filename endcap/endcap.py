@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cad.mold_layout import MoldLayout
     from endcap.simulator import Simulator
     from endcap.solid import TwoKernelSolid
+    from sensing.design.report import Report
     from sensing.live.core.model import LiveModel
     from sensing.live.endcap import Endcap as RunningEndcap
 
@@ -40,7 +41,7 @@ class Endcap:
 
     def __post_init__(self) -> None:
         silicone(self.silicone)
-        _ = self.layout
+        _ = self.params if self.joint_clearance_mm is None else self.layout
 
     @cached_property
     def params(self) -> EndcapParams:
@@ -53,7 +54,7 @@ class Endcap:
         from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 
         gap = self.joint_clearance_mm
-        return MoldLayout(self.params, JOINT_CLEARANCE_MM if gap is None else gap)
+        return MoldLayout(self.params, JOINT_CLEARANCE_MM if gap is None else gap, self.silicone)
 
     @property
     def identity(self) -> Identity:
@@ -107,7 +108,21 @@ class Endcap:
         from fab.molds import export
         from fab.variant import Variant
 
-        return export(Variant(self.layout, self.silicone), Path(exports), use_cache).folder
+        return export(Variant(self.layout), Path(exports), use_cache).folder
+
+    def study(self, export: str | Path | None = None) -> Report:
+        """What it will feel, before anything is printed, as ``endcap study``: figures with their sources.
+
+        ``study()["silicone_g"].value``, ``study().write("out")`` (:class:`sensing.design.report.Report`).
+
+        Args:
+            export: folder of its files (:meth:`export`); where they are sliced, printing is counted, not estimated.
+        """
+        from sensing.design.pressed import Study
+        from sensing.design.prints import prints_of
+        from sensing.design.report import Report
+
+        return Report(Study(self.params, self.silicone), prints_of(self.params, Path(export)) if export else None)
 
     def simulator(self, density: str = "data", level: int = 2) -> Simulator:
         """Its simulator (:class:`endcap.simulator.Simulator`)."""

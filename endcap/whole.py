@@ -17,18 +17,19 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from cad.errors import EndcapError, FileError, ParameterError
-from cad.materials import DEFAULT_SILICONE, silicone
+from cad.errors import EndcapError
+from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
-from cad.params import EndcapParams
-from cad.plain_numbers import is_plain, plain
+from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
+from cad.plain_numbers import plain
 from cad.whole_file import replace_file
-from fab.command import FROM_MAKE, MAKES_OWN, make_variables
+from fab.command import VARIANT_DEFAULTS, parse_variant
+from fab.variant import Variant
 
-OPTIONS = {"D": "130", "T": "8", "material": DEFAULT_SILICONE, "joint_clearance": "", "exports": "exports"}
+OPTIONS = {**VARIANT_DEFAULTS, "exports": "exports"}
 PAGE = "start.html"
 HELP = f"""\
-usage: make endcap [D=MM T=MM] [material=NAME] [joint_clearance=MM] [exports=DIR]      (or: endcap whole 180 10)
+usage: make endcap [options of make molds] [exports=DIR]      (or: endcap whole 180 10)
 
 Makes molds, slicer projects, build sheet, LED ring, weights and study of one endcap in exports/D180_T10/, and
 {PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not installed; everything
@@ -57,41 +58,31 @@ class Wanted:
     """What is to be made.
 
     Attributes:
-        params: the design. material: row of cad/materials.csv. joint_clearance: as typed, empty for the default.
-        exports: folder that receives the endcap's own.
+        variant: the design, its joint clearance and its silicone. exports: folder that receives the endcap's own.
     """
 
-    params: EndcapParams
-    material: str
-    joint_clearance: str
+    variant: Variant
     exports: Path
 
     @property
-    def variant(self) -> tuple[str, ...]:
-        """Options of fab's commands."""
-        words = [f"D={plain(self.params.diameter_mm)}", f"T={plain(self.params.wall_mm)}"]
-        words += [f"joint_clearance={self.joint_clearance}"] if self.joint_clearance else []
-        words += [f"material={self.material}"] if self.material != DEFAULT_SILICONE else []
-        return tuple(words)
+    def folder(self) -> Path:
+        """Where the molds are written, and the rest with them."""
+        return self.exports / self.variant.label
 
-    def steps(self, folder: Path | None) -> list[Step]:
-        """The commands in order.
-
-        Args:
-            folder: of the endcap, once the molds have said it; None before.
-        """
-        place, design = (f"exports={self.exports}",), (plain(self.params.diameter_mm), plain(self.params.wall_mm))
-        if folder is None:
-            return [Step("molds", "fab.molds", (*self.variant, *place))]
-        ring = (*self.variant[:2], f"exports={folder}")
-        train = ("--design", *design, "--silicone", self.material, "--unless-there", "--copy-to", str(folder))
-        study = (*self.variant[:2], f"material={self.material}", f"folder={folder / 'study'}")
+    def steps(self) -> list[Step]:
+        """The commands in order."""
+        params, material, folder = self.variant.params, self.variant.silicone, self.folder
+        numbers = (plain(params.diameter_mm), plain(params.wall_mm))
+        design = (f"D={numbers[0]}", f"T={numbers[1]}")
+        whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
+        train = ("--design", *numbers, "--silicone", material, "--unless-there", "--copy-to", str(folder))
         return [
-            Step("slicer projects", "fab.slice", (*self.variant, *place), optional=True),
-            Step("build sheet", "fab.build_sheet", (*self.variant, *place)),
-            Step("LED ring", "fab.led_ring", ring),
+            Step("molds", "fab.molds", whole),
+            Step("slicer projects", "fab.slice", whole, optional=True),
+            Step("build sheet", "fab.build_sheet", whole),
+            Step("LED ring", "fab.led_ring", (*design, f"exports={folder}")),
             Step("weights", "sensing.train", train),
-            Step("study", "sensing.study", study),
+            Step("study", "sensing.study", (*design, f"material={material}", f"folder={folder / 'study'}")),
         ]
 
 
@@ -118,26 +109,12 @@ def parsed(words: Sequence[str]) -> Wanted:
     Raises:
         ParameterError: a word that is no option, only one of D and T, or a design that cannot be made.
     """
-    given: dict[str, str] = {}
     typed = list(words)
     if FROM_MAKE in typed:
         typed.remove(FROM_MAKE)
         typed += make_variables(os.environ.get("MAKEFLAGS", ""))
-    for word in typed:
-        name, equals, value = word.partition("=")
-        if name in MAKES_OWN:
-            continue
-        if not equals or name not in OPTIONS or not value or name in given:
-            raise ParameterError(f"{word}: not understood; options are {', '.join(OPTIONS)}, each once", name=name)
-        given[name] = value
-    if len({"D", "T"} & set(given)) == 1:
-        raise ParameterError("D and T belong together: give both, for example D=180 T=10", name="D")
-    found = OPTIONS | given
-    for name in ("D", "T"):
-        if not is_plain(found[name]):
-            raise ParameterError(f"{name}={found[name]}: give plain millimetres, for example D=180 T=10", name=name)
-    params = EndcapParams(float(found["D"]), float(found["T"]))
-    return Wanted(params, silicone(found["material"]).name, found["joint_clearance"], Path(found["exports"]))
+    options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
+    return Wanted(parse_variant(options), Path(options["exports"]))
 
 
 def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
@@ -150,17 +127,15 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
         Exit status: 0, or that of the first step that failed.
 
     Raises:
-        FileError: the molds left no folder, or the page cannot be written.
+        FileError: the page cannot be written.
     """
     skipped: list[str] = []
-    for step in wanted.steps(None):
-        if status := run(step):
-            return status
-    folder = _folder(wanted)
-    for step in wanted.steps(folder):
+    folder = wanted.folder
+    for step in wanted.steps():
         status = run(step)
         if status and not step.optional:
-            LOG.error(f"make endcap: {step.title} failed; {folder} holds what was made before")
+            if folder.is_dir():
+                LOG.error(f"make endcap: {step.title} failed; {folder} holds what was made before")
             return status
         if status:
             skipped.append(step.title)
@@ -168,16 +143,6 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     left_out = f" (left out: {', '.join(skipped)})" if skipped else ""
     print(f"{folder / PAGE}: everything of {folder.name}{left_out}")
     return 0
-
-
-def _folder(wanted: Wanted) -> Path:
-    """The folder that the molds were written to: the newest of this design with its manifest."""
-    label = wanted.params.label
-    known = [path.parent for path in wanted.exports.glob(f"{label}*/manifest.json")]
-    same = [path for path in known if path.name == label or path.name.startswith(f"{label}_")]
-    if not same:
-        raise FileError(f"{wanted.exports}: no folder of {label} in it: did make molds write elsewhere?")
-    return max(same, key=lambda path: (path / "manifest.json").stat().st_mtime)
 
 
 def _run(step: Step) -> int:
@@ -257,9 +222,9 @@ def _short(value: str) -> str:
 
 
 def _next(wanted: Wanted, folder: Path) -> str:
-    words = shlex.join(wanted.variant)
-    design = f"--diameter {plain(wanted.params.diameter_mm)} --wall {plain(wanted.params.wall_mm)}"
-    other = f" --silicone {shlex.quote(wanted.material)}" if wanted.material != DEFAULT_SILICONE else ""
+    words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
+    design = f"--diameter {plain(params.diameter_mm)} --wall {plain(params.wall_mm)}"
+    other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([
         f"{'make coupons':<64} # print the fit coupon first; give what fits as joint_clearance=",
         f"{'make sheet ' + words:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",

@@ -1,5 +1,5 @@
 """From solids to files that can be printed: meshes, checks, pictures, exports."""
 
-from cad.extras import explain_missing_libraries
+from cad.extras import prepare_command
 
-explain_missing_libraries()
+prepare_command()

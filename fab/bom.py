@@ -13,12 +13,14 @@ import trimesh
 
 from cad.fasteners import BomLine, ScrewJoint
 from cad.mold_layout import MoldLayout
+from cad.robot_sides import DEFAULT_ROBOT, robot_side
 from fab.checks.check import Check
 from fab.checks.screw_fit import ScrewFit, fitted
 from fab.recipe import Recipe
 from fab.supplies import bag, camera_supply, silicone_line, supply_lines
 
 SCREW_USD = {"screw_m2": 0.05, "screw_m3": 0.06, "screw_m4": 0.10}
+ROBOT_SCREW_USD = 0.4  # E: a screw M6 or a pin, bought singly
 RING_USD = 12.0  # E: one of a batch of five, fitted by the board house
 STEEL = "A2 or 8.8"  # what to ask for besides standard and size
 
@@ -66,7 +68,8 @@ def bom_lines(
             lines.append(_bought_line(name, quantity))
         else:
             lines.append(silicone_line(recipe))
-    return [*lines, *_fastener_lines(fits), *supply_lines(recipe)]
+    robot = _robot_lines(str(manifest.get("robot", DEFAULT_ROBOT)))
+    return [*lines, *_fastener_lines(fits), *robot, *supply_lines(recipe)]
 
 
 def printed_figures(sliced: Mapping[str, Any] | None) -> dict[str, tuple[float, float]]:
@@ -164,6 +167,15 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
     order = "ISO 7089 M4 (9 mm outside)"
     lines.append(_fastener("M4 washer ISO 7089", count, "washers", "closes the mold", 0.02 * count, order))
     return lines
+
+
+def _robot_lines(robot: str) -> list[BomLine]:
+    """What holds the adapter on the robot; nothing for a blank side."""
+    return [
+        BomLine(holes.order_as, holes.count, "pc", "arm_adapter", f"adapter to the robot ({robot})",
+                ROBOT_SCREW_USD * holes.count, "E", f"{holes.order_as}, {bag(holes.count)}")
+        for holes in robot_side(robot)
+    ]  # fmt: skip
 
 
 def _fastener(item: str, count: int, owner: str, use: str, price_usd: float, order: str) -> BomLine:

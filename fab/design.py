@@ -17,6 +17,7 @@ from cad.mold_core import core_body, core_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
+from cad.robot_sides import DEFAULT_ROBOT
 from cad.shell import shell_part
 from fab.cache import Cache
 from fab.kept import kept_interface_mesh
@@ -40,6 +41,7 @@ class Design:
         meshes: closed meshes by part name; that of ``interface`` has the gyroid, that of ``shell`` its imprint.
         gyroid: how the gyroid came out.
         plain_shell: the shell before the gyroid's imprint, which nobody sees from outside.
+        robot: what the arm adapter fits.
     """
 
     layout: MoldLayout
@@ -47,6 +49,7 @@ class Design:
     meshes: dict[str, trimesh.Trimesh]
     gyroid: InterfaceMesh
     plain_shell: trimesh.Trimesh
+    robot: str = DEFAULT_ROBOT
 
     @property
     def params(self) -> EndcapParams:
@@ -74,6 +77,7 @@ def build_design(
     progress: Progress,
     tolerance_mm: float = TOLERANCE_MM,
     cache: Cache | None = None,
+    robot: str = DEFAULT_ROBOT,
 ) -> Design:
     """Build solids and meshes.
 
@@ -83,10 +87,11 @@ def build_design(
         progress: called with the name of each step as it begins.
         tolerance_mm: chord tolerance of the meshes.
         cache: where what does not change with the clearance is kept from run to run.
+        robot: pattern of ``cad/robot_sides.csv``.
     """
-    cup = workers.submit(packed_group, "cup", layout, tolerance_mm, cache)
+    cup = workers.submit(packed_group, "cup", layout, tolerance_mm, cache, robot)
     pending = workers.submit(kept_interface_mesh, layout.params, cache)
-    hardware = workers.submit(packed_group, "hardware", layout, tolerance_mm, cache)
+    hardware = workers.submit(packed_group, "hardware", layout, tolerance_mm, cache, robot)
     parts = build_core_solids(layout, progress)
     progress("meshes")
     maker = PartMeshes(tolerance_mm)
@@ -101,7 +106,7 @@ def build_design(
     plain = meshes["shell"]
     imprinted = from_manifold(to_manifold(plain) - to_manifold(gyroid.mesh))
     meshes["shell"] = without_crossings(imprinted, joint_band_mm(layout.params.flange_thickness_mm))
-    return Design(layout, {part.name: part for part, _ in made}, meshes, gyroid, plain)
+    return Design(layout, {part.name: part for part, _ in made}, meshes, gyroid, plain, robot)
 
 
 def mesh_volume_mm3(design: Design, name: str) -> float:

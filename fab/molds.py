@@ -13,6 +13,7 @@ from pathlib import Path
 from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
+from cad.robot_sides import robot_sides
 from fab.cache import Cache
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
@@ -29,12 +30,14 @@ options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
   T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
   joint_clearance=0.15   gap of the printed joints, mm a side: the best step of the fit coupon
-                   (0.05 to about 0.21; the widest, by the leak, depends on the size and is stated at once)
+                   (0.05 to about 0.21; the widest, by the leak, depends on size and silicone and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
+  robot=iso_9409_1_50_4_m6   what the arm adapter is screwed to: {robots}
+  printer=generic256   refuses at once what its bed is too small for: {printers}
   exports=DIR      folder that receives D130_T8/ (default: exports/)
   cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept
 
-Give D and T together. Another clearance or silicone has a folder of its own (D130_T8_c0.2, D130_T8_Dragon-Skin-30).
+Give D and T together. Another clearance, silicone or robot has a folder of its own (D130_T8_c0.2, D130_T8_blank).
 The files appear all together, after every check has passed, or not at all; a later run replaces the files that
 manifest.json lists, and keeps everything else in the folder.
 exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted; 143 ended by SIGTERM
@@ -43,13 +46,16 @@ exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
+    from fab.slice.printers import DEFAULT_PRINTER, printers
+
     low, high = diameter_range_mm()
+    names = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
     command = Command(
         "make molds",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR] [cache=no]",
+        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [printer=NAME] [exports=DIR] [cache=no]",
         "Make the mold, the TPU interface, the base and the assembly of one endcap.",
-        HELP.format(low=low, high=high, materials=", ".join(silicones())),
-        {**VARIANT_DEFAULTS, "cache": "yes"},
+        HELP.format(low=low, high=high, **{name: ", ".join(rows) for name, rows in names.items()}),
+        {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "cache": "yes"},
     )
     return command.run(argv, _act)
 
@@ -58,6 +64,10 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant, exports = parse_variant(options), Path(options["exports"])
     if options["cache"] not in ("yes", "no"):
         raise ParameterError(f"cache={options['cache']} is neither yes nor no", name="cache")
+    from fab.slice.footprints import require_printer
+    from fab.slice.printers import printer
+
+    require_printer(variant.layout, printer(options["printer"]))
     written = export(variant, exports, options["cache"] == "yes", interrupts)
     print(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")
     return 0
@@ -76,7 +86,7 @@ def export(variant: Variant, exports: Path, use_cache: bool = True, interrupts: 
     """Make, check and write all files of a variant, whole or not at all.
 
     Args:
-        variant: the two numbers, the joint clearance and the silicone.
+        variant: what is made.
         exports: folder that receives the variant's own.
         use_cache: whether the cache is read and written.
         interrupts: what has been heard of signals; None where Python's own handling does.
@@ -95,7 +105,7 @@ def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progres
     """Take a variant out of the cache, where nothing that it depends on has changed, or make it.
 
     Args:
-        variant: the two numbers, the joint clearance and the silicone.
+        variant: what is made.
         folder: empty; receives every file.
         interrupts: what has been heard of signals.
         progress: called with the name of each step as it begins.
@@ -133,7 +143,7 @@ def make_molds(
     """Build, write and check one endcap.
 
     Args:
-        variant: the two numbers, the joint clearance and the silicone.
+        variant: what is made.
         folder: empty; receives every file.
         workers: processes that share the work.
         progress: called with the name of each step as it begins.
@@ -151,7 +161,7 @@ def make_molds(
     from fab.exports.index_page import write_index
     from fab.exports.preview_parts import preview_glb
 
-    design = build_design(variant.layout, workers, progress, cache=cache)
+    design = build_design(variant.layout, workers, progress, cache=cache, robot=variant.robot)
     progress("files")
     files.write_meshes(design, folder)
     pending: list[Future[None]] = [workers.submit(files.write_pictures, *files.picture_items(design), folder)]
@@ -167,7 +177,7 @@ def make_molds(
         job.result()
     progress("page")
     preview = preview_glb(design, files.exploded_offsets_mm(design))
-    content = files.manifest(design, checks, folder, variant.silicone)
+    content = files.manifest(design, checks, folder)
     write_index(variant, content, checks, preview, folder)
     files.write_manifest(content, folder)
     return f"{len(list(folder.iterdir()))} files, {len(design.parts)} parts, all {len(checks)} checks passed"

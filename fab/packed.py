@@ -23,11 +23,11 @@ from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.part import Part, Role
 from cad.ring_spacer import ring_spacer_part
+from cad.robot_sides import DEFAULT_ROBOT
 from fab.cache import Cache
 from fab.meshing.parts import PartMeshes
 
 Group = Literal["cup", "hardware"]
-HARDWARE = (base_part, ring_spacer_part, adapter_part, led_ring_part, camera_part)  # the same at every joint clearance
 
 
 @dataclass(frozen=True)
@@ -60,24 +60,30 @@ class PackedPart:
         return part, trimesh.Trimesh(self.vertices, self.faces, process=False, validate=False)
 
 
-def packed_group(group: Group, layout: MoldLayout, tolerance_mm: float, cache: Cache | None) -> list[PackedPart]:
+def packed_group(
+    group: Group, layout: MoldLayout, tolerance_mm: float, cache: Cache | None, robot: str = DEFAULT_ROBOT
+) -> list[PackedPart]:
     """Make a group of parts and their meshes; those that do not change with the clearance are kept.
 
     Args:
         group: which.
         layout: mold sizes.
         tolerance_mm: chord tolerance of the meshes.
-        cache: where hardware is kept; ``None`` makes it anew.
+        cache: where hardware, the same at every joint clearance, is kept; ``None`` makes it anew.
+        robot: what the arm adapter fits.
     """
     if group == "cup":
         return _packed(cup_parts(layout), tolerance_mm)
 
     def make() -> list[PackedPart]:
-        return _packed([maker(layout.params) for maker in HARDWARE], tolerance_mm)
+        params = layout.params
+        made = [base_part(params), ring_spacer_part(params), adapter_part(params, robot)]
+        return _packed([*made, led_ring_part(params), camera_part(params)], tolerance_mm)
 
     if cache is None:
         return make()
-    return _kept(cache, cache.key(group, {"design": layout.params.digest, "tolerance_mm": tolerance_mm}), make)
+    depends_on = {"design": layout.params.digest, "tolerance_mm": tolerance_mm, "robot": robot}
+    return _kept(cache, cache.key(group, depends_on), make)
 
 
 def _packed(parts: Sequence[Part], tolerance_mm: float) -> list[PackedPart]:

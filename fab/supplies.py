@@ -8,8 +8,8 @@ from functools import cache
 from pathlib import Path
 
 from cad.data_table import positive, read_table
-from cad.errors import FileError
 from cad.fasteners import BomLine
+from cad.lens import camera_module
 from fab.recipe import Recipe
 
 TABLE = Path(__file__).with_name("supplies.csv")
@@ -69,19 +69,14 @@ def supply_lines(mix: Recipe) -> list[BomLine]:
             row.order_as.format(**blanks), row.kind,
         )
         for row in supplies().values()
-        if row.kind != "silicone" and row.name != "camera module"
+        if row.kind != "silicone"
     ]  # fmt: skip
 
 
 def camera_supply() -> Supply:
-    """The camera's row.
-
-    Raises:
-        FileError: it is not in the table.
-    """
-    if "camera module" not in supplies():
-        raise FileError(f"{TABLE.name}: has no row 'camera module': restore it")
-    return supplies()["camera module"]
+    """The camera module at hand (:mod:`cad.lens`)."""
+    module = camera_module()
+    return Supply("camera module", "part", module.order_as, 1, "pc", "camera", module.price_usd, module.provenance)
 
 
 def silicone_line(mix: Recipe) -> BomLine:

@@ -1,4 +1,4 @@
-"""One variant of a design: the two numbers, the joint clearance of your printer, and the silicone.
+"""One variant of a design: the two numbers, the joint clearance of your printer, the silicone, and the robot.
 
 The folder of a variant names everything that differs from the default, so no variant overwrites another.
 """
@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from cad.materials import DEFAULT_SILICONE
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
+from cad.robot_sides import DEFAULT_ROBOT, robot_side
 
 
 @dataclass(frozen=True)
@@ -20,12 +23,18 @@ class Variant:
     """What one export folder holds.
 
     Attributes:
-        layout: the two numbers and the joint clearance.
-        silicone: name of a row of ``cad/materials.csv``.
+        layout: the two numbers, the joint clearance and the silicone.
+        robot: pattern of ``cad/robot_sides.csv`` that the arm adapter has.
+
+    Raises:
+        ParameterError: a robot that is not in the table.
     """
 
     layout: MoldLayout
-    silicone: str = DEFAULT_SILICONE
+    robot: str = DEFAULT_ROBOT
+
+    def __post_init__(self) -> None:
+        robot_side(self.robot)
 
     @property
     def params(self) -> EndcapParams:
@@ -33,13 +42,20 @@ class Variant:
         return self.layout.params
 
     @property
+    def silicone(self) -> str:
+        """Name of a row of ``cad/materials.csv``."""
+        return self.layout.silicone
+
+    @property
     def label(self) -> str:
-        """Name of the folder: ``D130_T8``, ``D130_T8_c0.2``, ``D130_T8_Dragon-Skin-30``."""
+        """Name of the folder: ``D130_T8``, ``D130_T8_c0.2``, ``D130_T8_Dragon-Skin-30``, ``D130_T8_blank``."""
         parts = [self.params.label]
         if self.layout.joint_clearance_mm != JOINT_CLEARANCE_MM:
             parts.append(f"c{plain(self.layout.joint_clearance_mm)}")
         if self.silicone != DEFAULT_SILICONE:
             parts.append(file_name(self.silicone))
+        if self.robot != DEFAULT_ROBOT:
+            parts.append(file_name(self.robot))
         return "_".join(parts)
 
     @property
@@ -49,6 +65,7 @@ class Variant:
             "design": self.params.digest,
             "joint_clearance_mm": self.layout.joint_clearance_mm,
             "silicone": self.silicone,
+            "robot": self.robot,
         }
 
     @property
@@ -59,7 +76,22 @@ class Variant:
             words.append(f"joint_clearance={plain(self.layout.joint_clearance_mm)}")
         if self.silicone != DEFAULT_SILICONE:
             words.append(f"material={shlex.quote(self.silicone)}")
+        if self.robot != DEFAULT_ROBOT:
+            words.append(f"robot={shlex.quote(self.robot)}")
         return " ".join(words)
+
+
+def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
+    """The variant that an export's manifest names.
+
+    Args:
+        params: its two numbers. manifest: as read; one of before robots could be chosen says nothing of its own.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is no manifest of an export. ParameterError: what it names cannot be made.
+    """
+    layout = MoldLayout(params, float(manifest["joint_clearance_mm"]), str(manifest["silicone"]))
+    return Variant(layout, str(manifest.get("robot", DEFAULT_ROBOT)))
 
 
 def file_name(text: str) -> str:

@@ -1,5 +1,5 @@
 """From camera frames to a contact wrench. Imports only the standard-library bottom layer of ``cad``."""
 
-from cad.extras import explain_missing_libraries
+from cad.extras import prepare_command
 
-explain_missing_libraries()
+prepare_command()

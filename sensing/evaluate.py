@@ -32,7 +32,7 @@ from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG
 from cad.whole_file import replace_file
-from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
+from sensing.evaluation.cells import RANGE_N, Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
 from sensing.learning.found_camera import camera_of_set
@@ -104,11 +104,12 @@ def evaluate(
     Raises:
         ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
     """
-    network = None if model else load_wrench_model(LabelledSet(tests[0]).params, weights, silicone=None)
+    network = None if model else _weights_for(LabelledSet(tests[0]), weights)
     live = model if network is None else live_model("evaluated", network, network.shape)
     assert live is not None
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=live.shape) if train else None
+    range_n = RANGE_N if network is None else float(network.about.get("range_n", RANGE_N))
     comparisons = {} if training is None else fitted(training, network, paper_epochs)
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
@@ -119,12 +120,18 @@ def evaluate(
         test = read_views([Path(folder)], released, markers=False, shape=live.shape)
         _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
-        tables |= {f"{name}, {Path(folder).name}": cells(given) for name, given in ours.items()}
+        tables |= {f"{name}, {Path(folder).name}": cells(given, range_n) for name, given in ours.items()}
         answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
         answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
         found |= _scores(answers, test, Path(folder).name)
         found |= {} if network is None else _filtered(network, test, LabelledSet(folder))
     return found, tables
+
+
+def _weights_for(data: LabelledSet, weights: Path | None) -> WrenchModel:
+    """The file that was named, else the weights for a set's design and silicone."""
+    cast_of = data.identity.aspects.get("silicone") or {}
+    return load_wrench_model(data.params, weights, silicone=None if weights else cast_of.get("name"))
 
 
 def _filtered(network: WrenchModel, test: Views, data: LabelledSet) -> dict[str, Score]:

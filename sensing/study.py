@@ -9,7 +9,6 @@ python -m sensing.study load=120 error=0.5                 # three designs that 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from pathlib import Path
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, transient
-from cad.params import EndcapParams
+from cad.options import parse_design, parse_options
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
 
@@ -64,15 +63,8 @@ def _options(words: Sequence[str]) -> dict[str, str]:
         ParameterError: a word that is no option, or options that do not go together.
     """
     numbers = list(takewhile(lambda word: "=" not in word, words))
-    given = dict(zip(("D", "T"), numbers, strict=False))
-    for word in [*numbers[2:], *words[len(numbers) :]]:
-        name, equals, value = word.partition("=")
-        if not equals or name not in OPTIONS or not value or name in given:
-            raise ParameterError(f"{word}: not understood; options are {', '.join(OPTIONS)}, each once", name=name)
-        given[name] = value
-    found = OPTIONS | given
-    if bool(found["D"]) != bool(found["T"]):
-        raise ParameterError("D and T belong together: give both, or neither for the map", name="D")
+    design = [f"{name}={number}" for name, number in zip(("D", "T"), numbers, strict=False)]
+    found = parse_options([*design, *numbers[2:], *words[len(numbers) :]], OPTIONS)
     if found["D"] and (found["load"] or found["error"]):
         raise ParameterError("load and error ask for a design: leave D and T out", name="load")
     if bool(found["load"]) != bool(found["error"]):
@@ -88,29 +80,20 @@ def _number(name: str, text: str) -> float:
 
 
 def _design(options: dict[str, str]) -> int:
-    from sensing.design.figures import as_csv, as_record, blind_direction, figures
-    from sensing.design.page import study_page
     from sensing.design.pressed import Study
+    from sensing.design.prints import prints_of
+    from sensing.design.report import Report
 
-    params = EndcapParams(_number("D", options["D"]), _number("T", options["T"]))
-    study = Study(params, silicone(options["material"]).name)
-    lines = figures(study)
-    same = study.silicone == DEFAULT_SILICONE
-    label = params.label if same else f"{params.label}_{study.silicone.replace(' ', '-')}"
-    folder = Path(options["folder"] or Path(options["exports"]) / label / "study")
-    make_folder(folder)
-    record = json.dumps(as_record(study, lines), indent=1, allow_nan=False, default=_plain)
-    for name, text in (
-        ("study.csv", as_csv(lines)),
-        ("study.json", record + "\n"),
-        ("study.html", study_page(study, lines)),
-    ):
-        replace_file(folder / name, text.encode())
-    width = max(len(line.name) for line in lines)
-    for line in lines:
+    params = parse_design(options)
+    report = Report(Study(params, silicone(options["material"]).name))
+    folder = Path(options["folder"] or Path(options["exports"]) / report.label / "study")
+    report = Report(report.study, prints_of(params, folder.parent))
+    page = report.write(folder)
+    width = max(len(line.name) for line in report.figures)
+    for line in report.figures:
         print(f"{line.name:<{width}}  {line.text:>12}  {line.source.value}")
-    print(f"blind: {blind_direction(study)}")
-    print(f"{folder / 'study.html'}: {len(lines)} figures of {params.label} in {study.silicone}")
+    print(f"blind: {report.blind}")
+    print(f"{page}: {len(report.figures)} figures of {params.label} in {report.study.silicone}")
     return 0
 
 
@@ -131,10 +114,6 @@ def _map(options: dict[str, str]) -> int:
         print(f"{choice.place.label}: {choice.why}")
     print(f"{folder / 'map.html'}: {len(places)} designs and silicones, {sum(p.pareto for p in places)} on the front")
     return 0
-
-
-def _plain(value: object) -> object:
-    return float(value) if hasattr(value, "__float__") else str(value)
 
 
 def _progress(done: int, total: int) -> None:

@@ -32,10 +32,12 @@ BOTTOM = {
         "whole_file",
         "plugins",
         "messages",
+        "threads",
+        "options",
     )
 }
 PLAIN = BOTTOM | {
-    f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part")
+    f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part", "robot_sides")
 }  # standard library only, too
 SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz")}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from cad import extras
+from cad import extras, threads
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -180,5 +180,22 @@ def test_other_errors_keep_their_traceback():
 
 
 def test_importing_from_a_program_changes_nothing():
-    code = "import sys; before = sys.excepthook; import fab, sensing; assert sys.excepthook is before"
+    code = (
+        "import os, sys; before = sys.excepthook, dict(os.environ); import fab, sensing; "
+        "assert (sys.excepthook, dict(os.environ)) == before"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+def test_a_command_gives_linear_algebra_one_thread_unless_the_user_says_otherwise(monkeypatch):
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "sensing.train"])
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
+    for name in threads.VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    extras.prepare_command()
+    assert {os.environ[name] for name in threads.VARIABLES} == {"1"}
+    for name in threads.VARIABLES:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    extras.prepare_command()
+    assert [os.environ.get(name) for name in threads.VARIABLES] == [None, "3", None]

@@ -174,11 +174,10 @@ def test_values_of_the_released_network():
 
 
 def test_values_of_fabrication():
-    from cad.leak import VISCOSITY_PA_S
     from fab.led_ring.budget import LED_A, RING_A
     from fab.slice import settings
 
-    assert FACTS["MAT07"].values == (VISCOSITY_PA_S,)
+    assert FACTS["MAT07"].values == (silicone().viscosity_pa_s,)
     assert pytest.approx(FACTS["LED03"].values[0]) == LED_A * 1000
     assert pytest.approx(FACTS["LED08"].values[0]) == RING_A * 1000
     assert FACTS["GYR01"].values == (settings.ZONE_PERCENT,)

@@ -19,7 +19,7 @@ def runner(wanted, seen: list[Step], status: dict[str, int] | None = None):
 
     def run(step: Step) -> int:
         seen.append(step)
-        folder = wanted.exports / wanted.params.label
+        folder = wanted.exports / wanted.variant.label
         if step.module == "fab.molds":
             folder.mkdir(parents=True)
             (folder / "manifest.json").write_text(json.dumps(MADE))
@@ -44,7 +44,7 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
     for step in seen:
         assert {"D=180", "T=10"} <= set(step.words) or "--design 180 10" in " ".join(step.words)
     assert all("Dragon Skin 20" in " ".join(step.words) for step in seen if step.module != "fab.led_ring")
-    page = (tmp_path / "D180_T10" / PAGE).read_text()
+    page = (tmp_path / "D180_T10_Dragon-Skin-20" / PAGE).read_text()
     for words in (
         "2 checks",
         "range &lt;of&gt; it",
@@ -72,10 +72,10 @@ def test_a_failure_stops_it_but_for_a_slicer_that_is_not_there(tmp_path, capsys)
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["D=180"], "D and T belong together"),
+        (["D=180"], "D=180 without T"),
         (["D=180", "T=40"], "nearest valid choice"),
         (["D=1e2", "T=8"], "plain millimetres"),
-        (["d=180", "T=8"], "not understood"),
+        (["d=180", "T=8"], "did you mean D=180"),
         (["D=180", "T=10", "material=Jelly"], "choose one of"),
     ],
 )
@@ -87,7 +87,7 @@ def test_bad_words_are_refused(words, said):
 def test_makes_variables_are_read_as_they_were_typed(monkeypatch):
     monkeypatch.setenv("MAKEFLAGS", r"w -- material=Dragon\ Skin\ 20 T=10 D=180 PYTHON=python3")
     wanted = parsed([whole.FROM_MAKE])
-    assert wanted.params.label == "D180_T10" and wanted.material == "Dragon Skin 20"
+    assert wanted.variant.params.label == "D180_T10" and wanted.variant.silicone == "Dragon Skin 20"
     assert wanted.exports == Path("exports")
 
 

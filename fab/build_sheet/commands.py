@@ -15,7 +15,7 @@ INTERPRETER = ".venv/bin/python"
 
 def make_command(target: str, data: SheetData) -> str:
     """A command of make for this very variant, for example ``make slice D=150 T=9``."""
-    return f"make {target} {Variant(data.layout, data.recipe.silicone.name).words}"
+    return f"make {target} {Variant(data.layout, data.robot).words}"
 
 
 def ring_command(params: EndcapParams) -> str:

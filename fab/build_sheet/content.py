@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
+from cad.robot_sides import fixing_words
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
 from fab.build_sheet.commands import make_command
@@ -45,6 +46,7 @@ def _cover(data: SheetData) -> list[Block]:
         ("cast weighs", f"{recipe.expected_g:.0f} g of silicone"),
         ("gates", f"{len(data.checks)}, all held" if all(c["ok"] for c in data.checks) else "NOT ALL HELD"),
     ]
+    facts.append(("robot", f"adapter for {data.robot}" + (f": {words}" if (words := fixing_words(data.robot)) else "")))
     facts.append(("print bed", bed_needed(data)))
     if mold := mold_sums(data):
         facts.append(

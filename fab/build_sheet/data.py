@@ -9,6 +9,7 @@ from typing import Any
 
 from cad.fasteners import BomLine
 from cad.mold_layout import MoldLayout
+from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import Recipe
 from fab.steps.record import Step
@@ -45,3 +46,8 @@ class SheetData:
     pictures: Mapping[str, Path]
     beds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     fitting_printers: tuple[str, ...] = ()
+
+    @property
+    def robot(self) -> str:
+        """What the arm adapter fits."""
+        return str(self.manifest.get("robot", DEFAULT_ROBOT))

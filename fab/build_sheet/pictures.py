@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from cad.arm_adapter import arm_places_mm
+from cad.base import ARM_INSERT_RADIUS_MM
 from cad.bought import bought_mm
 from cad.dots import DOT_RADIUS_MM, dot_pattern, dot_position_mm
 from cad.fasteners import ScrewJoint
@@ -25,6 +27,7 @@ from fab.steps.record import Step
 
 WIDTH_PX, HEIGHT_PX = 900, 640
 THUMB_PX = 240
+BRASS = (0.72, 0.58, 0.25)
 STEEL = (0.62, 0.65, 0.69)
 LIQUID = (0.35, 0.72, 0.68)
 INK = (0.08, 0.09, 0.10)
@@ -120,6 +123,16 @@ def nuts_mesh(layout: MoldLayout, inward_mm: float) -> trimesh.Trimesh:
         nut.apply_transform(trimesh.transformations.rotation_matrix(math.radians(azimuth), (0, 0, 1)))
         nuts.append(nut)
     return joined(nuts)
+
+
+def inserts_mesh(layout: MoldLayout, below_mm: float) -> trimesh.Trimesh:
+    """The five heat-set inserts, so far below their seats."""
+    length, inserts = bought_mm("insert_m4", "length"), []
+    for x, y in arm_places_mm(layout.params):
+        insert = trimesh.creation.annulus(bought_mm("screw_m4", "thread") / 2, ARM_INSERT_RADIUS_MM, length)
+        insert.apply_translation((x, y, length / 2 - layout.params.base_thickness_mm - below_mm))
+        inserts.append(insert)
+    return joined(inserts)
 
 
 def fill_depth_mm(layout: MoldLayout, volume_mm3: float) -> float:
@@ -228,6 +241,8 @@ def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
         things += shop.screws(joint, SCREW_BACK_MM, owner[2])
     if "nuts" in step.extras:
         things.append(Thing(nuts_mesh(shop.layout, 16.0), STEEL))
+    if "inserts" in step.extras:
+        things.append(Thing(inserts_mesh(shop.layout, 22.0), BRASS))
     if "silicone" in step.extras:
         things.append(Thing(poured_mesh(shop.layout, depth_mm), LIQUID))
     return things

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from cad.robot_sides import fixing_words, robot_side
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
@@ -47,12 +48,21 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
         "cure_h": f"{recipe.silicone.cure_h:g}",
         "overflow_ml": f"{recipe.overflow_mm3 / 1000:.1f}",
+        "robot": data.robot,
+        "robot_fixing": _fixing(data.robot),
     }
 
     def fill(match: re.Match[str]) -> str:
         return screws(data, match[2]) if match[1] == "screws" else values[match[1]]
 
     return tuple(BLANK.sub(fill, line) for line in lines)
+
+
+def _fixing(robot: str) -> str:
+    """How the adapter is held on the robot."""
+    if not robot_side(robot):
+        return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
+    return f"pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
 
 
 def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:

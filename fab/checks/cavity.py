@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from cad.dots import DOT_RADIUS_MM, dot_pattern
 from cad.interface import COLLAR_CLEARANCE_MM, VENT_DIAMETER_MM, vent_azimuths_deg
 from cad.leak import LEAK_RATIO, leak_ratio
+from cad.materials import silicone
 from cad.mold_core import ramp_end
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
@@ -127,7 +128,8 @@ def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Che
 
 def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
     """Share of the pour that could creep through the bowl's joints before it sets (:mod:`cad.leak`)."""
-    ratio = leak_ratio(layout.params, layout.joint_clearance_mm, layout.bowl_wall_mm, shell_volume_mm3)
+    row = silicone(layout.silicone)
+    ratio = leak_ratio(layout.params, row, layout.joint_clearance_mm, layout.bowl_wall_mm, shell_volume_mm3)
     return Check("cavity.leak_ratio", ratio, high=LEAK_RATIO)
 
 

@@ -15,6 +15,7 @@ from cad.interface import build_zone
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
+from fab.bom import fit_joints
 from fab.cache import Cache
 from fab.checks.bumps import bump_checks
 from fab.checks.cavity import (
@@ -36,6 +37,7 @@ from fab.exports.whole_folder import file_sha256
 from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_checks
 from fab.meshing.mesh import read_stl, to_manifold
 from fab.steps.endcap import all_steps
+from fab.steps.fasteners import fastener_checks
 from fab.steps.record import Step
 from fab.steps.sweep import step_bodies, sweep_checks
 
@@ -106,7 +108,7 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
 def silicone_gates(
     layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float
 ) -> list[Check]:
-    """Sweeps of the steps, and the balance: what the closed mold encloses is made once for both.
+    """Sweeps of the steps and their screws, and the balance: what the closed mold encloses is made once for all.
 
     Args:
         layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
@@ -114,7 +116,10 @@ def silicone_gates(
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     opened = opened_space(layout, pieces)
-    sweeps = sweep_checks(layout, steps, step_bodies(layout, steps, meshes, opened))
+    bodies = step_bodies(layout, steps, meshes, opened)
+    sweeps = sweep_checks(layout, steps, bodies)
+    fits = fit_joints(layout, meshes)
+    sweeps += fastener_checks(layout.params, steps, bodies, fits) + [check for fit in fits for check in fit.checks]
     return [*sweeps, balance_check(layout, pieces, meshes["interface"], cast_mm3, opened)]
 
 

@@ -45,6 +45,7 @@ class ScrewFit:
         needed_mm: engagement wanted.
         tip_room_mm: what stays free before the tip of the longest one.
         seat_error_mm: unevenness of the seat under the head.
+        seat_mm: where head or washer bears, along the screw's direction (z, or -z if it points down).
     """
 
     joint: ScrewJoint
@@ -54,6 +55,7 @@ class ScrewFit:
     needed_mm: float
     tip_room_mm: float
     seat_error_mm: float
+    seat_mm: float = 0.0
 
     @property
     def checks(self) -> list[Check]:
@@ -95,10 +97,11 @@ def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_m
     ring = (bought_mm(*_head(joint)) + hole) / 4
     washers = joint.washers * bought_mm(_head(joint)[0], "thickness") if joint.washers else 0.0
     slack = length_tolerance_mm(length_mm)
+    first = math.inf
     worst = {"grip": -math.inf, "held": math.inf, "room": math.inf, "uneven": 0.0}
     for place in joint.places:
         seats = [spans[0][0] for spans in _rings(joint, meshes, joint.seat, place, ring)]
-        seat = min(seats) - washers
+        first, seat = min(first, *seats), min(seats) - washers
         if joint.holder == "plastic":
             spans = _rings(joint, meshes, joint.anchor, place, thread / 2 - INSIDE_MM)
             ahead = [[span for span in line if span[1] > seat] for line in spans]
@@ -123,7 +126,7 @@ def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_m
         worst["room"] = min(worst["room"], end - (seat + length_mm + slack), FAR_MM)
         worst["uneven"] = max(worst["uneven"], max(seats) - min(seats))
     return ScrewFit(
-        joint, length_mm, worst["grip"], worst["held"], _needed(joint, thread), worst["room"], worst["uneven"]
+        joint, length_mm, worst["grip"], worst["held"], _needed(joint, thread), worst["room"], worst["uneven"], first
     )
 
 

@@ -15,7 +15,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
-from fab.command import parse_design, parse_length
+from cad.options import parse_design, parse_length
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
 from fab.exports.preview import glb
@@ -62,7 +62,7 @@ def parse_choice(knobs: Mapping[str, str]) -> Choice:
     clearance = parse_length("joint_clearance", knobs.get("joint_clearance", f"{JOINT_CLEARANCE_MM:g}"))
     row = silicone(knobs.get("material") or next(iter(silicones())))
     where = printer(knobs.get("printer") or DEFAULT_PRINTER)
-    return Choice(Variant(MoldLayout(params, clearance), row.name), where.name)
+    return Choice(Variant(MoldLayout(params, clearance, row.name)), where.name)
 
 
 def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
     params, row = variant.params, silicone(variant.silicone)
     volume = shell_volume_mm3(params)
     costs = estimate(variant.layout, row, choice.printer)
-    low, high = joint_clearance_range_mm(params)
+    low, high = joint_clearance_range_mm(params, row.name)
     facts = [
         ("height", f"{params.tip_height_mm:.1f} mm above the base's face"),
         ("silicone", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
@@ -84,7 +84,7 @@ def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
         ("mold", f"about {costs.mold_g:.0f} g of PLA"),
         ("printing", f"about {costs.hours:.0f} h, mold, base and interface"),
         ("cost", f"about {costs.usd:.0f} USD: plastic, silicone in the cast, camera, ring, screws"),
-        ("joint clearance", f"{low:.2f} to {high:.2f} mm a side at this size"),
+        ("joint clearance", f"{low:.2f} to {high:.2f} mm a side in this silicone"),
         ("bed", costs.bed),
     ]
     return {

@@ -11,6 +11,7 @@ from typing import Any
 
 from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
 from cad.materials import silicone
+from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import Check
 from fab.variant import Variant
 
@@ -96,6 +97,7 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
         ("dome", f"{params.diameter_mm:g} mm outside, wall {params.wall_mm:g} mm, {params.tip_height_mm:.1f} mm high"),
         ("dots", f"{len(dot_pattern(params))} dents of {2 * DOT_RADIUS_MM:g} mm, {DENT_DEPTH_MM:g} mm deep, inside"),
         ("silicone in the dome", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
+        ("robot", str(manifest.get("robot", DEFAULT_ROBOT))),
         ("gyroid", f"period {manifest['gyroid']['period_mm']:.2f} mm, {100 * manifest['gyroid']['density']:.1f} % TPU"),
     )
     rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(words)}</td></tr>" for name, words in facts)

@@ -20,7 +20,6 @@ import trimesh
 from cad.assembly import build_assembly, exploded_offsets, write_step
 from cad.identity import identity
 from cad.interface import build_zone
-from cad.materials import DEFAULT_SILICONE
 from cad.part import Part
 from cad.step_file import canonical_step
 from fab.checks.check import Check
@@ -128,12 +127,11 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
     render_parts(parts, folder / "parts.png")
 
 
-def manifest(design: Design, checks: Sequence[Check], folder: Path, silicone: str = DEFAULT_SILICONE) -> dict[str, Any]:
+def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str, Any]:
     """Everything a reader or a program needs to know of the parts, in a fixed order.
 
     Args:
         design: parts, meshes and sizes. checks: results of the gates. folder: holds the files, already written.
-        silicone: row of cad/materials.csv.
     """
     values = {check.name: check.value for check in checks}
     parts = []
@@ -159,9 +157,10 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path, silicone: st
     return {
         "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
         "joint_clearance_mm": design.layout.joint_clearance_mm,
-        "silicone": silicone,
+        "silicone": design.layout.silicone,
+        "robot": design.robot,
         "digest": design.params.digest,
-        "identity": identity(design.params, silicone).record(),
+        "identity": identity(design.params, design.layout.silicone).record(),
         "gyroid": {"period_mm": _figures(design.gyroid.period_mm), "density": _figures(design.gyroid.density)},
         "parts": parts,
         "checks": [check.record(DIGITS) for check in checks],

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
+from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
 from fab.checks.check import Check, require_passed
-from fab.command import EXPORTS, Command, parse_design, parse_length
+from fab.command import EXPORTS, Command
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c

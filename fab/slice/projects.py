@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from cad.errors import EndcapError, FileError
+from cad.errors import EndcapError, FileError, ParameterError
 from cad.identity import identity, recorded, require_same
-from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
@@ -27,7 +26,7 @@ from fab.slice.pose import laid_down, standing
 from fab.slice.printers import Printer, require_bed, turned
 from fab.slice.project_3mf import Piece, Project, Volume, single
 from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
-from fab.variant import Variant
+from fab.variant import Variant, variant_of
 
 MANIFEST = "manifest.json"
 INTERFACE = "interface"
@@ -74,16 +73,16 @@ def read_export(variant: Variant, exports: Path) -> Export:
     again = f"run `make molds {variant.words}`"
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        found = manifest["digest"], manifest["joint_clearance_mm"], manifest["silicone"]
+        found, digest = variant_of(variant.params, manifest), manifest["digest"]
         [part["name"] for part in manifest["parts"]]
         made_of = recorded(manifest.get("identity"), variant.params)
     except OSError as error:
         raise FileError(
             f"{folder}: no export here ({error.strerror}): {again} first{_others(variant, exports)}"
         ) from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, ParameterError) as error:
         raise FileError(f"{folder / MANIFEST}: not a manifest of ours, or an older one: {again} again") from error
-    if found != (variant.params.digest, variant.layout.joint_clearance_mm, variant.silicone):
+    if (found, digest) != (variant, variant.params.digest):
         raise FileError(f"{folder}: made for other parameters than its name says: {again} again")
     require_same(folder, "made", made_of, identity(variant.params), f"{again} again", ("dots", "camera"))
     return Export(folder, variant, manifest)
@@ -95,8 +94,7 @@ def _others(variant: Variant, exports: Path) -> str:
     for path in sorted(exports.glob(f"{variant.params.label}_*/{MANIFEST}")):
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, EndcapError):
             manifest = json.loads(path.read_text(encoding="utf-8"))
-            layout = MoldLayout(variant.params, float(manifest["joint_clearance_mm"]))
-            found.append(Variant(layout, str(manifest["silicone"])).words)
+            found.append(variant_of(variant.params, manifest).words)
     return f", or name what has been made: {'; '.join(found)}" if found else ""
 
 

@@ -30,6 +30,7 @@ def _into_the_base() -> tuple[Step, ...]:
             ),
             look="dome down",
             shown=("base",),
+            extras=("inserts",),
         ),
         Step(
             "camera",
@@ -87,7 +88,7 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
             "assemble",
             "Adapter to the robot, endcap to the adapter",
             (
-                "Adapter onto the robot's flange: pin first, then its screws from above, heads in the hub's pockets.",
+                "Adapter onto the robot's flange ({robot}): {robot_fixing}.",
                 "Cables through the hub's bore and out along its groove.",
                 "Endcap onto the arms; {screws:adapter_to_base} from below into the inserts of the lugs.",
                 "The heads of the endcap's own screws stay free between the arms: a dome is changed on the robot.",

@@ -46,7 +46,7 @@ class Step:
         look: from where the picture is drawn.
         shown: parts in the picture that do not move, if not those that the moves pass.
         cut: parts of the picture that are drawn in half.
-        extras: things in the picture that are no parts (``nuts``, ``silicone``, ``dots``).
+        extras: things in the picture that are no parts (``nuts``, ``inserts``, ``silicone``, ``dots``).
         drawn_mm: how far the last part to enter, or the first to leave, is drawn from its place.
     """
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cad.lens import K
+from cad.lens import camera_module
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.parameters import camera_vector
@@ -25,11 +25,10 @@ class MountPrior:
 
     Attributes:
         centre_px: optical axis against the frame's centre at 480 rows (M: the visible disc lies within 10 px).
-        k: distortion k1, k2 about ``k_centre``.
+        k: distortion k1, k2 about those of the module at hand.
         tilt_deg: optical axis against the endcap's axis (E: four M2 screws in printed holes).
         lateral_mm: pupil off the endcap's axis (E: screw clearance).
         height_mm: pupil above the mating plane (E), about ``height_centre_mm``.
-        k_centre: the nominal lens.
         height_centre_mm: ``None`` for ``params.camera_height_mm``.
         focal_share: focal length, relative.
     """
@@ -39,7 +38,6 @@ class MountPrior:
     tilt_deg: float = 2.0
     lateral_mm: float = 1.0
     height_mm: float = 1.5
-    k_centre: tuple[float, float] = (K[0], K[1])
     height_centre_mm: float | None = None
     focal_share: float = np.inf
 
@@ -55,7 +53,7 @@ class MountPrior:
         """(11,) centre of the prior: the start camera, but for what the prior itself names."""
         vector = camera_vector(start)
         if not hold_lens:
-            vector[3:5] = self.k_centre
+            vector[3:5] = camera_module().k[:2]
         if self.height_centre_mm is not None:
             vector[10] = self.height_centre_mm
         return vector

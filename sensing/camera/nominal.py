@@ -1,27 +1,28 @@
-"""The released sensor's camera as its photos show it: the nominal camera for designs, simulation and starts.
+"""The nominal camera for designs, simulation and starts: the module at hand (:mod:`cad.lens`), mounted as designed.
 
-Lens (M, at an assumed pupil height of 17 mm, E): the mean of four photos fitted by ``sensing.calibrate`` is
+Released lens (M, at an assumed pupil height of 17 mm, E): the mean of four photos fitted by ``sensing.calibrate`` is
 f = 247 px at 480 rows (244 to 248), k1 = -0.033, k2 = -0.007, close to the equisolid r = 2 sin(theta / 2). Focal length
 and pupil height go together (-3.1 px per mm): with another height, another focal length gives the same picture.
 """
 
 from __future__ import annotations
 
-from cad.lens import FOCAL_PER_ROW, MAX_HALF_ANGLE_DEG, K
+from cad.lens import camera_module
 from cad.params import EndcapParams
 from sensing.camera.model import FisheyeCamera
 from sensing.camera.mount import MountedCamera, mount
 
 
 def nominal_lens(width_px: int = 640, height_px: int = 480) -> FisheyeCamera:
-    """The released lens for a frame whose height is the sensor's full height."""
-    focal = FOCAL_PER_ROW * height_px
+    """The lens of the module at hand for a frame whose height is the sensor's full height."""
+    module = camera_module()
+    focal = module.focal_per_row * height_px
     centre = (width_px - 1) / 2, (height_px - 1) / 2
-    return FisheyeCamera(width_px, height_px, focal, focal, *centre, K, MAX_HALF_ANGLE_DEG)
+    return FisheyeCamera(width_px, height_px, focal, focal, *centre, module.k, module.max_half_angle_deg)
 
 
 def nominal_mount(params: EndcapParams, width_px: int = 640, height_px: int = 480) -> MountedCamera:
-    """The released lens on the endcap's axis at the design's pupil height, image x along the endcap's x.
+    """That lens on the endcap's axis at the design's pupil height, image x along the endcap's x.
 
     Args:
         params: the design. width_px, height_px: of the picture.

@@ -11,6 +11,8 @@ from enum import Enum
 import numpy as np
 
 from sensing.design.pressed import EXPECTED_SHARE, TILTS_DEG, Study
+from sensing.design.prints import Prints, estimated_prints
+from sensing.design.region import SILICONE_USD_KG
 
 
 class Source(Enum):
@@ -44,9 +46,14 @@ class Figure:
         return "–" if self.value is None else f"{self.value:.3g} {self.unit}".strip()
 
 
-def figures(study: Study) -> list[Figure]:
-    """The lines of a study: what it will feel, what it weighs."""
+def figures(study: Study, prints: Prints | None = None) -> list[Figure]:
+    """The lines of a study: what it will feel, what it weighs, what it takes to make.
+
+    Args:
+        study: the design. prints: of its sliced files; None for estimates.
+    """
     lines = [*_loads(study), *_dots(study), *_errors(study), *_rate(study), *_mass(study)]
+    lines += _made(study, prints or estimated_prints(study.params))
     return [line if line.value is None or math.isfinite(line.value) else _unknown(line) for line in lines]
 
 
@@ -144,6 +151,21 @@ def _mass(study: Study) -> list[Figure]:
             "closed form, less the gyroid; without sprues and what stays in the cup",
         ),
         Figure("silicone_g", "its mass", study.mass_g, "g", Source.COMPUTED, "density of the data sheet"),
+    ]  # fmt: skip
+
+
+def _made(study: Study, prints: Prints) -> list[Figure]:
+    source = Source.MEASURED if prints.is_sliced else Source.ESTIMATED
+    how = "moves of the sliced files" if prints.is_sliced else "closed form, run make slice for the files' own"
+    silicone_usd = SILICONE_USD_KG * study.mass_g / 1000
+    return [
+        Figure("print_h", "print hours", prints.time_h, "h", source, f"{how}; {prints.parts}"),
+        Figure("print_g", "plastic", prints.grams, "g", source, "the same"),
+        Figure("print_usd", "its cost", prints.cost_usd, "$", source, "the same, at prices of a kilogram spool"),
+        Figure(
+            "cost_usd", "plastic and silicone", prints.cost_usd + silicone_usd, "$", Source.ESTIMATED,
+            f"silicone at {SILICONE_USD_KG:g} dollars a kg; camera, ring and screws are in the bill of materials",
+        ),
     ]  # fmt: skip
 
 

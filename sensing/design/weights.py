@@ -80,7 +80,7 @@ class DesignRequest:
         """
         return DataRequest(
             frames=1, diameter_mm=self.params.diameter_mm, wall_mm=self.params.wall_mm, silicone=self.silicone,
-            azimuths=azimuths, render=render, lamp="steady",
+            azimuths=azimuths, render=render, lamp="steady", loads="design",
         )  # fmt: skip
 
 

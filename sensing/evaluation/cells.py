@@ -15,7 +15,8 @@ from sensing.evaluation.live_answers import LiveAnswers
 from sensing.learning.scores import AXES
 
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
-LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force
+LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, for a range of 35 N
+RANGE_N = 35.0  # P, NET22: of the released weights
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,19 @@ class Cell:
         return flat | {"coverage": self.coverage, "flagged": self.flagged}
 
 
-def cells(answers: LiveAnswers) -> list[Cell]:
-    """All cells that hold a frame in contact, by tilt, then load; frames of unknown tilt come last."""
+def cells(answers: LiveAnswers, range_n: float = RANGE_N) -> list[Cell]:
+    """All cells that hold a frame in contact, by tilt, then load; frames of unknown tilt come last.
+
+    Args:
+        answers: of one model on one set. range_n: normal force to which its weights are trained; loads are parted alike
+            in every range.
+    """
     touching = answers.take(answers.contact)
     load = np.linalg.norm(touching.truth[:, :3], axis=1)
+    edges = _edges(range_n, float(load.max(initial=0.0)))
     found = []
     for tilt, rows in _tilts(touching.tilt_deg):
-        for low, high in pairwise(LOADS_N):
+        for low, high in pairwise(edges):
             inside = rows & (load >= low) & (load < high)
             if inside.any():
                 found.append(_cell(touching.take(inside), tilt, (low, high)))
@@ -95,6 +102,12 @@ def cells_csv(named: dict[str, list[Cell]]) -> bytes:
     writer.writeheader()
     writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     return stream.getvalue().encode()
+
+
+def _edges(range_n: float, most_n: float) -> list[float]:
+    """Edges of the loads, to three digits; the last is beyond every frame."""
+    edges = [float(f"{range_n / RANGE_N * edge:.3g}") for edge in LOADS_N]
+    return edges if most_n < edges[-1] else [*edges[:-1], float(f"{1.01 * most_n:.3g}")]
 
 
 def _tilts(tilt_deg: NDArray[np.float64]) -> Iterator[tuple[tuple[float, float], NDArray[np.bool_]]]:

@@ -6,6 +6,7 @@ import os
 import re
 from pathlib import Path
 
+from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
@@ -22,10 +23,13 @@ def weights_folder() -> Path:
 def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """File name of a design's weights: ``D180_T10.safetensors``, ``D180_T10_Dragon-Skin-30.safetensors``.
 
+    Another camera module than the released one is part of the name, too.
+
     Args:
         params: the design. silicone: row of cad/materials.csv.
     """
-    other = "" if silicone == DEFAULT_SILICONE else "_" + re.sub(r"[^A-Za-z0-9.-]+", "-", silicone)
+    pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
+    other = "".join("_" + re.sub(r"[^A-Za-z0-9.-]+", "-", name) for name, usual in pairs if name != usual)
     return f"{params.label}{other}.safetensors"
 
 

@@ -7,10 +7,11 @@ import math
 import pytest
 from build123d import Solid
 
-from cad.arm_adapter import HUB_RADIUS_MM, THICKNESS_MM, adapter_part, arm_places_mm, robot_side, robot_sides
+from cad.arm_adapter import THICKNESS_MM, adapter_part, arm_places_mm
 from cad.base import base_part
 from cad.errors import ParameterError
 from cad.params import EndcapParams
+from cad.robot_sides import HUB_RADIUS_MM, robot_side, robot_sides
 
 SIZES = [(98.86, 6.5), (130.0, 8.0), (250.0, 25.0)]
 

@@ -2,20 +2,23 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
 import cad.dots
-import cad.lens
+import cad.identity
 import cad.materials
 import cad.scaling
 from cad.dots import Dot
 from cad.errors import FileError
 from cad.identity import RELEASED, differing, identity, label_of, recorded, released, require_same
+from cad.lens import camera_module
 from cad.params import EndcapParams
 
 PARAMS = EndcapParams(130, 8)
 SMOOTH = "Smooth-Sil 950"
+MODULE = camera_module()
 
 
 @pytest.mark.parametrize("size", [(130, 8), (98.9, 6.5), (120, 10), (150, 10), (250, 20), (187.3, 9.1)])
@@ -37,7 +40,7 @@ def test_a_record_comes_back_from_a_file_and_is_refused_when_a_value_was_changed
 def test_a_record_of_before_means_the_released_one_whatever_the_toolkit_has_become(monkeypatch):
     before = recorded(None, PARAMS)
     monkeypatch.setattr(cad.dots, "DOT_RADIUS_MM", 1.5)
-    monkeypatch.setattr(cad.lens, "FOCAL_PER_ROW", 0.6)
+    monkeypatch.setattr(cad.identity, "camera_module", lambda: replace(MODULE, focal_per_row=0.6))
     assert recorded(None, PARAMS) == before == recorded({}, PARAMS)
     assert differing(before, identity(PARAMS, "Dragon Skin 30")) == ["dots", "camera", "silicone"]
 
@@ -58,9 +61,9 @@ _pattern = cad.dots.dot_pattern
         (cad.dots, "POLAR_STEP_DEG", 13.0, "the dot pattern "),
         (cad.dots, "MERIDIAN_DEG", 5.0, "other places"),
         (cad.dots, "dot_pattern", moved, "other places"),
-        (cad.lens, "FOCAL_PER_ROW", 0.6, "focal_per_row=0.6"),
-        (cad.lens, "K", (0.0, 0.0, 0.0, 0.0), "the camera "),
-        (cad.scaling, "CAMERA_HEIGHT_MM", 18.0, "pupil_height_mm=18.0, here 17.0"),
+        (cad.identity, "camera_module", lambda: replace(MODULE, focal_per_row=0.6), "focal_per_row=0.6"),
+        (cad.identity, "camera_module", lambda: replace(MODULE, k=(0.0, 0.0, 0.0, 0.0)), "the camera "),
+        (cad.scaling, "camera_module", lambda: replace(MODULE, stack_mm=19.0), "pupil_height_mm=18.0, here 17.0"),
     ],
 )
 def test_every_number_that_changes_a_picture_is_seen_and_named(monkeypatch, module, name, value, said):

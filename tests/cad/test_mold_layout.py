@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from cad import leak
 from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.interface import vent_reach_mm, zone_radii_mm
+from cad.materials import silicone, silicones
 from cad.mold_layout import CORE_NECK_HALF_MM, NECK_FILLET_MM, MoldLayout, joint_clearance_range_mm
 from cad.params import EndcapParams
 
@@ -43,12 +45,46 @@ def test_every_size_has_joints_from_0_05_to_0_2_mm_and_its_widest_just_holds():
         layout = MoldLayout(params, high)
         assert leak.LEAST_BOWL_WALL_MM <= layout.bowl_wall_mm <= leak.MOST_BOWL_WALL_MM
         volume = leak.cast_volume_mm3(params)
-        assert leak.leak_ratio(params, high, layout.bowl_wall_mm, volume) <= leak.DESIGN_RATIO * (1 + 1e-9)
+        assert leak.leak_ratio(params, silicone(), high, layout.bowl_wall_mm, volume) <= leak.DESIGN_RATIO * (1 + 1e-9)
         if high < 0.3:
-            wider = leak.leak_ratio(params, high + 1e-3, leak.MOST_BOWL_WALL_MM, volume)
+            wider = leak.leak_ratio(params, silicone(), high + 1e-3, leak.MOST_BOWL_WALL_MM, volume)
             assert wider > leak.DESIGN_RATIO
             with pytest.raises(ParameterError, match="leak more than 1 %"):
                 MoldLayout(params, high + 1e-3)
+
+
+@pytest.mark.parametrize("row", silicones().values(), ids=lambda row: row.name)
+def test_a_thinner_silicone_gets_closer_joints_by_the_cube_root_of_its_viscosity(row):
+    usual, size = silicone(), EndcapParams(150.0, 9.0)
+    ratio = row.viscosity_pa_s / row.pot_life_min / row.density_g_cm3
+    ratio /= usual.viscosity_pa_s / usual.pot_life_min / usual.density_g_cm3
+    assert leak.widest_joint_mm(size, row) == pytest.approx(leak.widest_joint_mm(size, usual) * ratio ** (1 / 3))
+    for params in REGION:
+        low, high = joint_clearance_range_mm(params, row.name)
+        assert low <= high  # every silicone of the table can be cast at every size
+        layout = MoldLayout(params, high, row.name)
+        leaked = leak.leak_ratio(params, row, high, layout.bowl_wall_mm, leak.cast_volume_mm3(params))
+        assert leaked <= leak.DESIGN_RATIO * (1 + 1e-9)
+
+
+def test_a_thin_silicone_is_refused_with_the_joint_that_holds_it():
+    params = EndcapParams(130.0, 8.0)
+    _, high = joint_clearance_range_mm(params, "Ecoflex 00-30")
+    assert 0.05 < high < 0.15
+    with pytest.raises(
+        ParameterError, match=rf"Ecoflex 00-30 \(3 Pa s\).*nearest valid choice joint_clearance={high:g};"
+    ):
+        MoldLayout(params, silicone="Ecoflex 00-30")
+    assert MoldLayout(params, high, "Ecoflex 00-30").bowl_wall_mm == pytest.approx(leak.MOST_BOWL_WALL_MM, abs=0.3)
+
+
+def test_a_silicone_that_no_joint_holds_is_refused_with_those_that_hold(monkeypatch):
+    water = replace(silicone("Ecoflex 00-30"), name="water", viscosity_pa_s=1e-3)
+    monkeypatch.setitem(silicones(), "water", water)
+    with pytest.raises(
+        ParameterError, match=r"water: joints would have to be 0\.0\d+ mm, below the 0\.05 .*'Smooth-Sil 950'"
+    ):
+        MoldLayout(EndcapParams(130.0, 8.0), 0.05, "water")
 
 
 def test_volume_of_the_cast_by_slices():

@@ -11,6 +11,7 @@ import pytest
 from pictured_set import write_set
 
 import endcap
+from cad.errors import ParameterError
 from endcap import Endcap
 from endcap.command import main
 from sensing.records_labelled import LabelledSet
@@ -37,12 +38,29 @@ def run(title: str) -> dict[str, object]:
 
 
 def test_every_block_is_run_below():
-    assert list(BLOCKS) == ["An endcap", "Press it", "A data set", "Your own model, live and evaluated"]
-    assert len(re.findall(r"```python", TEXT)) == 4
+    assert list(BLOCKS) == [
+        "An endcap",
+        "What it will feel",
+        "Press it",
+        "A data set",
+        "Your own model, live and evaluated",
+    ]
+    assert len(re.findall(r"```python", TEXT)) == 5
 
 
 def test_an_endcap():
     run("An endcap")
+
+
+def test_what_it_will_feel(folder, capsys):
+    study = run("What it will feel")["study"]
+    assert main(["study", "130", "8", "folder=typed"]) == 0
+    typed = capsys.readouterr().out
+    assert study.blind in typed and all(figure.name in typed and figure.text in typed for figure in study.figures)
+    for name in ("study.csv", "study.json", "study.html"):
+        assert (folder / "typed" / name).read_bytes() == (folder / "out" / name).read_bytes()
+    with pytest.raises(ParameterError, match="'weight' is no figure of a study: choose from"):
+        study["weight"]
 
 
 def test_press_it():

@@ -16,6 +16,7 @@ from cad.dots import dot_pattern
 from cad.errors import FileError
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab.bom import bom_lines
 from fab.build_sheet import __main__ as command
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.data import SheetData
@@ -26,6 +27,7 @@ from fab.build_sheet.lighting import led_ring, ring_checks
 from fab.build_sheet.pdf import write_pdf
 from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
 from fab.build_sheet.prints import prints
+from fab.build_sheet.steps import filled
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
 from fab.recipe import recipe
@@ -51,6 +53,15 @@ def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
     heights = sorted(float(y) for y in re.findall(r'<circle cx="[\d.]+" cy="([\d.]+)"', first.svg))
     wanted = sorted(4.0 + PARAMS.inner_radius_mm * math.radians(dot.polar_deg) for dot in own)
     assert np.allclose(heights, wanted, atol=0.01)
+
+
+@pytest.mark.parametrize(("robot", "count"), [("iso_9409_1_50_4_m6", 5), ("tensegrity_arm", 7), ("blank", 0)])
+def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, count):
+    data = SheetData(MoldLayout(PARAMS), {"robot": robot}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    words = filled(data, ("{robot}: {robot_fixing}",))[0]
+    assert words.startswith(f"{robot}: ") and ("drill it" in words) == (count == 0)
+    lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
+    assert sum(line.quantity for line in lines if line.owner == "arm_adapter") == count
 
 
 def test_ruler_is_a_hundred_millimetres_long():
@@ -171,10 +182,12 @@ def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
 def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     params = EndcapParams(150.0, 9.0)
     material = "Dragon Skin 30"
-    data = SheetData(MoldLayout(params, 0.2), {}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {})
+    data = SheetData(
+        MoldLayout(params, 0.1, material), {"robot": "blank"}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {}
+    )
     blocks = [*prints(data), *light_check(data), *led_ring(params, Path("none.png"))]
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
-    variant = "D=150 T=9 joint_clearance=0.2 material='Dragon Skin 30'"
+    variant = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30' robot=blank"
     commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)
     assert len(commands) == 6
     assert "-m sensing.setup --diameter 150 --wall 9 --silicone 'Dragon Skin 30' takes" in text

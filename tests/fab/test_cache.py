@@ -81,7 +81,8 @@ def test_the_key_covers_parameters_code_and_libraries(cache, tmp_path, monkeypat
     variants = [
         Variant(MoldLayout(params)),
         Variant(MoldLayout(params, 0.2)),
-        Variant(MoldLayout(params), "Ecoflex 00-30"),
+        Variant(MoldLayout(params, 0.1, "Ecoflex 00-30")),
+        Variant(MoldLayout(params), "blank"),
     ]
     variants.append(Variant(MoldLayout(EndcapParams(130, 8.5))))
     keys = {cache.key("molds", variant.identity) for variant in variants}

@@ -19,10 +19,11 @@ from types import SimpleNamespace
 import pytest
 
 from cad.errors import ParameterError
+from cad.options import make_variables, parse_length, parse_options
 from cad.params import EndcapParams
 from fab import molds
 from fab.checks.check import Check
-from fab.command import VARIANT_DEFAULTS, make_variables, parse_length, parse_options, parse_variant
+from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.exports.whole_folder import whole_folder
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -218,7 +219,7 @@ def test_variants_have_folders_of_their_own():
 
     assert label() == label("joint_clearance=0.15", "material=Smooth-Sil 950") == "D130_T8"
     others = [["joint_clearance=0.2"], ["joint_clearance=0.20001"], ["joint_clearance=0.2000001"]]
-    others += [["material=Dragon Skin 30"], ["material=Ecoflex 00-30", "joint_clearance=0.2"]]
+    others += [["material=Dragon Skin 30"], ["material=Ecoflex 00-50", "joint_clearance=0.1"], ["robot=blank"]]
     labels = [label(*words) for words in others]
     assert labels[0] == "D130_T8_c0.2" and labels[3] == "D130_T8_Dragon-Skin-30"
     assert len({*labels, label()}) == len(others) + 1

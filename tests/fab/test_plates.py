@@ -9,12 +9,22 @@ import numpy as np
 import pytest
 import trimesh
 
+from cad.arm_adapter import adapter_part
+from cad.base import base_part
 from cad.data_table import read_table
 from cad.errors import FileError, ParameterError
+from cad.feasible import nearest_wall_mm
+from cad.hanger import hanger_part
+from cad.mold_cup import cup_parts
+from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab import molds
+from fab.meshing.mesh import tessellate
 from fab.slice import filaments, printers
+from fab.slice.footprints import footprints, largest_diameter_mm, require_printer
 from fab.slice.gcode import read_gcode
 from fab.slice.nest import Standing, nested
+from fab.slice.pose import standing
 from fab.slice.printers import Printer, fitting_printers, printer, require_bed, turned
 from fab.slice.project_3mf import Piece, Project, Volume, write_orca, write_prusa
 from fab.slice.result import slice_project
@@ -67,6 +77,46 @@ def test_a_bed_that_is_too_small_names_the_part_and_the_smallest_printer_that_ta
     assert [p.name for p in fitting_printers(parts)][:2] == ["generic220", "ender3"]
     tall = {"rod": box(5, 5, 251).vertices}
     assert [p.name for p in fitting_printers(tall)] == ["generic256"]
+
+
+SIZES = [EndcapParams(98.9, 6.5), EndcapParams(130.0, 8.0), EndcapParams(150.0, 15.0), EndcapParams(250.0, 12.0)]
+
+
+def side(points: np.ndarray) -> float:
+    return min(float(np.ptp(turned(points[:, :2], a), axis=0).max()) for a in range(180))
+
+
+@pytest.mark.parametrize("params", SIZES, ids=lambda params: params.label)
+def test_no_finer_cut_of_the_cup_would_fit_a_smaller_bed(params):
+    sides = {name: side(points) for name, points in footprints(MoldLayout(params)).items()}
+    whole = [sides[name] for name in ("base", "arm_adapter", "hanger", "interface")]
+    assert max(sides["cup_bowl"], sides["cup_collar"]) < min(whole)
+
+
+def test_outlines_in_closed_form_are_those_of_the_solids():
+    layout = MoldLayout(EndcapParams(98.9, 6.5))
+    made = {"base": base_part(layout.params), "arm_adapter": adapter_part(layout.params), "hanger": hanger_part(layout)}
+    made["cup_collar"] = next(part for part in cup_parts(layout) if part.name == "cup_collar_3")
+    for name, part in made.items():
+        points, closed = standing(name, tessellate(part.solid, 0.1)), footprints(layout)[name]
+        assert side(points) == pytest.approx(side(closed), abs=0.3), name
+        assert np.ptp(points[:, 2]) == pytest.approx(np.ptp(closed[:, 2]), abs=0.01), name
+
+
+def test_a_size_too_large_for_a_printer_is_refused_with_the_largest_that_fits(capsys):
+    layout = MoldLayout(EndcapParams(180.0, 10.0))
+    said = r"a1_mini: base, arm_adapter, hanger, interface of D=180 .* largest D of .* is \d+.*; D=180 needs printer="
+    with pytest.raises(ParameterError, match=said):
+        require_printer(layout, printer("a1_mini"))
+    for name, each in printers.printers().items():
+        largest = largest_diameter_mm(layout, each)
+        assert largest is not None and (largest == 250.0 or name not in ("x1c", "generic256"))
+        require_printer(MoldLayout(EndcapParams(largest, nearest_wall_mm(largest, 10.0))), each)
+        if largest < 250.0:
+            with pytest.raises(ParameterError, match=f"is {largest:g};"):
+                require_printer(MoldLayout(EndcapParams(largest + 0.1, 10.0)), each)
+    assert molds.main(["D=180", "T=10", "printer=a1_mini"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def footprint(mesh: trimesh.Trimesh, place) -> tuple[np.ndarray, np.ndarray]:

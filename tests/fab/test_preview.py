@@ -103,7 +103,7 @@ def folder(tmp_path_factory) -> Path:
                       "bounding_box_mm": box, "files": dict.fromkeys(files, "0")})  # fmt: skip
     for name in SHARED:
         (folder / name).write_bytes(b"0")
-    variant = Variant(MoldLayout(EndcapParams(150.0, 9.0), 0.2), "Dragon Skin 30")
+    variant = Variant(MoldLayout(EndcapParams(150.0, 9.0), 0.1, "Dragon Skin 30"))
     manifest = {"parts": parts, "gyroid": {"period_mm": 14.0, "density": 0.1}}
     preview = glb([PreviewPart("shell", "endcap", trimesh.creation.icosphere(2, 60.0), (0.3, 0.7, 0.6))])
     write_index(variant, manifest, [Check("base.overlap_mm3", 0.0, high=1.0)], preview, folder)
@@ -112,7 +112,7 @@ def folder(tmp_path_factory) -> Path:
 
 def test_the_page_names_every_file_and_the_next_commands_of_this_very_variant(folder):
     text = (folder / PAGE).read_text()
-    variant = "D=150 T=9 joint_clearance=0.2 material=&#x27;Dragon Skin 30&#x27;"
+    variant = "D=150 T=9 joint_clearance=0.1 material=&#x27;Dragon Skin 30&#x27;"
     for target in ("slice", "sheet", "molds"):
         assert f"make {target} {variant}" in text
     assert "make ring D=150 T=9 " in text and "All 1 checks passed" in text

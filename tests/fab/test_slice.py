@@ -324,7 +324,7 @@ def test_a_changed_or_foreign_export_is_refused(tmp_path):
 
 
 def test_a_variant_that_is_missing_names_those_that_have_been_made(tmp_path):
-    other = Variant(MoldLayout(SMALL, 0.1), "Dragon Skin 30")
+    other = Variant(MoldLayout(SMALL, 0.1, "Dragon Skin 30"))
     folder = tmp_path / other.label
     folder.mkdir()
     (folder / "manifest.json").write_text(json.dumps({"joint_clearance_mm": 0.1, "silicone": "Dragon Skin 30"}))

@@ -120,4 +120,5 @@ def test_the_readme_has_the_titles_of_the_list_in_order():
 def test_blanks_of_the_lines_are_known():
     layout = MoldLayout(EndcapParams(99.0, 6.5))
     blanks = {m[1] for step in all_steps(layout, ways(layout)) for line in step.lines for m in BLANK.finditer(line)}
-    assert blanks <= {"screws", "part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "overflow_ml"}
+    numbers = {"part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "overflow_ml"}
+    assert blanks <= {"screws", "robot", "robot_fixing"} | numbers

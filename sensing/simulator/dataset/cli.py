@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cad.plain_numbers import plain_number
 from sensing.simulator.contact.indenter import KINDS
-from sensing.simulator.dataset.request import LAMPS, PATH_LEVELS, RENDERERS, DataRequest
+from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
 from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
 from sensing.simulator.protocols.catalogue import PROTOCOLS
 from sensing.simulator.solid.mesh import DENSITIES
@@ -59,6 +59,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option("radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
     option("axis_deg", plain_number, "direction of an edge from the meridian, degrees", "--axis")
     option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
+    option("loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS)
     option("seed", int, "seed of the paths")
     option("azimuths", int, "labelled azimuths of every solved state")
     option("level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)

@@ -17,8 +17,9 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeVar
 
+from cad import threads
+
 Result = TypeVar("Result")
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], workers: int) -> Iterator[Result]:
@@ -66,8 +67,8 @@ def _follow_parent() -> None:
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
     """Processes started inside give linear algebra one thread: there is a worker for every core already."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    before = {name: os.environ.get(name) for name in threads.VARIABLES}
+    os.environ.update(dict.fromkeys(threads.VARIABLES, "1"))
     try:
         yield
     finally:

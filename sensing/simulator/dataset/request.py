@@ -18,17 +18,29 @@ from sensing.simulator.contact.indenter import KINDS, Indenter
 from sensing.simulator.levels import MAX_TOLERANCE
 from sensing.simulator.protocols.catalogue import load_path
 from sensing.simulator.protocols.loading import LoadPath
+from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.render.settings import LEVELS as RENDER_LEVELS
 from sensing.simulator.render.settings import Lamp, Paint, RenderSettings, Sensor
+from sensing.simulator.similarity.ratios import LoadScale
+from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import DENSITIES
 
 PATHS_PER_SHARD = 3
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
 PATH_LEVELS = (1, 2)  # those that follow a path; level 4 knows forces alone (Simulator.bulk)
-# What a manifest written before these options means by its silence.
-ADDED_SINCE = {"rate_effects": False, "prony": [], "indenter": "plane", "radius_mm": 20.0, "axis_deg": 90.0}
 RENDERERS = ("off", *RENDER_LEVELS)
 LAMPS = ("varied", "steady")
+RELEASED, DESIGN = "released", "design"
+LOADS = (RELEASED, DESIGN)
+# What a manifest written before these options means by its silence.
+ADDED_SINCE = {
+    "rate_effects": False,
+    "prony": [],
+    "indenter": "plane",
+    "radius_mm": 20.0,
+    "axis_deg": 90.0,
+    "loads": RELEASED,
+}
 MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
 
 
@@ -44,7 +56,9 @@ class DataRequest:
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
         indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
             sphere or edge, and the edge's direction from the meridian, each ignored where it means nothing.
-        protocol, seed: loading paths. azimuths: labelled azimuths of every solved state.
+        protocol, seed: loading paths. loads: of their set-points: ``released`` as they are, for D=130 T=8 in
+            Smooth-Sil 950; ``design`` in proportion to the range of this design's weights.
+        azimuths: labelled azimuths of every solved state.
         render: quality of the pictures (:data:`sensing.simulator.render.settings.LEVELS`), or ``off``.
         lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.
         sensor: which hand-painted endcap: fixes its paint, and (but for 0, the nominal one) camera and mounting.
@@ -67,6 +81,7 @@ class DataRequest:
     axis_deg: float = 90.0
     protocol: str = "static"
     seed: int = 0
+    loads: str = RELEASED
     azimuths: int = 4
     render: str = "data"
     lamp: str = "varied"
@@ -94,6 +109,7 @@ class DataRequest:
             "render": RENDERERS,
             "lamp": LAMPS,
             "level": PATH_LEVELS,
+            "loads": LOADS,
         }
         for name, known in choices.items():
             value = getattr(self, name)
@@ -101,6 +117,13 @@ class DataRequest:
                 raise ParameterError(
                     f"{name}={value!r} is unknown: choose one of {', '.join(map(str, known))}", name=name, value=value
                 )
+        self._require_protocol()
+        silicone(self.silicone)
+        self.body(0.0)
+        _ = self.params, self.settings, self.prony
+
+    def _require_protocol(self) -> None:
+        """Refuse what a protocol cannot give."""
         if load_path(self.protocol, self.seed, 0, 1).began_s is None and self.rate_effects:
             raise ParameterError(
                 f"protocol={self.protocol!r} has no rate effects: its states are at rest, and no time passes between "
@@ -108,9 +131,12 @@ class DataRequest:
                 name="protocol",
                 value=self.protocol,
             )
-        silicone(self.silicone)
-        self.body(0.0)
-        _ = self.params, self.settings, self.prony
+        if self.loads == DESIGN and self.protocol == "robot":
+            raise ParameterError(
+                "loads='design' with protocol='robot': stands carry the weight of one robot; choose another protocol",
+                name="loads",
+                value=self.loads,
+            )
 
     @property
     def params(self) -> EndcapParams:
@@ -171,9 +197,16 @@ class DataRequest:
         total = 0
         while total < self.frames:
             numbers = range(len(shards) * PATHS_PER_SHARD, (len(shards) + 1) * PATHS_PER_SHARD)
-            shards.append([load_path(self.protocol, self.seed, number, self.azimuths) for number in numbers])
+            shards.append([self._path(number) for number in numbers])
             total += sum(path.frames for path in shards[-1])
         return shards
+
+    def _path(self, number: int) -> LoadPath:
+        path = load_path(self.protocol, self.seed, number, self.azimuths)
+        if self.loads == RELEASED:
+            return path
+        geometry = shell_geometry(self.diameter_mm, self.wall_mm)
+        return scaled(path, LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa))
 
     def record(self) -> dict[str, Any]:
         """For the manifest: the request and the constants behind its names."""

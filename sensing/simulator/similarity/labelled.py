@@ -28,10 +28,11 @@ from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
 from sensing.simulator.protocols.loading import PHASES, LoadPath, Waypoint
+from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.scene import SceneState
 from sensing.simulator.similarity.library import Library, ShellStates, load_library
-from sensing.simulator.similarity.paths import library_paths, scaled, touching_steps
+from sensing.simulator.similarity.paths import library_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry

@@ -197,6 +197,22 @@ def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> 
     )
 
 
+def solved_node(library: Library, number: int, standing: bool) -> SolvedNode:
+    """A node out of a library again, as exact as its modes; states that could not be solved are NaN.
+
+    Args:
+        library: which. number: of the node. standing: its stands instead of its travel and curves.
+    """
+    stored, wall = library.standing if standing else library.travel, float(library.ratios[number, 0])
+    surface = np.tensordot(stored.coefficients[number].astype(float), library.modes.astype(float), axes=1)
+    surface[~stored.solved[number]] = np.nan
+    curves = np.zeros((0,)) if standing else library.curves[number] * _units(CAPACITY, wall)
+    return SolvedNode(
+        ShellRatios(wall, float(library.ratios[number, 1])), surface, stored.wrench[number] * wall**2,
+        stored.labels[number] * _units(LABELS, wall), curves,
+    )  # fmt: skip
+
+
 def save_library(library: Library, path: Path) -> None:
     """Write the library, whole or not at all."""
     arrays: dict[str, Any] = {name: getattr(library, name) for name in ("ratios", "modes", "curves", "paths")}

@@ -1,4 +1,4 @@
-"""The loading paths of the library, for D=130 T=8 in Smooth-Sil 950, and how they are scaled to another shell (N, mm).
+"""The loading paths of the library, for D=130 T=8 in Smooth-Sil 950 (N, mm).
 
 Eight tilts between 3 and 54 degrees, three paths each: touches, set-points, then a circle, a drag to slip, or travel
 while the force swings, then unloading. Seeds and numbers are apart from those of every protocol.
@@ -14,6 +14,7 @@ import numpy as np
 
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
+from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.protocols.static import FRICTION_RANGE
 from sensing.simulator.robot.scene import ScenePlan, plan_scene
 from sensing.simulator.similarity.ratios import RELEASED_LOAD_N, LoadScale
@@ -57,20 +58,6 @@ def library_paths() -> list[LoadPath]:
     return [library_path(number) for number in range(PATHS_PER_TILT * len(TILTS_DEG))]
 
 
-def scaled(path: LoadPath, scale: LoadScale) -> LoadPath:
-    """The path on another shell: forces, travel and depths in proportion; times, tilt and friction as they are."""
-    points = tuple(
-        replace(
-            point,
-            target=None if point.target is None else _target(point.target, scale),
-            begins=None if point.begins is None else _target(point.begins, scale),
-            via=tuple(_target(target, scale) for target in point.via),
-        )
-        for point in path.waypoints
-    )
-    return replace(path, waypoints=points)
-
-
 @lru_cache(maxsize=1)
 def plan() -> ScenePlan:
     """The released robot's stands."""
@@ -96,19 +83,6 @@ def touching_steps(path: LoadPath) -> list[int]:
 
 def _released_paths() -> list[LoadPath]:
     return [plan().path(*place)[0] for place in plan().places()]
-
-
-def _target(target: Target, scale: LoadScale) -> Target:
-    def pair(values: tuple[float, float], factor: float) -> tuple[float, float]:
-        return values[0] * factor, values[1] * factor
-
-    return replace(
-        target,
-        normal_n=None if target.normal_n is None else target.normal_n * scale.force,
-        depth_mm=None if target.depth_mm is None else target.depth_mm * scale.depth,
-        shift_mm=pair(target.shift_mm, scale.shift),
-        tangential_n=None if target.tangential_n is None else pair(target.tangential_n, scale.force),
-    )
 
 
 def _circle(rng: np.random.Generator, force_n: float) -> list[Waypoint]:

@@ -5,8 +5,7 @@ solved by several processes, one after the other, and a stopped run goes on.
 
     python -m sensing.simulator.similarity.solve --node 0 --out build/similarity        # one node (a minute)
     python -m sensing.simulator.similarity.solve --out build/similarity                 # all, then the file that ships
-
-Set OMP_NUM_THREADS=1 on a busy computer: threads of the linear algebra that wait for one another cost ten times more.
+    python -m sensing.simulator.similarity.solve --keep --out build/similarity          # only those that it lacks
 """
 
 from __future__ import annotations
@@ -27,7 +26,8 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal, contact_patch
 from sensing.simulator.protocols.loading import LoadPath
-from sensing.simulator.similarity.library import FILE, joined, save_library
+from sensing.simulator.protocols.scaled import scaled
+from sensing.simulator.similarity.library import FILE, Library, joined, load_library, save_library, solved_node
 from sensing.simulator.similarity.node import (
     CAPACITY,
     CAPACITY_DEPTHS,
@@ -38,8 +38,8 @@ from sensing.simulator.similarity.node import (
     read_node,
     save_node,
 )
-from sensing.simulator.similarity.nodes import NODES, SOME_PATHS, file_name
-from sensing.simulator.similarity.paths import library_paths, scaled, stand_paths, touching_steps
+from sensing.simulator.similarity.nodes import NODES, SOME_PATHS, Design, file_name
+from sensing.simulator.similarity.paths import library_paths, stand_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
 from sensing.simulator.solid.elasticity import deformation_gradient
 from sensing.simulator.solid.element import Array
@@ -128,6 +128,22 @@ def _largest_stretch(model: ShellModel, displacement: Array) -> float:
     return float(np.linalg.svd(gradient, compute_uv=False).max())
 
 
+def _solve(design: Design, folder: Path, known: Library | None) -> None:
+    """Write the files of one node that are missing, out of a library that has it, else solved."""
+    ratios = ShellRatios.of(shell_geometry(*design))
+    table = np.zeros((0, 2)) if known is None else known.ratios
+    same = np.flatnonzero(np.isclose(table, [ratios.wall, ratios.clamp]).all(axis=1))
+    for part, paths in (("node", library_paths()), ("stands", stand_paths())):
+        path, some = folder / file_name(part, design), SOME_PATHS.get(design) if part == "node" else None
+        if path.exists():
+            continue
+        if known is not None and len(same):
+            save_node(solved_node(known, int(same[0]), part == "stands"), path)
+        else:
+            save_node(solve_node(ratios.shell(), paths, part == "node", some), path)
+        print(path, flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
@@ -135,6 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--node", type=int, help=f"solve one of the {len(NODES)} nodes (default: all that are missing)")
     parser.add_argument("--out", type=Path, default=Path("build/similarity"), help="folder of the solved nodes")
+    parser.add_argument("--keep", action="store_true", help="take the nodes that the library has from it")
     parser.add_argument("--modes", type=int, default=MODES, help=f"of the surface that are kept ({MODES})")
     parser.add_argument("--library", type=Path, default=FILE, help="file to write (default: the one that ships)")
     options = parser.parse_args(arguments)
@@ -144,13 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ParameterError(f"node={options.node} outside 0..{len(NODES) - 1}", name="node", value=options.node)
         options.out.mkdir(parents=True, exist_ok=True)
         for number in numbers:
-            design = NODES[number]
-            geometry = ShellRatios.of(shell_geometry(*design)).shell()
-            for part, paths in (("node", library_paths()), ("stands", stand_paths())):
-                path, some = options.out / file_name(part, design), SOME_PATHS.get(design) if part == "node" else None
-                if not path.exists():
-                    save_node(solve_node(geometry, paths, part == "node", some), path)
-                    print(path, flush=True)
+            _solve(NODES[number], options.out, load_library(options.library) if options.keep else None)
         if options.node is None:
             parts = [[read_node(options.out / file_name(part, node)) for node in NODES] for part in ("node", "stands")]
             save_library(joined(parts[0], parts[1], options.modes), options.library)

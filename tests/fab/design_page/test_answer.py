@@ -71,13 +71,14 @@ def test_a_choice_that_cannot_be_made_is_refused_in_one_line(knobs, expected):
 
 
 def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands():
-    knobs = {"D": "150", "T": "9", "joint_clearance": "0.2", "material": "Dragon Skin 30", "printer": "mk4"}
+    knobs = {"D": "150", "T": "9", "joint_clearance": "0.1", "material": "Dragon Skin 30", "printer": "mk4"}
     choice = parse_choice(knobs)
-    assert choice.variant == Variant(MoldLayout(EndcapParams(150.0, 9.0), 0.2), "Dragon Skin 30")
-    from fab.command import VARIANT_DEFAULTS, parse_options, parse_variant
+    assert choice.variant == Variant(MoldLayout(EndcapParams(150.0, 9.0), 0.1, "Dragon Skin 30"))
+    from cad.options import parse_options
+    from fab.command import VARIANT_DEFAULTS, parse_variant
 
     assert parse_variant(parse_options(choice.words, VARIANT_DEFAULTS)) == choice.variant
-    assert answer(knobs)["commands"][0] == "make molds D=150 T=9 joint_clearance=0.2 material='Dragon Skin 30'"
+    assert answer(knobs)["commands"][0] == "make molds D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30'"
     assert answer(knobs)["label"] == choice.variant.label
     assert preview(knobs)[:4] == b"glTF" and len(preview(knobs)) < 2_000_000
 

@@ -15,6 +15,7 @@ from cad.params import EndcapParams
 from sensing import study as command
 from sensing.design.figures import Source, as_csv, figures
 from sensing.design.pressed import GYROID_FRACTION, Study
+from sensing.design.prints import prints_of
 from sensing.design.region import Place, choose, grid, in_silicone, pareto, place_of
 
 RELEASED = Study(EndcapParams(130, 8))
@@ -53,6 +54,36 @@ def test_a_softer_silicone_scales_loads_and_bounds_and_nothing_else():
     direct = place_of(soft)
     for name in ("range_n", "safe_n", "stiffness_n_mm", "bound_n", "mass_g", "cost_usd"):
         assert getattr(quick, name) == pytest.approx(getattr(direct, name), rel=1e-4)
+
+
+def sliced(params: EndcapParams) -> dict[str, object]:
+    """A ``slice.json`` of two plates, and the interface in its other form."""
+    plates = {"mold": [("cup_0", 300.0, 6.0)], "interface_infill": [("interface", 24.0, 0.8)]}
+    plates["interface_gyroid"] = [("interface", 23.0, 0.7)]
+    projects = [
+        {"name": name, "time_s": 7200.0, "pieces": [{"name": n, "grams": g, "cost_usd": c} for n, g, c in pieces]}
+        for name, pieces in plates.items()
+    ]
+    return {"digest": params.digest, "projects": projects}
+
+
+def test_print_hours_are_those_of_the_sliced_files_or_said_to_be_estimated(tmp_path, capsys):
+    folder = tmp_path / "D130_T8" / "slice"
+    folder.mkdir(parents=True)
+    guess = {line.key: line for line in figures(RELEASED)}
+    assert guess["print_h"].source is Source.ESTIMATED and 5 < guess["print_h"].value < 50
+    (folder / "slice.json").write_text(json.dumps(sliced(RELEASED.params)))
+    found = {line.key: line for line in figures(RELEASED, prints_of(RELEASED.params, folder.parent))}
+    assert found["print_h"].source is Source.MEASURED and found["print_h"].value == pytest.approx(4.0)
+    assert (found["print_g"].value, found["print_usd"].value) == pytest.approx((324.0, 6.8))
+    (folder.parent / "manifest.json").write_text("newer molds")
+    assert not prints_of(RELEASED.params, folder.parent).is_sliced
+    other = json.dumps(sliced(EndcapParams(150, 9)))
+    for text, words in ((other, "belongs to another design"), ("{", "not what make")):
+        (folder / "slice.json").write_text(text)
+        assert command.main(["130", "8", f"exports={tmp_path}"]) == 2
+        said = capsys.readouterr().err
+        assert words in said and len(said.splitlines()) == 1 and not (tmp_path / "D130_T8" / "study").exists()
 
 
 def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypatch):
@@ -98,14 +129,14 @@ def test_the_grid_lies_inside_the_region_and_reaches_its_ends():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["130"], "D and T belong together"),
+        (["130"], "D=130 without T: a design is two numbers"),
         (["D=130", "T=40"], "nearest valid choice"),
         (["130", "8", "material=Jelly"], "choose one of"),
         (["130", "8", "load=3", "error=1"], "leave D and T out"),
         (["load=3"], "load and error belong together"),
-        (["nonsense"], "D and T belong together"),
-        (["D=1e2", "T=8"], "plain number"),
-        (["sand=3"], "not understood"),
+        (["nonsense"], "D=nonsense is not a number"),
+        (["D=1e2", "T=8"], "plain millimetres"),
+        (["sand=3"], "'sand=3' is not an option"),
     ],
 )
 def test_bad_words_are_one_line(words, said, capsys):

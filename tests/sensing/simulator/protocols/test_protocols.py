@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cad.errors import ParameterError
 from sensing.simulator.dataset.frames import shard_arrays
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.protocols.catalogue import load_path
@@ -25,6 +26,25 @@ def test_static_protocol_covers_the_papers_grid() -> None:
     assert {p.phase for path in paths for p in path.waypoints} == set(PHASES[:6])
     assert load_path("static", 3, 7, 2) == paths[7]
     assert load_path("static", 4, 7, 2) != paths[7]
+
+
+def test_set_points_go_with_the_design_on_request() -> None:
+    """D=250 T=25 in Smooth-Sil 950 bears (25 / 8)^2 of the released load, and is pressed with it."""
+    released, design = (DataRequest(1, 250.0, 25.0, protocol="dynamic", loads=name) for name in ("released", "design"))
+    pairs = [
+        (a.target, b.target)
+        for before, after in zip(released.shards()[0], design.shards()[0], strict=True)
+        for a, b in zip(before.waypoints, after.waypoints, strict=True)
+        if a.target is not None and b.target is not None
+    ]
+    forces = np.array([(a.normal_n, b.normal_n) for a, b in pairs if a.normal_n is not None])
+    assert forces[:, 1] == pytest.approx((25 / 8) ** 2 * forces[:, 0]) and len(forces) > 20
+    depths = np.array([(a.depth_mm, b.depth_mm) for a, b in pairs if a.depth_mm is not None])
+    assert depths[:, 1] == pytest.approx(125 / 65 * depths[:, 0]) and len(depths) > 5
+    same = (DataRequest(1, protocol="dynamic", loads=name).shards() for name in ("released", "design"))
+    assert next(same) == next(same)
+    with pytest.raises(ParameterError, match="stands carry the weight of one robot"):
+        DataRequest(1, protocol="robot", loads="design")
 
 
 def test_wide_protocol_fills_every_stratum_of_tilt_and_load() -> None:

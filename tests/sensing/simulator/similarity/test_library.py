@@ -13,9 +13,10 @@ from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.similarity.labelled import library_source, shell_of, with_azimuths, write_labelled
-from sensing.simulator.similarity.library import LEAST_COUNT, load_library, save_library
-from sensing.simulator.similarity.paths import library_paths, scaled, stand_paths, touching_steps
+from sensing.simulator.similarity.library import FILE, LEAST_COUNT, load_library, save_library, solved_node
+from sensing.simulator.similarity.paths import library_paths, stand_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, common_order
 from sensing.simulator.similarity.surface_modes import modes_at
 from sensing.simulator.solid.geometry import shell_geometry
@@ -42,6 +43,34 @@ def test_a_node_is_given_back_and_a_linear_law_is_exact_between_nodes():
     weights = library.blend(between)
     assert weights @ np.log(library.ratios[:, 0]) == pytest.approx(np.log(0.12))
     assert weights @ library.ratios[:, 1] == pytest.approx(0.5)
+
+
+def test_a_node_comes_out_of_the_library_as_its_own_states():
+    library = load_library()
+    for number in (1, int(library.ratios[:, 0].argmin())):  # the second has some of the paths only
+        node, states = solved_node(library, number, standing=False), library.states(ratios(number))
+        solved = np.isfinite(node.wrench).all(axis=1)
+        assert (solved == states.known).all() and solved.sum() > 100 and np.isnan(node.surface[~solved]).all()
+        for mine, given in ((node.surface, states.surface), (node.wrench, states.wrench), (node.labels, states.labels)):
+            assert mine[solved] == pytest.approx(given[solved], abs=1e-6 * np.abs(given[solved]).max())
+        given = library.capacity(ratios(number))
+        assert np.allclose(node.capacity, given, atol=1e-6 * np.nanmax(np.abs(given)), equal_nan=True)
+
+
+def test_the_library_stays_small_and_covers_the_small_sizes():
+    """Node left out: under 2.5 % wherever others surround it (bench/library.csv)."""
+    assert FILE.stat().st_size < 2.5e6
+    library = load_library()
+    for design in ((104.0, 6.5), (110.0, 8.5), (165.0, 11.0)):
+        here = ShellRatios.of(shell_geometry(*design))
+        number = int(np.flatnonzero(np.isclose(library.ratios, [here.wall, here.clamp]).all(axis=1))[0])
+        others = np.arange(len(library.ratios)) != number
+        weights = np.where(library.travel.solved.all(axis=1) & others, 1, 0).astype(bool)
+        blend = library.blend(here, weights)
+        own = library.travel.coefficients[number].astype(float)
+        guess = np.einsum("k,ksm->sm", blend, np.nan_to_num(library.travel.coefficients.astype(float)))
+        apart = np.linalg.norm(guess - own, axis=1) / np.linalg.norm(own, axis=1)
+        assert np.median(apart) < 0.025
 
 
 def test_a_shell_outside_is_refused_with_the_range():

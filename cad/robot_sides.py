@@ -1,0 +1,114 @@
+"""What the arm adapter can be screwed to: one table, ``robot_sides.csv`` (millimetres; standard library only).
+
+Rows of the same ``pattern`` belong together: screws, a pin, or ``none`` for a blank side that you drill yourself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cad.data_table import number, positive, read_table
+from cad.errors import ParameterError
+
+TABLE = Path(__file__).with_name("robot_sides.csv")
+DEFAULT_ROBOT = "iso_9409_1_50_4_m6"
+ELEMENTS = ("screw", "pin", "none")
+HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
+LEAST_WALL_MM = 3.0  # E: PLA round a head
+
+
+@dataclass(frozen=True)
+class RobotHoles:
+    """Equal holes on a circle of the robot's flange.
+
+    Attributes:
+        element: ``screw`` or ``pin``.
+        count: how many, equally spaced.
+        circle_radius_mm: of their axes.
+        first_azimuth_deg: of the first.
+        hole_diameter_mm: through.
+        head_diameter_mm: of the pocket for the head, from above; 0 for none.
+        head_depth_mm: of that pocket.
+        order_as: the screw or pin that goes in, as a shop knows it.
+    """
+
+    element: str
+    count: int
+    circle_radius_mm: float
+    first_azimuth_deg: float
+    hole_diameter_mm: float
+    head_diameter_mm: float
+    head_depth_mm: float
+    order_as: str
+
+    @property
+    def places_mm(self) -> tuple[tuple[float, float], ...]:
+        """Axes (x, y)."""
+        angles = [math.radians(self.first_azimuth_deg + 360.0 * k / self.count) for k in range(self.count)]
+        return tuple((self.circle_radius_mm * math.cos(a), self.circle_radius_mm * math.sin(a)) for a in angles)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row.
+
+    Attributes:
+        pattern: name of the robot's side.
+        holes: None for a side without holes.
+    """
+
+    pattern: str
+    holes: RobotHoles | None
+
+
+@cache
+def robot_sides() -> dict[str, tuple[RobotHoles, ...]]:
+    """All patterns: name -> holes (none for the blank side).
+
+    Raises:
+        FileError: a missing or unreadable table, naming the line.
+    """
+    sides: dict[str, list[RobotHoles]] = {}
+    for row in read_table(TABLE, _row, "pattern", "element").values():
+        sides.setdefault(row.pattern, []).extend([row.holes] if row.holes else [])
+    return {name: tuple(holes) for name, holes in sides.items()}
+
+
+def robot_side(robot: str) -> tuple[RobotHoles, ...]:
+    """The holes of one pattern.
+
+    Raises:
+        ParameterError: no such pattern; the message lists them.
+    """
+    if robot not in robot_sides():
+        raise ParameterError(
+            f"robot={robot} is not in cad/robot_sides.csv: choose one of {', '.join(robot_sides())}, or add rows",
+            name="robot",
+            value=robot,
+        )
+    return robot_sides()[robot]
+
+
+def fixing_words(robot: str) -> str:
+    """Screws and pin of one pattern: ``4 x ISO 4762 M6 x 25, 1 x ISO 2338 6 m6 x 16``; empty for the blank side."""
+    return ", ".join(f"{holes.count} x {holes.order_as}" for holes in robot_side(robot))
+
+
+def _row(row: dict[str, str]) -> Row:
+    if row["element"] not in ELEMENTS:
+        raise ValueError(f"element={row['element']!r} is none of {', '.join(ELEMENTS)}")
+    if row["element"] == "none":
+        return Row(row["pattern"], None)
+    count, head, depth = (number(row, name) for name in ("count", "head_diameter_mm", "head_depth_mm"))
+    circle, hole = positive(row, "circle_radius_mm"), positive(row, "hole_diameter_mm")
+    if count < 1 or count != int(count):
+        raise ValueError(f"count={row['count']!r} is not a number of holes")
+    if depth and head <= hole:
+        raise ValueError(f"head_diameter_mm={head:g} is not larger than the hole's {hole:g}")
+    if circle + max(head, hole) / 2 > HUB_RADIUS_MM - LEAST_WALL_MM:
+        raise ValueError(f"circle_radius_mm={circle:g}: holes come nearer than {LEAST_WALL_MM:g} mm to the hub's edge")
+    turn = number(row, "first_azimuth_deg")
+    return Row(row["pattern"], RobotHoles(row["element"], int(count), circle, turn, hole, head, depth, row["order_as"]))

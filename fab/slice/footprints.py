@@ -1,0 +1,115 @@
+"""How large the printed parts of a size are, in closed form, so that a printer's bed is known before anything is made.
+
+Outlines hold what can reach a bed's edge: the five lugs of base and adapter, the base's upper rim, the hanger's plate,
+the interface's widest circle, the bolt flange of a third of the cup with its tab. Core and ring spacer lie within the
+interface's circle. Printing pose of :mod:`fab.slice.pose`, millimetres.
+
+The cup is cut in three and no finer: base, adapter, hanger and interface are one part each and need a larger bed than
+a third of the cup at every size (a test holds it), so finer cuts would let no printer make a larger endcap.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cad import feasible
+from cad.arm_adapter import THICKNESS_MM, arm_places_mm
+from cad.base import LUG_RADIUS_MM
+from cad.errors import ParameterError
+from cad.mold_layout import (
+    FLANGE_TAB_BEYOND_MM,
+    FLANGE_TAB_OFFSET_MM,
+    FLANGE_TAB_RADIUS_MM,
+    PIN_DEPTH_MM,
+    PIN_PLAY_MM,
+    MoldLayout,
+    rotated,
+)
+from cad.params import EndcapParams
+from fab.slice.printers import MARGIN_MM, Printer, fitting_printers
+
+STEP_DEG = 3.0
+
+
+def footprints(layout: MoldLayout) -> dict[str, np.ndarray]:
+    """Corners (n, 3) of the largest printed parts, by name; one segment stands for its equals."""
+    params = layout.params
+    lugs = np.concatenate([_disc(place, LUG_RADIUS_MM) for place in arm_places_mm(params)])
+    flank = math.sqrt(params.base_sphere_radius_mm**2 - params.centre_height_mm**2)
+    top = params.interlock_top_mm
+    widest = params.outer_radius_mm if top > params.centre_height_mm else params.outer_radius_at(top)
+    arc = [rotated((layout.flange_radius_mm, 0.0), a) for a in np.arange(0.0, 120.0 + STEP_DEG, STEP_DEG)]
+    along = params.outer_radius_mm + FLANGE_TAB_OFFSET_MM
+    tip = _disc(rotated((along, FLANGE_TAB_BEYOND_MM), 120.0), FLANGE_TAB_RADIUS_MM)
+    third = np.concatenate([np.array(arc), tip])
+    bowl = np.concatenate([third, [[0.0, 0.0]]])
+    hanger_mm = layout.hanger_thickness_mm + PIN_DEPTH_MM - PIN_PLAY_MM
+    inside = [rotated((params.bore_radius_mm, 0.0), a) for a in (0.0, 30.0, 60.0, 90.0, 120.0)]
+    return {
+        "base": _standing(np.concatenate([lugs, _disc((0.0, 0.0), flank)]), params.base_thickness_mm),
+        "arm_adapter": _standing(lugs, THICKNESS_MM),
+        "hanger": _standing(_disc((0.0, 0.0), layout.hanger_radius_mm), hanger_mm),
+        "interface": _standing(_disc((0.0, 0.0), widest), top),
+        "cup_bowl": _standing(bowl, layout.stand_height_mm - layout.dam_top_mm),
+        "cup_collar": _standing(np.concatenate([third, inside]), layout.seam_height_mm),
+    }
+
+
+def require_printer(layout: MoldLayout, where: Printer) -> None:
+    """Refuse a size that a printer cannot print, before it is made.
+
+    Args:
+        layout: mold sizes. where: the printer.
+
+    Raises:
+        ParameterError: the largest D of this printer, and the smallest printer for this D.
+    """
+    too_large = [name for name, points in footprints(layout).items() if not where.takes(points)]
+    if not too_large:
+        return
+    larger = next(iter(fitting_printers(footprints(layout))), None)
+    largest = largest_diameter_mm(layout, where)
+    remedies = [f"the largest D of this printer is {largest:g}"] if largest else ["it prints no size of the region"]
+    if larger:
+        remedies.append(f"D={layout.params.diameter_mm:g} needs printer={larger.name} ({larger.title}) or a larger one")
+    raise ParameterError(
+        f"printer={where.name}: {', '.join(too_large)} of D={layout.params.diameter_mm:g} do not fit its "
+        f"{where.size} with {MARGIN_MM:g} mm round each part; {'; '.join(remedies)}",
+        name="printer",
+        value=where.name,
+    )
+
+
+def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
+    """Largest D, to a tenth of a millimetre, whose parts a printer takes; ``None`` where it takes those of no size.
+
+    Args:
+        layout: its clearance, and its wall as far as another D can have it. where: the printer.
+    """
+    low, high = feasible.diameter_range_mm()
+    steps = np.arange(math.ceil(low * 10), math.floor(high * 10) + 1)
+
+    def fits(step: int) -> bool:
+        diameter = step / 10
+        wall = feasible.nearest_wall_mm(diameter, layout.params.wall_mm)
+        return all(where.takes(p) for p in footprints(MoldLayout(EndcapParams(diameter, wall))).values())
+
+    if not fits(steps[0]):
+        return None
+    first, last = 0, len(steps)  # parts grow with D: bisection
+    while last - first > 1:
+        middle = (first + last) // 2
+        first, last = (middle, last) if fits(steps[middle]) else (first, middle)
+    return float(steps[first]) / 10
+
+
+def _disc(centre: tuple[float, float], radius_mm: float) -> np.ndarray:
+    turns = np.radians(np.arange(0.0, 360.0, STEP_DEG))
+    return np.array(centre) + radius_mm * np.column_stack([np.cos(turns), np.sin(turns)])
+
+
+def _standing(outline: np.ndarray, height_mm: float) -> np.ndarray:
+    """Corners of an outline's prism."""
+    return np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, height_mm)])

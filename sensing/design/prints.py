@@ -1,0 +1,91 @@
+"""Hours, grams and dollars of printing parts and mold: of the sliced files where they exist, else estimated."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from cad.errors import FileError
+from cad.params import EndcapParams
+from cad.plain_numbers import plain
+from sensing.design.region import MOLD_RADIUS_MM, MOLD_USD
+
+SLICES = Path("slice", "slice.json")  # beside the study, from make slice
+SECOND_FORM = "interface_gyroid"  # one interface is printed, in one of two forms
+PLA_USD_KG, PLA_GRAMS_H = 20.0, 25.0  # E: a kilogram spool; 0.2 mm layers of a 0.4 mm nozzle, walls and little filling
+INTERFACE_GRAMS, INTERFACE_H = 23.8, 3.02  # M at D=130 T=8 (bench/slice.csv, "infill"); E: in proportion to R
+TPU_USD_KG = 35.0  # E
+
+
+@dataclass(frozen=True)
+class Prints:
+    """What printing takes.
+
+    Attributes:
+        time_h, grams, cost_usd: of all plates.
+        parts: which they are, in words. is_sliced: whether the moves of the printer were counted.
+        manifest_sha256: of the export that was sliced.
+    """
+
+    time_h: float
+    grams: float
+    cost_usd: float
+    parts: str
+    is_sliced: bool
+    manifest_sha256: str = ""
+
+
+def prints_of(params: EndcapParams, export: Path) -> Prints:
+    """Prints of a design.
+
+    Args:
+        params: the design.
+        export: its folder; ``slice/slice.json`` in it counts, unless the molds were made anew after it.
+
+    Raises:
+        FileError: that file cannot be read, or belongs to another design.
+    """
+    path = export / SLICES
+    if not path.exists():
+        return estimated_prints(params)
+    found, manifest = sliced_prints(params, path), export / "manifest.json"
+    is_older = manifest.exists() and hashlib.sha256(manifest.read_bytes()).hexdigest() != found.manifest_sha256
+    return estimated_prints(params) if is_older else found
+
+
+def sliced_prints(params: EndcapParams, path: Path) -> Prints:
+    """Sum of all plates.
+
+    Args:
+        params: the design. path: ``slice.json``.
+
+    Raises:
+        FileError: it cannot be read, or belongs to another design.
+    """
+    again = f"run make slice D={plain(params.diameter_mm)} T={plain(params.wall_mm)} again, or move it away"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        digest, projects = record["digest"], [p for p in record["projects"] if p["name"] != SECOND_FORM]
+        pieces = [piece for project in projects for piece in project["pieces"]]
+        time_h = sum(float(project["time_s"]) for project in projects) / 3600
+        grams, cost = (sum(float(piece[name]) for piece in pieces) for name in ("grams", "cost_usd"))
+        names = sorted({str(piece["name"]) for piece in pieces})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
+    if digest != params.digest:
+        raise FileError(f"{path}: belongs to another design than {params.label}: {again}")
+    parts = f"{len(names)} parts on {len(projects)} plates, mold included"
+    return Prints(time_h, grams, cost, parts, True, str(record.get("manifest_sha256", "")))
+
+
+def estimated_prints(params: EndcapParams) -> Prints:
+    """Mold and interface by closed form: thin walls of PLA with R squared, the interface's ring with R."""
+    ratio = params.outer_radius_mm / MOLD_RADIUS_MM
+    mold_usd = MOLD_USD * ratio**2
+    mold_grams, ring_grams = 1000 * mold_usd / PLA_USD_KG, INTERFACE_GRAMS * ratio
+    return Prints(
+        mold_grams / PLA_GRAMS_H + INTERFACE_H * ratio, mold_grams + ring_grams,
+        mold_usd + TPU_USD_KG * ring_grams / 1000, "mold and interface; base and stand not counted", False,
+    )  # fmt: skip

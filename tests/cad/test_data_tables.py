@@ -1,0 +1,38 @@
+"""Tables of bought parts, electronic parts and robot sides: a bad row is named by its line."""
+
+from __future__ import annotations
+
+import pytest
+
+from cad import bought, led_parts, robot_sides
+from cad.data_table import read_table
+from cad.errors import FileError
+
+BOUGHT = (bought.TABLE, bought._dimension, ("part", "dimension"))
+LED = (led_parts.TABLE, led_parts._part, ("part",))
+ROBOT = (robot_sides.TABLE, robot_sides._row, ("pattern", "element"))
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "expected"),
+    [
+        (BOUGHT, "nut_m5,thickness,thick,E,", "value_mm='thick'"),
+        (BOUGHT, "nut_m3,thickness,1.8,S,", "is there twice"),
+        (BOUGHT, "nut_m5,thickness,4", "not one value for each column"),
+        (LED, "r_two,d,m,n,0603,10,ohm,-1.6,0.8,0.5,E", "length_mm='-1.6'"),
+        (LED, "r_two,d,m,n,0603,ten,ohm,1.6,0.8,0.5,E", "value='ten'"),
+        (ROBOT, "mine,screw,4.5,25,45,6.6,11,6,x,E,", "count='4.5'"),
+        (ROBOT, "mine,screw,4,31,45,6.6,11,6,x,E,", "hub's edge"),
+        (ROBOT, "mine,bolt,4,25,45,6.6,11,6,x,E,", "element='bolt'"),
+        (ROBOT, "mine,screw,4,25,45,6.6,6,6,x,E,", "not larger than the hole's 6.6"),
+        (ROBOT, "blank,none,0,0,0,0,0,0,x,E,", "is there twice"),
+    ],
+)
+def test_a_bad_row_is_named_by_its_line(table, row, expected, tmp_path):
+    path, make, key = table
+    copy = tmp_path / path.name
+    copy.write_text(path.read_text() + row + "\n")
+    line = len(copy.read_text().splitlines())
+    with pytest.raises(FileError, match=rf"{path.name} line {line} \(.*") as caught:
+        read_table(copy, make, *key)
+    assert expected in str(caught.value) and "\n" not in str(caught.value)

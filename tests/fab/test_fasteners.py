@@ -1,0 +1,80 @@
+"""Screws, nuts and inserts on their way in: free where they should pass, the volume of what is put in their way."""
+
+from __future__ import annotations
+
+import math
+
+import manifold3d
+import pytest
+
+from cad.base import base_part
+from cad.fasteners import ScrewJoint
+from cad.interface import build_flange
+from cad.mold_core import REMOVAL_ORDER
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab.bom import all_joints
+from fab.checks.extraction import Leg
+from fab.checks.meshes import OVERLAP_MM3
+from fab.checks.screw_fit import ScrewFit
+from fab.meshing.mesh import tessellate, to_manifold
+from fab.steps.endcap import all_steps
+from fab.steps.fasteners import inserts_on_their_way, nuts_on_their_way, screw_overlap_mm3, screws_on_their_way
+from fab.steps.record import Move, Step
+
+PARAMS = EndcapParams(98.9, 6.5)
+STEP = Step("drive", "assemble", "", (), (Move(("plate", "lid"), (Leg((0.0, 0.0, 1.0), 40.0),), ("block",)),))
+
+
+def test_nuts_pass_the_mouths_of_their_pockets_and_nothing_else():
+    flange, nuts = to_manifold(tessellate(build_flange(PARAMS))), nuts_on_their_way(PARAMS)
+    assert (nuts ^ flange).volume() < OVERLAP_MM3
+    assert (nuts ^ flange.rotate([0.0, 0.0, 3.0])).volume() > 20.0
+    assert (nuts.translate([0.0, 0.0, 0.2]) ^ flange).volume() > 20.0
+
+
+def test_inserts_pass_the_holes_of_the_lugs_and_nothing_else():
+    base, inserts = to_manifold(tessellate(base_part(PARAMS).solid)), inserts_on_their_way(PARAMS)
+    assert (inserts ^ base).volume() < OVERLAP_MM3
+    assert (inserts ^ base.rotate([0.0, 0.0, 1.0])).volume() > 20.0
+
+
+def joint(holder: str, up: bool) -> ScrewFit:
+    made = ScrewJoint(
+        "a_to_b", "a", "screw_m3", "ISO 4762", "", ((0.0, 0.0),), up, "plate", ("plate",), "block", holder
+    )
+    return ScrewFit(made, 16.0, 6.0, 9.0, 7.5, 1.0, 0.0, seat_mm=0.0)
+
+
+def slab(low: float, high: float, hole_radius: float) -> manifold3d.Manifold:
+    hole = manifold3d.Manifold.cylinder(100.0, hole_radius, circular_segments=96).translate([0.0, 0.0, -50.0])
+    return manifold3d.Manifold.cube([40.0, 40.0, high - low], True).translate([0.0, 0.0, (low + high) / 2]) - hole
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_a_screw_passes_its_holes_and_meets_what_covers_its_head(up):
+    fit, sign = joint("plastic", up), 1.0 if up else -1.0
+
+    def body(low: float, high: float, hole: float) -> manifold3d.Manifold:
+        ends = sorted((sign * low, sign * high))
+        return slab(ends[0], ends[1], hole)
+
+    parts = {"plate": body(0.0, 6.0, 1.7), "block": body(6.0, 20.0, 1.3), "lid": body(-20.0, -15.0, 3.0)}
+    assert screw_overlap_mm3(fit, STEP, parts) == 0.0
+    lid = screw_overlap_mm3(fit, STEP, parts | {"lid": body(-20.0, -15.0, 1.0)})
+    assert lid == pytest.approx(math.pi * (2.75**2 - 1.0) * 5.0, rel=0.01)
+    root = (3.0 - 1.2269 * 0.5) / 2
+    full = screw_overlap_mm3(fit, STEP, parts | {"block": body(6.0, 20.0, 0.5)})
+    assert full == pytest.approx(math.pi * (root**2 - 0.25) * 10.0, rel=0.01)
+    wide = screws_on_their_way(joint("captured nut", up), "block")  # a thread that cuts nothing is swept whole
+    assert (wide ^ body(6.0, 20.0, 1.3)).volume() == pytest.approx(math.pi * (1.5**2 - 1.3**2) * 10.0, rel=0.02)
+
+
+@pytest.mark.parametrize("size", [(98.9, 6.5), (130.0, 8.0)])
+def test_every_joint_is_driven_in_one_step(size):
+    layout = MoldLayout(EndcapParams(*size))
+    ways = {name: (Leg((0.0, 0.0, -1.0), 100.0),) for name in REMOVAL_ORDER}
+    steps = [step for step in all_steps(layout, ways) if step.enters]
+    driven = [j.name for step in steps if step.screws for j in all_joints(layout) if j.name.startswith(step.screws)]
+    assert sorted(driven) == sorted(j.name for j in all_joints(layout))
+    assert {extra for step in steps for extra in step.extras} >= {"nuts", "inserts"}

@@ -1,0 +1,34 @@
+"""Errors by tilt and load: loads are parted in proportion to the weights' range, and no frame falls out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sensing.evaluation.cells import LOADS_N, cell_tables, cells
+from sensing.evaluation.live_answers import LiveAnswers
+
+
+def answers(loads_n: np.ndarray, off_n: float = 0.5) -> LiveAnswers:
+    """Frames with a force along z, answered wrong by a constant."""
+    count = len(loads_n)
+    truth = np.zeros((count, 6))
+    truth[:, 2] = -loads_n
+    value = truth + np.array([0, 0, off_n, 0, 0, 0])
+    covariance = np.tile(np.eye(6), (count, 1, 1))
+    here = np.full(count, 30.0), np.full(count, True), np.full(count, "p")
+    return LiveAnswers(value, truth, covariance, covariance, np.full(count, False), *here)
+
+
+@pytest.mark.parametrize("scale", [1.0, 9.766, 0.06])
+def test_loads_are_parted_alike_in_every_range(scale):
+    loads = scale * np.array([2.0, 7.0, 15.0, 25.0, 35.0, 50.0])
+    found = cells(answers(loads), 35.0 * scale)
+    assert [cell.frames for cell in found] == [1] * 6
+    assert np.array([cell.load_n[1] for cell in found]) == pytest.approx(scale * np.array(LOADS_N[1:]), rel=5e-3)
+    assert all(cell.rmse[2] == pytest.approx(0.5) for cell in found)
+    assert "35 to 45 deg" not in cell_tables(found)
+
+
+def test_a_frame_beyond_the_last_edge_is_counted():
+    assert sum(cell.frames for cell in cells(answers(np.array([3.0, 59.0, 341.0])))) == 3

@@ -15,6 +15,7 @@ import signal
 import sys
 import tempfile
 from collections import defaultdict
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -72,15 +73,15 @@ def one_case(seed: int, urls: dict[str, str], inputs: Path, folder: Path) -> tup
     return kind, outcome, fault
 
 
-def ends(cases: int, workers: int, seed: int = 0) -> list[tuple[str, Outcome, str]]:
-    """All cases."""
+def ends(cases: int, workers: int, seed: int = 0) -> Iterator[tuple[str, Outcome, str]]:
+    """All cases, as they end."""
     prepare()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_inputs(folder)
         with cameras() as urls, ThreadPoolExecutor(workers) as pool:
             seeds = range(seed, seed + cases)
-            return list(pool.map(lambda each: one_case(each, urls, folder, folder), seeds))
+            yield from pool.map(lambda each: one_case(each, urls, folder, folder), seeds)
 
 
 def main() -> int:
@@ -94,7 +95,7 @@ def main() -> int:
     for number, (kind, outcome, fault) in enumerate(ends(options.cases, options.workers, options.seed)):
         rows[kind].append((outcome, fault))
         if fault:
-            print(f"seed {options.seed + number}, {kind}: {fault}\n{outcome.text[-2000:]}", file=sys.stderr)
+            print(f"seed {options.seed + number}, {kind}: {fault}\n{outcome.text[-2000:]}", file=sys.stderr, flush=True)
     with (HERE / "robust_ends.csv").open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(COLUMNS)

@@ -15,6 +15,7 @@ import random
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -84,14 +85,14 @@ def fault_of(outcome: Outcome) -> str:
     return outcome.fault((0, 1, 2))
 
 
-def cases(kind: str, count: int, workers: int, seed: int = 0) -> list[tuple[Outcome, str]]:
-    """(outcome, fault) of all cases of a kind."""
+def cases(kind: str, count: int, workers: int, seed: int = 0) -> Iterator[tuple[Outcome, str]]:
+    """(outcome, fault) of all cases of a kind, as they end."""
     prepare()
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(workers) as pool:
         folder = Path(name)
         write_inputs(folder, 5)
-        outcomes = pool.map(lambda each: KINDS[kind](each, folder), range(seed, seed + count))
-        return [(outcome, fault_of(outcome)) for outcome in outcomes]
+        for outcome in pool.map(lambda each: KINDS[kind](each, folder), range(seed, seed + count)):
+            yield outcome, fault_of(outcome)
 
 
 def main() -> int:
@@ -104,10 +105,11 @@ def main() -> int:
     options = parser.parse_args()
     rows = []
     for kind in options.kind or KINDS:
-        found = cases(kind, options.cases, options.workers, options.seed)
-        for number, (outcome, fault) in enumerate(found):
+        found = []
+        for number, (outcome, fault) in enumerate(cases(kind, options.cases, options.workers, options.seed)):
+            found.append((outcome, fault))
             if fault:
-                print(f"{kind} {options.seed + number}: {fault}\n{outcome.text[-3000:]}", file=sys.stderr)
+                print(f"{kind} {options.seed + number}: {fault}\n{outcome.text[-3000:]}", file=sys.stderr, flush=True)
         status = Counter(outcome.status for outcome, _ in found)
         worst = max(outcome.seconds for outcome, _ in found), max(outcome.most_mb for outcome, _ in found)
         bad = sum(bool(fault) for _, fault in found)

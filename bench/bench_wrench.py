@@ -143,7 +143,7 @@ def latency(train: list[Path], test: list[Path]) -> Iterator[Row]:
                     net(tensor)
 
             runs: dict[str, Callable[[], object]] = {
-                "numpy": lambda model=model, x=x: model.predict(x),  # type: ignore[misc]
+                "compiled": lambda model=model, x=x: model.predict(x),  # type: ignore[misc]
                 "torch": by_torch,
                 "ONNX": lambda session=session, single=single: session.run(None, {"field": single}),  # type: ignore[misc]
             }

@@ -1,6 +1,7 @@
 """Runs one case of a fuzzer in a process of its own, forked from one that has loaded the libraries.
 
-Bad are a traceback, an abort, a status that is none of the documented ones, no end in time, memory over 1 GB.
+Bad are a traceback, an abort, a status that is none of the documented ones, no end in time, memory over 1 GB. Time in
+which a case waits for a processor that others use is not counted as its own.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from sensing.live.ending import end_at_once, leave
 
@@ -96,6 +98,15 @@ def _child(work: Callable[[], int], printed: int, stdout: str | None) -> None:
     leave(status)
 
 
+def starved_s(pid: int) -> float:
+    """For how long the thread of a process that was held up most has waited for a processor."""
+    found = 0.0
+    for task in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+        with contextlib.suppress(OSError):
+            found = max(found, int(task.read_text().split()[1]) / 1e9)
+    return found
+
+
 def _wait(pid: int, until_s: float) -> tuple[int | None, float]:
     """(status, MB); None for a process that had to be killed."""
     killed = False
@@ -104,7 +115,7 @@ def _wait(pid: int, until_s: float) -> tuple[int | None, float]:
         if found:
             code = os.waitstatus_to_exitcode(status)
             return None if killed else code, usage.ru_maxrss / 1024
-        if not killed and time.monotonic() > until_s:
+        if not killed and time.monotonic() > until_s and time.monotonic() > until_s + starved_s(pid):
             os.kill(pid, signal.SIGKILL)
             killed = True
         time.sleep(0.005)

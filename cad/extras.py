@@ -39,6 +39,7 @@ EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras t
     **dict.fromkeys(("dask", "distributed"), ("cluster",)),
     **dict.fromkeys(("onnx", "onnxruntime"), ("onnx",)),
     "huggingface_hub": ("download",),
+    "pyarrow": ("lerobot",),
 }
 EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's module decides; "" is the rest
     "fab": "cad",

@@ -87,6 +87,9 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand("weigh", "sensing.weigh", "known weights, or a robot's own, to the gain of each endcap"),
             Subcommand("dwell", "sensing.dwell", "rate effects of the silicone from one dwell test"),
             Subcommand("live", "sensing.live.cli", "wrench and contact: terminal, page, recording, ROS 2"),
+            Subcommand(
+                "ros-package", "sensing.live.ros_package", "ROS 2 packages: message with covariance, launch file"
+            ),
             Subcommand("field", "sensing.field", "shear field of pictures or a video"),
             Subcommand("record", "sensing.record", "frames paired with a force/torque sensor"),
         ),
@@ -99,7 +102,7 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand("render", "sensing.simulator.render.cli", "one frame of the endcap's camera"),
             Subcommand("verify", "sensing.simulator.verification.report", "the simulator's verification report"),
             Subcommand("scene-server", "sensing.live.demo.scene_server", "simulated cameras of six endcaps over HTTP"),
-            Subcommand("export-data", "sensing.export_dataset", "a data set in the authors' format"),
+            Subcommand("export-data", "sensing.export_dataset", "a data set in the authors' format, or LeRobot's"),
             Subcommand("train", "sensing.train", "wrench model of any size (--design 180 10), or from labelled frames"),
             Subcommand("evaluate", "sensing.evaluate", "errors of a wrench model and of the comparisons"),
             Subcommand("onnx", "sensing.wrench_onnx", "wrench model as ONNX"),

@@ -86,11 +86,8 @@ def chain(axes: Axes, bottom: float, steps: list[tuple[str, str]], colour: str) 
             arrow(axes, (left - gap, bottom + 3), (left, bottom + 3))
 
 
-def draw_flow(axes: Axes) -> None:
-    """The three ways of the data."""
-    axes.set(xlim=(0, 100), ylim=(0, 27), title="Data flow: one way")
-    chain(
-        axes,
+FLOWS = (  # height of a way in the picture, its steps, its colour
+    (
         19,
         [
             ("parameters", "D, T -> sizes"),
@@ -100,9 +97,8 @@ def draw_flow(axes: Axes) -> None:
             ("exports", "whole or nothing"),
         ],
         MAKE,
-    )
-    chain(
-        axes,
+    ),
+    (
         10.5,
         [
             ("frame", "camera, file"),
@@ -114,9 +110,8 @@ def draw_flow(axes: Axes) -> None:
             ("outputs", "page, MCAP, ROS"),
         ],
         SENSE,
-    )
-    chain(
-        axes,
+    ),
+    (
         1,
         [
             ("protocol", "paths of a body"),
@@ -126,7 +121,15 @@ def draw_flow(axes: Axes) -> None:
             ("learning", "weights"),
         ],
         SIMULATE,
-    )
+    ),
+)
+
+
+def draw_flow(axes: Axes) -> None:
+    """The three ways of the data."""
+    axes.set(xlim=(0, 100), ylim=(0, 27), title="Data flow: one way")
+    for height, steps, colour in FLOWS:
+        chain(axes, height, steps, colour)
     axes.text(
         98, 8.3, "weights serve the wrench model; rendered frames are frames like any others", size=7.5, ha="right"
     )

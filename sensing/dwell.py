@@ -19,8 +19,9 @@ import numpy as np
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.messages import LOG
-from sensing.live.core.config import chosen_endcap, load_config
+from sensing.live.core.config import chosen_endcap
 from sensing.live.core.config_entries import change_entries
+from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.warm_up import warm_up
 from sensing.live.open_endcaps import configured_models
 from sensing.weighing.dwell import Dwell, DwellError, fit_dwell

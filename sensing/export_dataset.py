@@ -1,12 +1,13 @@
-"""Labelled frames in the authors' format: ``index.csv`` and ``shear_fields/NNNNNN.npy``.
+"""Labelled frames in the authors' format (``index.csv`` and ``shear_fields/NNNNNN.npy``), or in LeRobot's.
 
     python -m sensing.export_dataset --data exports/data_D130_T8_static_0 --out exports/gelfoot
+    python -m sensing.export_dataset --data exports/data_D130_T8_static_0 --out exports/lerobot --format lerobot
 
-Rows of ``index.csv``: ``wrench``, six numbers as text (N, N m), and ``array_path``, a (2, 30, 30) float32 shear field
-in pixels of the 200 x 200 crop against the untouched picture in the same light (:mod:`sensing.tracking.gelslim`;
-P, NET19). Sign and origin are those of their labels as :mod:`sensing.frames` reads them: what the endcap does
-to the plane, about the sphere's centre. Further columns say path, phase and level, so that splits can keep a path
-together. :mod:`sensing.learning.authors_dataset` reads the result.
+LeRobot's: :mod:`sensing.learning.lerobot_dataset`. The authors': rows of ``index.csv`` are ``wrench``, six numbers as
+text (N, N m), and ``array_path``, a (2, 30, 30) float32 shear field in px of the 200 x 200 crop against the untouched
+picture in the same light (:mod:`sensing.tracking.gelslim`; P, NET19). Sign and origin are those of their labels as
+:mod:`sensing.frames` reads them: what the endcap does to the plane, about the sphere's centre. Further columns say
+path, phase and level, so that splits can keep a path together. :mod:`sensing.learning.authors_dataset` reads it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from cad.extras import program
 from cad.messages import LOG, transient
 from cad.whole_file import new_folder
 from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
+from sensing.learning.lerobot_dataset import write_lerobot
 from sensing.records import Wrench
 from sensing.records_labelled import LabelledFrame, LabelledSet
 from sensing.tracking.gelslim import GelslimField
@@ -66,22 +68,26 @@ def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog=program("python -m sensing.export_dataset"),
-        description="Write labelled frames in the authors' format, index.csv and shear_fields/*.npy.",
+        description="Write labelled frames in the authors' format (index.csv, shear_fields) or in LeRobot's (v3.0).",
         epilog="exit status: 0 written, 2 bad input or no place to write, 130 interrupted (nothing is left behind)",
     )
     parser.add_argument("--data", type=Path, required=True, help="folder written by python -m sensing.simulator data")
     parser.add_argument("--out", type=Path, required=True, help="folder to write; must be new or empty")
+    parser.add_argument("--format", choices=FORMATS, default="authors", help="(authors); lerobot needs pyarrow")
     options = parser.parse_args(arguments)
     try:
-        count = export_dataset(LabelledSet(options.data), options.out)
+        count = FORMATS[options.format](LabelledSet(options.data), options.out)
     except EndcapError as error:
         LOG.error(error)
         return 2
     except KeyboardInterrupt:
         LOG.error("stopped; nothing was written")
         return 130
-    print(f"{options.out}: {count} fields and index.csv")
+    print(f"{options.out}: {count} frames")
     return 0
+
+
+FORMATS: dict[str, Callable[[LabelledSet, Path], int]] = {"authors": export_dataset, "lerobot": write_lerobot}
 
 
 def _fields(data: LabelledSet, paths: Collection[int] | None) -> Iterator[tuple[LabelledFrame, np.ndarray]]:

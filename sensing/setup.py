@@ -25,7 +25,8 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, known_models
+from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up

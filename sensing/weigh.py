@@ -18,7 +18,8 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap, load_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
+from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
 from sensing.live.open_endcaps import configured_models, open_endcaps

@@ -114,3 +114,10 @@ def wait_for(condition: Callable[[], object], every_s: float = 0.01) -> None:
     while not condition():
         assert time.monotonic() < end, "waited too long"
         time.sleep(every_s)
+
+
+def a_reading():
+    pipe, found = pipeline(), None
+    for frame in frames(film([0, 0, 1.0, 1.0])):
+        found = pipe.update(frame, time.monotonic())
+    return pipe, found

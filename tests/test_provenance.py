@@ -100,51 +100,47 @@ def test_letters_at_a_citation_are_those_of_the_table():
     assert not wrong, "\n".join(wrong)
 
 
-def of_the_code() -> dict[str, tuple[float, ...]]:
-    """Values of the table as the code has them; estimator and simulator are read where they need no heavy import."""
-    smooth = silicone("Smooth-Sil 950")
-    screws, arms = RELEASED.screw_azimuths_deg, sorted(RELEASED.arm_azimuths_deg)
-    return {
-        "GEO01": (2 * scaling.RELEASED_OUTER_RADIUS_MM,),
-        "GEO02": (RELEASED.base_sphere_radius_mm,),
-        "GEO03": (RELEASED.centre_height_mm,),
-        "GEO04": (RELEASED.base_thickness_mm,),
-        "GEO05": (len(screws),),
-        "GEO06": (screws[0], screws[1] - screws[0]),
-        "GEO07": (RELEASED.screw_circle_radius_mm,),
-        "GEO08": (2 * base.SCREW_HOLE_RADIUS_MM, 2 * base.SCREW_HEAD_RADIUS_MM),
-        "GEO09": (len(arms),),
-        "GEO10": (RELEASED.arm_azimuths_deg[0], arms[1] - arms[0]),
-        "GEO11": (RELEASED.arm_circle_radius_mm,),
-        "GEO12": (2 * base.ARM_INSERT_RADIUS_MM, base.ARM_INSERT_DEPTH_MM),
-        "GEO13": (base.LUG_RADIUS_MM,),
-        "GEO14": (bought_mm("screw_m4", "clearance_hole"),),
-        "GEO15": (2 * base.CAMERA_HOLE_RADIUS_MM, 2 * base.CAMERA_HOLE_OFFSET_MM),
-        "GEO16": (base.CAMERA_POCKET_WIDTH_MM,),
-        "GEO17": (base.RECESS_RADIUS_MM, base.RECESS_EDGE_DEPTH_MM),
-        "GEO18": (base.RECESS_FLOOR_RADIUS_MM, base.RECESS_DEPTH_MM),
-        "GEO19": (base.CABLE_OFFSET_MM, base.CABLE_POCKET_RADIUS_MM, base.CABLE_HOLE_RADIUS_MM),
-        "GEO20": (*base.M4_POSITION_MM, 2 * base.M4_HEAD_RADIUS_MM),
-        "GEO25": (scaling.INTERLOCK_DEPTH_MM,),
-        "CAM06": dots.RING_COUNTS[:6],
-        "MAT01": (bought_mm("nut_m3", "across_flats"), bought_mm("nut_m3", "thickness")),
-        "MAT02": (smooth.density_g_cm3,),
-        "MAT04": (smooth.pot_life_min,),
-        "MAT05": (smooth.cure_h,),
-        "MAT06": (float(smooth.shore.rstrip("A")),),
-        "MAT08": (smooth.modulus_100_mpa,),
-        "MAT09": (smooth.elongation_percent,),
-        "MAT10": (smooth.neo_hooke_c10_mpa,),
-        "LED01": (led_part("driver").value,),
-        "LED04": (led_part("r_set").value,),
-        "LED05": (led_part("led").value,),
-        "BND01": (coupons.WIDTH_MM, coupons.WIDTH_MM, coupons.TENSILE_BLOCK_MM),
-        "BND02": (coupons.INTERFERENCE_MM,),
-        "BND05": (coupons.WIDTH_MM, coupons.PEEL_MM, coupons.WIDTH_MM, coupons.UNBONDED_MM),
-    }
-
-
-CODE = of_the_code()
+SMOOTH = silicone("Smooth-Sil 950")
+SCREWS, ARMS = RELEASED.screw_azimuths_deg, sorted(RELEASED.arm_azimuths_deg)
+# Values of the table as the code has them; estimator and simulator are read where they need no heavy import.
+CODE: dict[str, tuple[float, ...]] = {
+    "GEO01": (2 * scaling.RELEASED_OUTER_RADIUS_MM,),
+    "GEO02": (RELEASED.base_sphere_radius_mm,),
+    "GEO03": (RELEASED.centre_height_mm,),
+    "GEO04": (RELEASED.base_thickness_mm,),
+    "GEO05": (len(SCREWS),),
+    "GEO06": (SCREWS[0], SCREWS[1] - SCREWS[0]),
+    "GEO07": (RELEASED.screw_circle_radius_mm,),
+    "GEO08": (2 * base.SCREW_HOLE_RADIUS_MM, 2 * base.SCREW_HEAD_RADIUS_MM),
+    "GEO09": (len(ARMS),),
+    "GEO10": (RELEASED.arm_azimuths_deg[0], ARMS[1] - ARMS[0]),
+    "GEO11": (RELEASED.arm_circle_radius_mm,),
+    "GEO12": (2 * base.ARM_INSERT_RADIUS_MM, base.ARM_INSERT_DEPTH_MM),
+    "GEO13": (base.LUG_RADIUS_MM,),
+    "GEO14": (bought_mm("screw_m4", "clearance_hole"),),
+    "GEO15": (2 * base.CAMERA_HOLE_RADIUS_MM, 2 * base.CAMERA_HOLE_OFFSET_MM),
+    "GEO16": (base.CAMERA_POCKET_WIDTH_MM,),
+    "GEO17": (base.RECESS_RADIUS_MM, base.RECESS_EDGE_DEPTH_MM),
+    "GEO18": (base.RECESS_FLOOR_RADIUS_MM, base.RECESS_DEPTH_MM),
+    "GEO19": (base.CABLE_OFFSET_MM, base.CABLE_POCKET_RADIUS_MM, base.CABLE_HOLE_RADIUS_MM),
+    "GEO20": (*base.M4_POSITION_MM, 2 * base.M4_HEAD_RADIUS_MM),
+    "GEO25": (scaling.INTERLOCK_DEPTH_MM,),
+    "CAM06": dots.RING_COUNTS[:6],
+    "MAT01": (bought_mm("nut_m3", "across_flats"), bought_mm("nut_m3", "thickness")),
+    "MAT02": (SMOOTH.density_g_cm3,),
+    "MAT04": (SMOOTH.pot_life_min,),
+    "MAT05": (SMOOTH.cure_h,),
+    "MAT06": (float(SMOOTH.shore.rstrip("A")),),
+    "MAT08": (SMOOTH.modulus_100_mpa,),
+    "MAT09": (SMOOTH.elongation_percent,),
+    "MAT10": (SMOOTH.neo_hooke_c10_mpa,),
+    "LED01": (led_part("driver").value,),
+    "LED04": (led_part("r_set").value,),
+    "LED05": (led_part("led").value,),
+    "BND01": (coupons.WIDTH_MM, coupons.WIDTH_MM, coupons.TENSILE_BLOCK_MM),
+    "BND02": (coupons.INTERFERENCE_MM,),
+    "BND05": (coupons.WIDTH_MM, coupons.PEEL_MM, coupons.WIDTH_MM, coupons.UNBONDED_MM),
+}
 
 
 @pytest.mark.parametrize("name", sorted(CODE))

@@ -15,7 +15,8 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import EndcapConfig, LiveConfig, known_models, load_config
+from sensing.live.core.config import EndcapConfig, LiveConfig, known_models
+from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs

@@ -40,9 +40,9 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         run.stop_when(lambda: bool(numbers.failed))
         run.losses.append(lambda: numbers.loss)
     if options.ros:
-        from sensing.live.outputs.ros_topics import RosTopics
+        from sensing.live.outputs.ros.topics import RosTopics
 
-        topics = RosTopics(run.latest.names, health=run.engine.health)
+        topics = RosTopics([endcap.pipeline for endcap in run.engine.endcaps], health=run.engine.health)
         topics.start()
         run.engine.add_sink(topics)
         outputs.callback(lambda: topics.close(run.patience_s))

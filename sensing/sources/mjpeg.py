@@ -41,10 +41,15 @@ class MjpegSource:
     """
 
     def __init__(self, url: str, timeout_s: float = 5.0) -> None:
-        if urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).netloc:
-            raise ParameterError(f"url={url}: give an http address such as http://127.0.0.1:8080/stream", name="url")
         self.name, self._timeout_s = printable(url), timeout_s
-        self._open = _opener(url)
+        try:
+            if urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).netloc:
+                raise ValueError("no http")
+            self._open = _opener(url)
+        except ValueError:  # also half a bracket, as in http://[::1
+            raise ParameterError(
+                f"url={self.name}: give an http address such as http://127.0.0.1:8080/stream", name="url"
+            ) from None
 
     def __iter__(self) -> Iterator[Frame]:
         try:

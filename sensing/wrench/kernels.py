@@ -1,6 +1,8 @@
 """Compiled loops of :mod:`sensing.wrench.model` and :mod:`sensing.wrench.filter` for one field at a time.
 
 A field's wrench is a hundred small steps: in numpy their calls cost five times what they compute. N, N m, px, s.
+The network's authority is :mod:`sensing.learning.net`, which is trained; tests/sensing/wrench/test_onnx.py holds what
+is written here, and the ONNX graph, to it on random weights.
 """
 
 # mypy: ignore-errors
@@ -11,7 +13,7 @@ import math
 import numba
 import numpy as np
 
-from sensing.compiled import HELPER, SHORT
+from sensing.compiled import HELPER, KERNEL, SHORT
 
 EXACT = {"reassoc", "contract"}  # fastmath flags that leave a / b and exp(a) what they are: zero stays exactly zero
 _KERNEL, _HELPER = SHORT | {"fastmath": EXACT}, HELPER | {"fastmath": EXACT}
@@ -31,6 +33,24 @@ def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
     Returns:
         Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and of what it leaves (px).
     """
+    return _answer(x, cells, linear, principal, gram, mean, spread, scale, limits)
+
+
+@numba.njit(**KERNEL | {"fastmath": EXACT})
+def answer_many(inputs, cells, linear, principal, gram, mean, spread, scale, limits):
+    """Wrenches (N, 6) and covariances (N, 6, 6) for fields (N, D); the rest as of :func:`answer_one`.
+
+    Args:
+        inputs: (N, D) float64, finite. cells, linear, principal, gram, mean, spread, scale, limits: see there.
+    """
+    value, covariance = np.empty((len(inputs), 6)), np.empty((len(inputs), 6, 6))
+    for n in range(len(inputs)):
+        value[n], covariance[n], _, _ = _answer(inputs[n], cells, linear, principal, gram, mean, spread, scale, limits)
+    return value, covariance
+
+
+@numba.njit(**_HELPER)
+def _answer(x, cells, linear, principal, gram, mean, spread, scale, limits):
     count = len(principal)
     z, seen = np.zeros(count), np.zeros(count)
     for k in range(count):

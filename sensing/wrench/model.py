@@ -6,7 +6,7 @@
 
 Wrenches on the endcap about the sphere's centre, N and N m. A file holds tensors and, as JSON, the design's digest, how
 it was trained and how well it did. Weights of another design are refused. Nothing is unpickled, and torch is not
-needed: the network of :mod:`sensing.learning.net` is computed here with numpy, for one field by a compiled kernel.
+needed: compiled kernels compute the network of :mod:`sensing.learning.net`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,10 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.wrench.kernels import answer_one
-from sensing.wrench.weight_files import command_for, find_weights
+from sensing.wrench.kernels import answer_many, answer_one
+from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
 Array = NDArray[np.float64]
-FORMAT = "endcap-wrench-2"
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
 TWICE_N = 20.0  # E: force at which an error may be twice that of a light touch (goals: 0.1 N to 35 N, 1 % beyond)
@@ -39,8 +38,6 @@ LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
 MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
-_ROWS, _COLUMNS = np.tril_indices(6)
-_STEPS, _DIAGONAL = np.arange(6), np.flatnonzero(_ROWS == _COLUMNS)
 SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M hidden
     "linear": ("6", "D"), "principal": ("K", "D"), "units": ("6",), "calibration": ("6",),
     "mean.first.weight": ("M", "K"), "mean.first.bias": ("M",), "mean.second.weight": ("M", "M"),
@@ -143,22 +140,7 @@ class WrenchModel:
 
     def predict(self, inputs: Array) -> tuple[Array, Array]:
         """(N, 6) wrenches and (N, 6, 6) covariances from (N, 2 H W)."""
-        w = self._doubles
-        z = inputs @ w["principal"].T
-        h = z
-        for layer in ("mean.first", "mean.second"):
-            bias = w[f"{layer}.bias"]
-            h = _silu(h @ w[f"{layer}.weight"].T + bias) - _silu(bias)
-        value = inputs @ w["linear"].T + (h @ w["mean.last.weight"].T) * w["units"]
-        s = _silu(z @ w["spread.0.weight"].T + w["spread.0.bias"])
-        s = _silu(s @ w["spread.2.weight"].T + w["spread.2.bias"])
-        raw = s @ w["spread.4.weight"].T + w["spread.4.bias"]
-        root = np.zeros((len(inputs), 6, 6))
-        root[:, _ROWS, _COLUMNS] = MAX_MIX * np.tanh(raw / MAX_MIX)
-        root[:, _STEPS, _STEPS] = 1.0
-        spread = MIN_SPREAD + np.logaddexp(0.0, MAX_SPREAD * np.tanh(raw[:, _DIAGONAL] / MAX_SPREAD))
-        root *= (spread * w["calibration"] * w["units"])[:, :, None]
-        return value, root @ root.transpose(0, 2, 1)
+        return answer_many(np.array(inputs, dtype=np.float64, order="C", ndmin=2), *self._packed)
 
     def out_of_range(self, inputs: Array) -> NDArray[np.bool_]:
         """(N,) True where a field, or the contact that it means, is unlike those of training."""
@@ -304,7 +286,7 @@ def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array,
 
 
 def _built(path: Path) -> WrenchModel:
-    tensors, about = _read(path)
+    tensors, about = read_weights(path)
     try:
         made_for = EndcapParams(**about["design"])
         if made_for.digest != about["digest"]:
@@ -319,34 +301,6 @@ def _built(path: Path) -> WrenchModel:
         return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about, made_of)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise FileError(f"{path}: damaged weights ({' '.join(str(error).split())[:100]}): train again") from error
-
-
-def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(path, framework="numpy") as file:
-            extra = file.metadata() or {}
-            if extra.get("format") != FORMAT:
-                raise FileError(f"{path}: no weights of this toolkit (format {extra.get('format')}): give {FORMAT}")
-            return {name: file.get_tensor(name) for name in file.keys()}, json.loads(extra["about"])  # noqa: SIM118
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"{path}: cannot read the weights ({error}): check the path") from error
-    except (SafetensorError, ValueError, KeyError) as error:
-        if _is_checkpoint(path):
-            raise FileError(
-                f"{path}: a checkpoint of PyTorch, such as the authors' wrench_regression_model.pth, where weights of "
-                "sensing.train (.safetensors) are meant: python -m sensing.live takes it with --model paper"
-            ) from error
-        raise FileError(f"{path}: damaged weights ({error}): train again") from error
-
-
-def _is_checkpoint(path: Path) -> bool:
-    """Whether a file begins as torch.save begins one: an archive, or a pickle before torch 1.6."""
-    with path.open("rb") as stream:
-        return stream.read(4).startswith((b"PK\x03\x04", b"\x80\x02"))
 
 
 def _silu_slope(a: Array) -> Array:

@@ -1,16 +1,22 @@
-"""Where the weights of a design lie: those that ship, and those that `sensing.train --design` wrote for this user."""
+"""Files of weights: those that ship, those that `sensing.train --design` wrote for this user, and what is in one."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from pathlib import Path
+from typing import Any
 
+from numpy.typing import NDArray
+
+from cad.errors import FileError
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 
+FORMAT = "endcap-wrench-2"
 SHIPPED = Path(__file__).parents[1] / "weights"
 
 
@@ -52,3 +58,36 @@ def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """
     other = "" if silicone == DEFAULT_SILICONE else f" --silicone '{silicone}'"
     return f"python -m sensing.train --design {plain(params.diameter_mm)} {plain(params.wall_mm)}{other}"
+
+
+def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Tensors and what is known of them, of a file of this toolkit's format; nothing is unpickled.
+
+    Raises:
+        FileError: the file is missing, damaged, of another kind, or a checkpoint of PyTorch.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="numpy") as file:
+            extra = file.metadata() or {}
+            if extra.get("format") != FORMAT:
+                raise FileError(f"{path}: no weights of this toolkit (format {extra.get('format')}): give {FORMAT}")
+            return {name: file.get_tensor(name) for name in file.keys()}, json.loads(extra["about"])  # noqa: SIM118
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: cannot read the weights ({error}): check the path") from error
+    except (SafetensorError, ValueError, KeyError) as error:
+        if _is_checkpoint(path):
+            raise FileError(
+                f"{path}: a checkpoint of PyTorch, such as the authors' wrench_regression_model.pth, where weights of "
+                "sensing.train (.safetensors) are meant: python -m sensing.live takes it with --model paper"
+            ) from error
+        raise FileError(f"{path}: damaged weights ({error}): train again") from error
+
+
+def _is_checkpoint(path: Path) -> bool:
+    """Whether a file begins as torch.save begins one: an archive, or a pickle before torch 1.6."""
+    with path.open("rb") as stream:
+        return stream.read(4).startswith((b"PK\x03\x04", b"\x80\x02"))

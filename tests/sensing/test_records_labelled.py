@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import fcntl
+import hashlib
 import json
 import subprocess
 import sys
@@ -20,12 +21,17 @@ from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.export_dataset import export_dataset, main
 from sensing.learning.authors_dataset import read_authors_dataset
+from sensing.learning.lerobot_dataset import write_lerobot
 from sensing.records_labelled import COLUMNS, FORMAT, LabelledSet
+from sensing.simulator.dataset.card import write_card
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = {
     "format": FORMAT, "phases": ["approach", "load"], "request": {"diameter_mm": 130.0, "wall_mm": 8.0}
 }  # fmt: skip
+CARD_MANIFEST = MANIFEST | {
+    "request": MANIFEST["request"] | {"protocol": "static", "seed": 0, "silicone": "Smooth-Sil 950"}
+}
 SHIFT_PX = 4  # of the loaded pictures, at 480 rows: 200 / 480 of it in the field's unit
 
 
@@ -175,3 +181,50 @@ def test_a_set_that_is_not_whole_is_refused(folder: Path) -> None:
         shard.unlink()
     with pytest.raises(FileError, match="a set without shards"):
         LabelledSet(folder).require_whole()
+
+
+def test_the_lerobot_format_holds_every_frame(folder: Path, tmp_path: Path, capsys) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    out = tmp_path / "lerobot"
+    assert main(["--data", str(folder), "--out", str(out), "--format", "lerobot"]) == 0
+    info = json.loads((out / "meta" / "info.json").read_text())
+    assert (info["codebase_version"], info["total_episodes"], info["total_frames"]) == ("v3.0", 10, 20)
+    rows = parquet.read_table(out / "data" / "chunk-000" / "file-000.parquet").to_pylist()
+    assert set(rows[0]) == set(info["features"]) and [row["index"] for row in rows] == list(range(20))
+    assert rows[3]["observation.state"] == pytest.approx([9, 10, 11, 0.1, 0.2, 0.3])
+    assert rows[3]["observation.images.endcap"]["bytes"] == picture(SHIFT_PX)
+    assert [row["observation.contact"] for row in rows[:2]] == [False, True]
+    assert [(row["episode_index"], row["frame_index"]) for row in rows[:3]] == [(0, 0), (0, 1), (1, 0)]
+    episodes = parquet.read_table(out / "meta" / "episodes" / "chunk-000" / "file-000.parquet").to_pylist()
+    assert [(e["dataset_from_index"], e["dataset_to_index"]) for e in episodes[:2]] == [(0, 2), (2, 4)]
+    stats = json.loads((out / "meta" / "stats.json").read_text())
+    forces = np.array([row["observation.state"] for row in rows])
+    assert stats["observation.state"]["mean"] == pytest.approx(forces.mean(axis=0).tolist(), rel=1e-5)
+    assert 0.3 < stats["observation.images.endcap"]["mean"][0][0][0] < 0.7
+
+
+def test_lerobot_itself_loads_the_export(folder: Path, tmp_path: Path) -> None:
+    lerobot = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    out = tmp_path / "lerobot"
+    write_lerobot(LabelledSet(folder), out)
+    loaded = lerobot.LeRobotDataset("endcap", root=out)
+    assert len(loaded) == 20 and loaded.num_episodes == 10
+    item = loaded[3]
+    assert item["observation.state"].tolist() == pytest.approx([9, 10, 11, 0.1, 0.2, 0.3])
+    assert item["task"] == "press the endcap: path" and tuple(item["observation.images.endcap"].shape) == (3, 480, 640)
+    half = lerobot.LeRobotDataset("endcap", root=out, episodes=[2, 3])
+    assert len(half) == 4
+
+
+def test_the_card_names_every_file_with_its_digest(folder: Path) -> None:
+    (folder / "manifest.json").write_text(json.dumps(CARD_MANIFEST))
+    write_card(folder)
+    card = json.loads((folder / "croissant.json").read_text())
+    files = {entry["contentUrl"]: entry["sha256"] for entry in card["distribution"]}
+    assert set(files) == {"manifest.json", "shards/00000.npz", "shards/00001.npz"}
+    for name, digest in files.items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+    assert [entry["name"] for entry in card["variableMeasured"]] == list(COLUMNS)
+    croissant = pytest.importorskip("mlcroissant")
+    issues = croissant.Dataset(str(folder / "croissant.json")).metadata.issues
+    assert not issues.errors

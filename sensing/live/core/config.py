@@ -27,35 +27,26 @@ Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such 
 
 from __future__ import annotations
 
-import json
 import re
-import tomllib
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cad import plugins
-from cad.errors import FileError, ParameterError, printable
+from cad.errors import ParameterError
 from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
-from cad.whole_file import replace_file
 from sensing.frames import Array, rigid
 from sensing.tracking.methods import METHODS, known_methods
-from sensing.wrench.relaxation import MOST_TERMS, Term
+from sensing.wrench.relaxation import Term
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
 GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
-TEXTS = (
-    "name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens", "gain_date",
-    "gain_weights",
-)  # fmt: skip
 OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
-MOST_BYTES = 1 << 20  # of endcaps.toml
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
@@ -227,30 +218,6 @@ class LiveConfig:
             raise ParameterError(f"weight_n={self.weight_n:g} outside 0..1e5 N", name="weight_n", value=self.weight_n)
 
 
-def load_config(path: Path) -> LiveConfig:
-    """Read ``endcaps.toml``.
-
-    Raises:
-        FileError: missing, no TOML, an unknown or missing key. ParameterError: a bad value.
-    """
-    try:
-        with path.open("rb") as stream:
-            text = stream.read(MOST_BYTES + 1)
-        if len(text) > MOST_BYTES:
-            raise ValueError(f"more than {MOST_BYTES} bytes")
-        reported = tomllib.loads(text.decode("utf-8"))
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
-    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting
-        said = printable(str(error))[:200]
-        raise FileError(f"{path}: no TOML ({said}): fix it or write it anew with python -m sensing.setup") from None
-    endcaps = reported.pop("endcap", [])
-    if not isinstance(endcaps, list) or not all(isinstance(endcap, dict) for endcap in endcaps):
-        raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
-    made = tuple(EndcapConfig(**(OF_BEFORE | _checked(path, EndcapConfig, endcap))) for endcap in endcaps)
-    return LiveConfig(made, **_checked(path, LiveConfig, reported))
-
-
 def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:
     """The endcap of that name; without a name the only one.
 
@@ -264,85 +231,3 @@ def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:
         known = ", ".join(names)
         raise ParameterError(f"--endcap {name or 'missing'}: choose one of {known}", name="endcap", value=name)
     return config.endcaps[names.index(name)]
-
-
-def save_config(config: LiveConfig, path: Path) -> None:
-    """Write ``endcaps.toml`` under a temporary name, then rename.
-
-    Raises:
-        FileError: the place cannot be written.
-    """
-    lines = ["# Written by python -m sensing.setup; read by python -m sensing.live --config FILE.", ""]
-    lines += _lines(config, ("endcaps",), path.parent)
-    for endcap in config.endcaps:
-        lines += ["", "[[endcap]]", *_lines(endcap, (), path.parent)]
-    replace_file(path, ("\n".join(lines) + "\n").encode())
-
-
-def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:
-    found = []
-    for entry in fields(record):
-        value = getattr(record, entry.name)
-        if entry.name in without or value is None:
-            continue
-        if isinstance(value, Path):
-            value = str(value.relative_to(folder)) if value.is_relative_to(folder) else str(value.resolve())
-        elif isinstance(value, np.ndarray):
-            value = value.tolist()
-        found.append(f"{entry.name} = {json.dumps(value, ensure_ascii=False)}")
-    return found
-
-
-def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]:
-    """The table's values in the types of a record's fields.
-
-    Raises:
-        FileError: a key that is unknown, missing or of another type.
-    """
-    known = {entry.name for entry in fields(kind)} - {"endcaps"}
-    unknown = sorted(set(reported) - known)
-    if unknown:
-        raise FileError(f"{path}: unknown key {', '.join(unknown)}: known are {', '.join(sorted(known))}")
-    if kind is EndcapConfig and not {"name", "source"} <= set(reported):
-        raise FileError(f"{path}: a [[endcap]] without name or source: give both")
-    values: dict[str, Any] = {}
-    for key, value in reported.items():
-        if key in TEXTS:
-            good = isinstance(value, str)
-        elif key == "T_robot_endcap":
-            good = _is_matrix(value)
-        elif key == "relaxation":
-            good = isinstance(value, list) and len(value) <= MOST_TERMS and all(_is_row(term, 3) for term in value)
-        else:
-            good = _is_number(value)
-        if not good:
-            raise FileError(
-                f"{path}: {key} = {_short(value)} is of the wrong type or size: see the example in docs/live.md"
-            )
-        if key in ("zero", "camera", "weights"):
-            value = path.parent / value if value else None
-        elif key == "method":
-            value = value or None
-        values[key] = value
-    return values
-
-
-def _is_matrix(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 4 and all(_is_row(row, 4) for row in value)
-
-
-def _is_row(value: Any, length: int) -> bool:
-    return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
-
-
-def _is_number(value: Any) -> bool:
-    """Of a size that a float can have."""
-    return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 64)
-
-
-def _short(value: Any) -> str:
-    try:
-        text = repr(value)
-    except (ValueError, RecursionError):  # thousands of digits
-        text = type(value).__name__
-    return printable(text if len(text) < 60 else text[:57] + "...")

@@ -11,7 +11,7 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.whole_file import replace_file
-from sensing.live.core.config import load_config
+from sensing.live.core.endcaps_file import load_config
 
 _TABLE = re.compile(r"\s*\[")
 _ENDCAP = re.compile(r"\s*\[\[\s*endcap\s*\]\]")

@@ -11,10 +11,12 @@ Times in s of the frames' own clock, stages in ms.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from cad.errors import EndcapError
 from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.measurement import Measurement
@@ -79,6 +81,12 @@ class EndcapPipeline:
         """The reference in use."""
         return None if self._used is None else self._used.zero
 
+    def camera(self, width_px: int, height_px: int) -> MountedCamera:
+        """The camera that is assumed, for pictures of a size: the calibrated one, or that of the design."""
+        if self._camera is None:
+            return nominal_mount(self.endcap.params, width_px, height_px)
+        return replace(self._camera, camera=self._camera.camera.resized(width_px, height_px))
+
     @property
     def note(self) -> str:
         """Answer to the last request, or what was unusual lately; after some seconds what is wrong with the camera."""
@@ -112,6 +120,7 @@ class EndcapPipeline:
         if not confirmed and contact is not None and contact.known and contact.touching:
             self._taker.pressed = True
             return self._say(f"not zeroed: touched with {contact.force_n:.1f} N; let it go and zero again, or confirm")
+        self._say("")  # the next note is the answer
         self._taker.ask(confirmed)
         return ""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,20 +19,31 @@ IMAGE, FLOAT64, BOOL = "sensor_msgs/msg/CompressedImage", "std_msgs/msg/Float64"
 WRENCH, ARRAY = "geometry_msgs/msg/WrenchStamped", "std_msgs/msg/Float32MultiArray"
 STRING = "std_msgs/msg/String"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+PACKAGES = Path(__file__).resolve().parent / "ros" / "packages"  # sources of the ROS packages
+ENDCAP_WRENCH = "endcap_msgs/msg/EndcapWrench"
 
 
 @lru_cache(maxsize=1)
 def typestore() -> Any:
-    """The message types; loaded when first needed."""
-    from rosbags.typesys import Stores, get_typestore
+    """The message types, with our own; loaded when first needed."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    return get_typestore(Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    text = (PACKAGES / "endcap_msgs" / "msg" / "EndcapWrench.msg").read_text(encoding="utf-8")
+    store.register(get_types_from_msg(text, ENDCAP_WRENCH))
+    return store
 
 
 @lru_cache(maxsize=64)
 def definition(name: str) -> str:
     """Text of a message type with all that it contains, as MCAP schemas of encoding ros2msg have it."""
     return str(typestore().generate_msgdef(name, ros_version=2)[0])
+
+
+@lru_cache(maxsize=64)
+def type_hash(name: str) -> str:
+    """Hash of a message type (RIHS01), by which ROS 2 from Iron on knows two definitions of one name."""
+    return str(typestore().hash_rihs01(name))
 
 
 def encode(name: str, message: Any) -> bytes:
@@ -57,11 +69,15 @@ def wrench_stamped(wrench: Wrench, stamp_ns: int, frame_id: str) -> bytes:
     Args:
         wrench: N and N m. stamp_ns: wall time. frame_id: name of the endcap.
     """
+    return encode(WRENCH, typestore().types[WRENCH](header=header(stamp_ns, frame_id), wrench=wrench_message(wrench)))
+
+
+def wrench_message(wrench: Wrench) -> Any:
+    """geometry_msgs/Wrench."""
     types = typestore().types
     vector = types["geometry_msgs/msg/Vector3"]
     force, torque = (vector(*(float(x) for x in part)) for part in (wrench.force_n, wrench.torque_nm))
-    content = types["geometry_msgs/msg/Wrench"](force=force, torque=torque)
-    return encode(WRENCH, types[WRENCH](header=header(stamp_ns, frame_id), wrench=content))
+    return types["geometry_msgs/msg/Wrench"](force=force, torque=torque)
 
 
 def compressed_image(data: bytes, form: str, stamp_ns: int, frame_id: str) -> bytes:

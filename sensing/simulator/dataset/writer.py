@@ -27,6 +27,8 @@ from cad.messages import LOG, transient
 from cad.whole_file import put_file
 from sensing.records_labelled import FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
+from sensing.simulator.dataset.card import NAME as CARD
+from sensing.simulator.dataset.card import write_card
 from sensing.simulator.dataset.frames import SIMULATED, rest_arrays, shard_bytes
 from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.stored import require_same_states
@@ -70,6 +72,7 @@ def write_dataset(
             for count, (number, data) in enumerate(made, 1):
                 put_file(shard_path(folder, number), data, durable=True)
                 _progress(count, len(missing), begin)
+            write_card(folder)
     except BrokenProcessPool as error:
         raise FileError(
             f"{folder}: a worker was killed (out of memory?): the shards there stay readable; run the same command "
@@ -162,6 +165,7 @@ def _begin(request: DataRequest, folder: Path) -> None:
         if manifest.get("columns", {}).keys() != SIMULATED.keys():
             raise FileError(f"{folder}: holds a set of other columns, of an earlier version: choose an empty folder")
         require_same(folder, "holds a set", identity_of(folder, manifest), request.identity, "choose an empty folder")
+    (folder / CARD).unlink(missing_ok=True)  # written anew when the set is whole
     for litter in folder.rglob("*.part"):
         litter.unlink()
     np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(request)))

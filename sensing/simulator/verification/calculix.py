@@ -125,6 +125,13 @@ def _deck(press: Press, inner: Index, depth_mm: float, shift_mm: float, incremen
         lines += ["*FRICTION", f"{press.friction:.12g}, {surface.tangential_mpa_mm:.12g}"]
     lines += ["*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE", "DOME, TOOL"]
     lines += ["*BOUNDARY", "CLAMP, 1, 3", "MIRROR, 2, 2"]
+    lines += _steps(press, depth_mm, shift_mm, increments)
+    return "\n".join(lines) + "\n"
+
+
+def _steps(press: Press, depth_mm: float, shift_mm: float, increments: int) -> list[str]:
+    """The press straight in, then sideways."""
+    lines: list[str] = []
     for shift in (0.0, shift_mm):
         move = translation(press.frame, depth_mm, (shift, 0.0))
         lines += [
@@ -136,7 +143,7 @@ def _deck(press: Press, inner: Index, depth_mm: float, shift_mm: float, incremen
         lines += [f"PLANE, {i + 1}, {i + 1}, {move[i]:.12g}" for i in range(3)]
         lines += ["*NODE PRINT, NSET=INNER, FREQUENCY=1000", "U"]
         lines += ["*NODE PRINT, NSET=CLAMP, TOTALS=ONLY, FREQUENCY=1000", "RF", "*END STEP"]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _block(press: Press) -> Array:

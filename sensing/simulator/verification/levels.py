@@ -15,6 +15,7 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.state import State
 from sensing.simulator.reduced import library_fit
 from sensing.simulator.reduced.library import Library
 from sensing.simulator.solid.element import Array
@@ -63,22 +64,12 @@ def level_2_section() -> str:
         press = Press(model, Indenter(30.0), 0.5)
         path = press_path() if half else circle_path()
         sampler = surface_sampler(model, dot_directions(geometry))
-        begin = time.process_time()
-        state, exact = press.start(), []
-        for target in path:
-            state = press.advance(state, target)
-            exact.append(state)
-        slow = (time.process_time() - begin) / len(path)
+        exact, slow = _walk(press, path)
         for tolerance in (1e-2, 1e-3, 1e-4):
             fast = FrozenPress(press, tolerance)
             for _round in range(2):  # the second round has its tangents
                 fast.fast_steps = fast.fallbacks = 0
-                begin = time.process_time()
-                state, found = fast.start(), []
-                for target in path:
-                    state = fast.advance(state, target)
-                    found.append(state)
-            quick = (time.process_time() - begin) / len(path)
+                found, quick = _walk(fast, path)
             errors = [
                 rms(sampler.sample(a.displacement - b.displacement)) / rms(sampler.sample(b.displacement))
                 for a, b in zip(found, exact, strict=True)
@@ -96,6 +87,16 @@ def level_2_section() -> str:
         ("mesh", "path", "tolerance", "mean marker error", "largest", "level 1 states/s", "level 2 states/s", "ratio",
          "fall-backs"), rows,
     )  # fmt: skip
+
+
+def _walk(press: Press | FrozenPress, path: Sequence[Target]) -> tuple[list[State], float]:
+    """States along a path, and seconds of processor time for each."""
+    begin = time.process_time()
+    state, found = press.start(), []
+    for target in path:
+        state = press.advance(state, target)
+        found.append(state)
+    return found, (time.process_time() - begin) / len(path)
 
 
 def level_4_section() -> str:

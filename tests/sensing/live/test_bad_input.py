@@ -15,7 +15,7 @@ from live_stand_in import PATIENCE_S, film, frames, stand_in
 
 from cad.errors import FileError, ParameterError, printable
 from sensing.live.cli import main
-from sensing.live.core.config import load_config
+from sensing.live.core.endcaps_file import load_config
 from sensing.npz import read_npz
 from sensing.tracking.zero import load_zero, save_zero, single_zero
 

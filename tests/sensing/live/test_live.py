@@ -12,7 +12,8 @@ from live_stand_in import PATIENCE_S, LinearModel, dots, endless, film, frames, 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig, LiveConfig, load_config, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.model import live_model, load_model

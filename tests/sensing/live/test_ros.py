@@ -1,3 +1,5 @@
+"""ROS 2 topics, transforms and the service over DDS, read by a second process; types and bytes against others'."""
+
 import json
 import os
 import subprocess
@@ -7,72 +9,88 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, film, frames, pipeline
+from live_stand_in import PATIENCE_S, a_reading, film, frames, pipeline
 
 from cad.errors import ParameterError
+from sensing.camera.mount import rotation_matrix
 from sensing.live.outputs import ros_types as ros
 
 cyclonedds = pytest.importorskip("cyclonedds")
-from sensing.live.outputs import dds_types as dds  # noqa: E402
-from sensing.live.outputs.ros_topics import RosTopics, topic_types  # noqa: E402
+from sensing.live.outputs.ros import dds, messages  # noqa: E402
+from sensing.live.outputs.ros.environment import dds_configuration, domain_id  # noqa: E402
+from sensing.live.outputs.ros.topics import TOPICS, RosTopics, transforms_of  # noqa: E402
 
-LOOPBACK = (
-    "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo' multicast='false'/></Interfaces>"
-    "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
-    "<Peers><Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>"
-)
+ROOT = Path(__file__).resolve().parents[3]
 SUBSCRIBER = """
 import json, sys, time
-import cyclonedds.idl.types as t
 from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
-from sensing.live.outputs.ros_topics import topic_qos, topic_types
-participant, qos = DomainParticipant(int(sys.argv[1])), topic_qos()
-readers = {
-    name: DataReader(participant, Topic(participant, f"rt/endcap_0/{name}", kind, qos=qos), qos=qos)
-    for name, kind in topic_types().items()
-}
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import dds, messages
+from sensing.live.outputs.ros.topics import TOPICS
+from sensing.live.outputs.ros.topics import _participant
+participant, owner = _participant(int(sys.argv[1]))
+messages.register_trigger()
+def reader(topic, kind, **more):
+    qos = dds.quality(**more)
+    return DataReader(participant, Topic(participant, topic, dds.idl_type(kind), qos=qos), qos=qos)
+readers = {name: reader(f"rt/endcap_0/{name}", kind) for name, kind in TOPICS.items()}
+replies = reader("rr/endcap_0/zeroReply", messages.TRIGGER_REPLY)
+kind, qos = dds.idl_type(messages.TRIGGER_REQUEST), dds.quality()
+requests = DataWriter(participant, Topic(participant, "rq/endcap_0/zeroRequest", kind, qos=qos), qos=qos)
 print("ready", flush=True)
-got = {}
-end = time.monotonic() + float(sys.argv[2])
-while len(got) < len(readers) and time.monotonic() < end:
-    for name, reader in readers.items():
-        for sample in reader.take(10):
+end, got, hashes, asked = time.monotonic() + float(sys.argv[2]), {}, {}, False
+while (len(got) < len(readers) + 1 or len(hashes) < len(readers)) and time.monotonic() < end:
+    for name, each in readers.items():
+        for sample in each.take(10):
             got[name] = sample
+        for handle in each.get_matched_publications():
+            found = each.get_matched_publication_data(handle)
+            if found is not None:
+                hashes[name] = [bytes(p.data).decode() for p in found.qos if type(p).__name__.endswith("Userdata")]
+    if got and requests.get_matched_subscriptions() and replies.get_matched_publications() and not asked:
+        asked = kind(guid=77, seq=5, structure_needs_at_least_one_member=0)
+        asked.cdr = ros.encode(messages.TRIGGER_REQUEST, ros.typestore().types[messages.TRIGGER_REQUEST](77, 5, 0))
+        requests.write(asked)
+    for sample in replies.take(1):
+        got["zero"] = sample
     time.sleep(0.01)
-wrench = got["wrench/wrench_pred"]
+transforms = reader("rt/tf_static", messages.TRANSFORMS, latched=True)  # late: it must still get them
+while not (late := transforms.take(1)) and time.monotonic() < end:
+    time.sleep(0.01)
+full, info, zero = got["wrench/with_covariance"], got["camera_info"], got["zero"]
+plain = got["wrench/wrench_pred"]
 print(json.dumps({
-    "frame": wrench.header.frame_id, "sec": wrench.header.stamp.sec,
-    "force": [wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z],
-    "torque": [wrench.wrench.torque.x, wrench.wrench.torque.y, wrench.wrench.torque.z],
+    "frame": plain.header.frame_id, "sec": plain.header.stamp.sec, "hashes": hashes,
+    "force": [plain.wrench.force.x, plain.wrench.force.y, plain.wrench.force.z],
+    "torque": [plain.wrench.torque.x, plain.wrench.torque.y, plain.wrench.torque.z],
     "norm": got["wrench/force_norm"].data, "contact": bool(got["contact"].data),
-    "cells": len(got["array/shear_vector"].data),
-    "sizes": [d.size for d in got["array/shear_vector"].layout.dim],
+    "cells": len(got["array/shear_vector"].data), "sizes": [d.size for d in got["array/shear_vector"].layout.dim],
+    "covariance": list(full.covariance), "valid": bool(full.valid), "state": full.state, "touching": full.contact,
+    "jpeg": len(got["image/compressed"].data), "k": list(info.k), "d": list(info.d), "model": info.distortion_model,
+    "size": [info.width, info.height], "camera_frame": info.header.frame_id,
+    "zero": [zero.guid, zero.seq, bool(zero.success), zero.message],
+    "transforms": [[t.header.frame_id, t.child_frame_id, t.transform.translation.z] for t in late[0].transforms],
 }), flush=True)
 """
 
 
-def a_reading():
-    pipe, found = pipeline(), None
-    for frame in frames(film([0, 0, 1.0, 1.0])):
-        found = pipe.update(frame, time.monotonic())
-    return found
-
-
-def test_a_second_process_sees_the_topics(monkeypatch):
-    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
-    domain = 100 + os.getpid() % 100  # beside other runs on this computer
-    root = Path(__file__).resolve().parents[3]
+def test_a_second_process_sees_topics_transforms_and_the_service(monkeypatch):
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    domain = 1 + os.getpid() % 100  # beside other runs on this computer
     other = subprocess.Popen(
         [sys.executable, "-c", SUBSCRIBER, str(domain), str(PATIENCE_S)],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(root)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     assert other.stdout.readline() == "ready\n"
+    pipe, reading = a_reading()
     begin_s = time.time()
-    topics, reading = RosTopics(("endcap_0",), domain), a_reading()
+    topics = RosTopics([pipe], domain)
     topics.start()
     end = time.monotonic() + PATIENCE_S
     while other.poll() is None and time.monotonic() < end:
@@ -80,29 +98,108 @@ def test_a_second_process_sees_the_topics(monkeypatch):
         time.sleep(0.05)
     topics.close(PATIENCE_S)
     assert topics.failed == ""
-    reported = json.loads(other.stdout.read())
-    assert (
-        reported["force"] == reading.wrench.force_n.tolist() and reported["torque"] == reading.wrench.torque_nm.tolist()
-    )
-    assert reported["norm"] == pytest.approx(np.linalg.norm(reading.wrench.force_n)) and reported["contact"] is True
-    assert reported["frame"] == "endcap_0" and begin_s - 1 <= reported["sec"] <= time.time()
-    assert reported["cells"] == 512 and reported["sizes"] == [2, 16, 16]
+    seen = json.loads(other.stdout.read())
+    assert seen["force"] == reading.wrench.force_n.tolist() and seen["torque"] == reading.wrench.torque_nm.tolist()
+    assert seen["norm"] == pytest.approx(np.linalg.norm(reading.wrench.force_n)) and seen["contact"] is True
+    assert seen["frame"] == "endcap_0" and begin_s - 1 <= seen["sec"] <= time.time()
+    assert seen["cells"] == 512 and seen["sizes"] == [2, 16, 16]
+    assert seen["covariance"] == reading.wrench.covariance.ravel().tolist() and seen["valid"] is True
+    assert seen["state"] == "running" and seen["touching"] == messages.CONTACT_TOUCHING
+    assert seen["jpeg"] == len(reading.frame.jpeg)
+    camera = pipe.camera(640, 480).camera
+    assert seen["k"][0] == camera.fx_px and seen["k"][2] == camera.cx_px and seen["d"] == list(camera.k)
+    assert (seen["model"], seen["size"], seen["camera_frame"]) == ("equidistant", [640, 480], "endcap_0_camera")
+    guid, number, success, message = seen["zero"]
+    assert (guid, number, success) == (77, 5, False) and "touched with" in message
+    assert seen["hashes"] == {name: [f"typehash={ros.type_hash(kind)};"] for name, kind in TOPICS.items()}
+    place = pipe.camera(640, 480).pupil_endcap_mm[2] / 1e3
+    assert seen["transforms"] == [["endcap_0", "endcap_0_camera", pytest.approx(place)]]
 
 
-def test_types_and_bytes_are_those_of_ros():
-    reading = a_reading()
-    stamp = 1_700_000_000_123_456_789
-    header = dds.Header(dds.Time(stamp // 10**9, stamp % 10**9), "endcap_0")
-    force, torque = (dds.Vector3(*part.tolist()) for part in (reading.wrench.force_n, reading.wrench.torque_nm))
-    ours = dds.WrenchStamped(header, dds.WrenchBody(force, torque)).serialize()
-    assert ours == ros.wrench_stamped(reading.wrench, stamp, "endcap_0")  # rosbags is an implementation of its own
-    names = {name: kind.__idl__.idl_transformed_typename for name, kind in topic_types().items()}
-    assert names["wrench/wrench_pred"] == "geometry_msgs::msg::dds_::WrenchStamped_"
-    assert names["array/shear_vector"] == "std_msgs::msg::dds_::Float32MultiArray_"
+def test_bytes_of_every_topic_are_those_of_another_implementation():
+    pipe, reading = a_reading()
+    topics = RosTopics([pipe], 0)
+    topics._looked_at["endcap_0"] = True
+    found = dict(topics._encoded(reading, 1_700_000_000_123_456_789))
+    found["tf"] = messages.transforms(transforms_of([pipe]), 0)
+    assert set(found) == {*TOPICS, "tf"}
+    for name, cdr in found.items():  # rosbags wrote them, Cyclone DDS reads and writes them
+        kind = dds.idl_type(TOPICS.get(name, messages.TRANSFORMS))
+        assert kind.__idl__.serialize(kind.deserialize(cdr)).rstrip(b"\0") == cdr.rstrip(b"\0"), name
 
 
-@pytest.mark.parametrize("reported", ["233", "-1", "one"])
-def test_a_domain_that_is_none_is_refused(monkeypatch, reported):
-    monkeypatch.setenv("ROS_DOMAIN_ID", reported)
+def test_types_have_the_names_and_hashes_of_ros():
+    assert dds.idl_type(ros.WRENCH).__idl__.idl_transformed_typename == "geometry_msgs::msg::dds_::WrenchStamped_"
+    assert ros.type_hash(ros.WRENCH) == "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"
+    assert ros.type_hash(ros.STRING) == "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+
+
+def test_a_zero_is_answered_when_it_is_taken(monkeypatch):
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    pipe = pipeline()
+    rest = frames(film([0] * 60))
+    for frame in rest[:4]:
+        pipe.update(frame, time.monotonic())
+    topics, said = RosTopics([pipe], 0), []
+    end = topics._services._ends[0]
+
+    waiting = [dds.idl_type(messages.TRIGGER_REQUEST)(guid=1, seq=2, structure_needs_at_least_one_member=0)]
+
+    class Requests:
+        def take(self, count):
+            return [waiting.pop()] if waiting else []
+
+    class Replies:
+        def write(self, message):
+            said.append(ros.decode(messages.TRIGGER_REPLY, message.cdr))
+
+    topics._services._ends = [type(end)(pipe, Requests(), Replies())]
+    before = pipe.zero
+    topics._services._look()
+    assert said == []
+    for frame in rest[4:]:
+        pipe.update(frame, time.monotonic())
+        pipe._taker.close(PATIENCE_S)  # the reference is made in a thread of its own
+        pipe._taker._stopped = False
+    topics._services._look()
+    assert pipe.zero is not before and [(a.guid, a.seq, a.success) for a in said] == [(1, 2, True)]
+
+
+def test_quaternions_are_those_of_the_rotations():
+    rng = np.random.default_rng(5)
+    turns = [
+        *rng.normal(size=(50, 3)),
+        *(np.pi * np.eye(3)),
+        np.zeros(3),
+        [0.0, np.pi / np.sqrt(2), np.pi / np.sqrt(2)],
+    ]
+    for turn in turns:
+        x, y, z, w = messages.unit_quaternion(R := rotation_matrix(turn))
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        assert np.allclose(np.eye(3) + 2 * w * cross + 2 * cross @ cross, R, atol=1e-12) and w >= 0
+
+
+@pytest.mark.parametrize(("said", "number"), [("", 0), ("7", 7), ("0x10", 16), ("010", 8), ("232", 232), (None, 0)])
+def test_the_domain_is_read_as_ros_reads_it(said, number):
+    assert domain_id(None, {} if said is None else {"ROS_DOMAIN_ID": said}) == number
+
+
+@pytest.mark.parametrize("said", ["233", "-1", "one", "08", "²"])
+def test_a_domain_that_is_none_is_refused(monkeypatch, said):
+    monkeypatch.setenv("ROS_DOMAIN_ID", said)
     with pytest.raises(ParameterError, match=r"0\.\.232"):
-        RosTopics(("endcap_0",))
+        RosTopics([pipeline()])
+
+
+def test_the_network_is_that_of_the_environment():
+    assert dds_configuration({}) is None and dds_configuration({"ROS_LOCALHOST_ONLY": "0"}) is None
+    alone = dds_configuration({"ROS_LOCALHOST_ONLY": "1", "ROS_STATIC_PEERS": "10.0.0.7"})
+    assert 'address="127.0.0.1"' in alone and '"localhost"' in alone and "10.0.0.7" not in alone
+    assert dds_configuration({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}) == dds_configuration(
+        {"ROS_LOCALHOST_ONLY": "1"}
+    )
+    peers = dds_configuration({"ROS_STATIC_PEERS": "10.0.0.7;robot", "CYCLONEDDS_URI": "file:///a.xml"})
+    assert '"10.0.0.7"' in peers and '"robot"' in peers and peers.endswith(",file:///a.xml")
+    assert "Peers" not in dds_configuration({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", "ROS_STATIC_PEERS": "a"})
+    with pytest.raises(ParameterError, match="LOCALHOST, SUBNET"):
+        dds_configuration({"ROS_AUTOMATIC_DISCOVERY_RANGE": "MOON"})

@@ -11,21 +11,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, SHAPE, LinearModel, endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
-from sensing.live.core.gate import DISTURBED, UNCONFIRMED, torn_row
-from sensing.live.core.reading import EndcapReading, plain
-from sensing.live.core.reference import PressedError, ReferenceTaker, misplaced_px
+from sensing.live.core.gate import DISTURBED, UNCONFIRMED
+from sensing.live.core.reading import plain
 from sensing.live.core.state import LEVEL, TRANSITIONS, VALID, Event, Machine, State, next_state
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.json_lines import JsonLines
 from sensing.live.outputs.terminal import endcap_line
 from sensing.live.replay import verify
 from sensing.live.run import LiveRun
-from sensing.records import DotTracks, Frame
+from sensing.records import Frame
 
 ROOT = Path(__file__).resolve().parents[3]
 SIZE = (640, 480)
@@ -229,29 +228,6 @@ def test_a_tear_that_leaves_every_dot_whole_is_flagged_for_as_long_as_it_lasts(p
     assert all(r.event is Event.GOOD for r in found[4:])  # nor is any press
 
 
-def test_a_tear_is_a_step_sideways_at_one_row():
-    rng = np.random.default_rng(3)
-    places = rng.uniform([60, 20], [580, 460], (80, 2))
-    below = places[:, 1] > 240
-    row = places[below, 1].min()
-
-    def torn(moved: np.ndarray) -> float:
-        noisy = places + moved + rng.normal(0, 0.05, places.shape)
-        lost = np.zeros(80, bool)
-        return torn_row(DotTracks(0.0, np.arange(80), places, noisy, np.ones(80), lost, SIZE))
-
-    for step in (-40.0, -1.5, 2.0, 12.0):
-        assert torn(np.outer(below, [step, 0.0])) == pytest.approx(row, abs=15), step
-    for other in ([0.0, 3.0], [2.0, 2.0]):  # up and down, or slanted
-        assert torn(np.outer(below, other)) == 0.0
-    assert torn(np.full((80, 2), 3.0)) == 0.0 and torn(np.zeros((80, 2))) == 0.0  # the camera moved; nothing did
-    away = np.linalg.norm(places - [330, 230], axis=1)
-    bump = np.exp(-((away / 90) ** 2))
-    assert torn(np.outer(bump, [9.0, 0.0])) == 0.0
-    shear = np.clip((places[:, 1] - 100) / 280, 0, 1)  # as a push along the picture
-    assert torn(np.outer(shear, [6.0, 0.0])) == 0.0
-
-
 def test_png_and_cut_pictures_are_named_and_no_camera_hangs(press):
     png = cv2.imencode(".png", np.zeros((480, 640, 3), np.uint8))[1].tobytes()
     for bad, word in ((png, "PNG"), (press[0][:9000], "damaged"), (b"<html>", "no picture")):
@@ -304,97 +280,6 @@ def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
     checked = verify(tmp_path / "a.mcap", config, models=lambda endcap: stand_in())
     frames_checked, different = (checked.frames, checked.different) if hasattr(checked, "frames") else checked[:2]
     assert frames_checked == len(jpegs) and different == 0
-
-
-# --- references ------------------------------------------------------------------------------------------------
-def zeroed(press: list[bytes]):
-    pipe, clock = pipeline(zero_frames=10), itertools.count()
-
-    def feed(jpeg: bytes, count: int = 1) -> EndcapReading | None:
-        for _ in range(count):
-            number = next(clock)
-            picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1)
-            picture[-4:, : 1 + number % 600] ^= 8
-            reading = pipe.update(Frame(100 + number / 30, number, "test", jpeg=encoded(picture), size=SIZE))
-        return reading
-
-    feed(press[0], 10)
-    wait_for(lambda: pipe._taker._made is not None)
-    return pipe, feed
-
-
-def settle(pipe, feed, jpeg: bytes) -> EndcapReading:
-    """Frames until a reference that was asked for is made or refused."""
-    feed(jpeg, 10)
-    wait_for(lambda: pipe._taker._made is not None)
-    return feed(jpeg)
-
-
-def test_zero_under_load_is_refused_until_confirmed_and_can_be_undone(press):
-    pipe, feed = zeroed(press)
-    pressed = feed(press[14], 3)
-    first, force_n = pipe.zero, np.linalg.norm(pressed.wrench.force_n)
-    assert force_n > 5 and pressed.contact.touching
-    assert "touched" in pipe.request_zero() and pipe.confirmable and "touched" in pipe.note
-    assert np.linalg.norm(feed(press[14], 12).wrench.force_n) == pytest.approx(force_n, rel=0.05)
-    assert pipe.zero is first
-    assert pipe.request_zero(confirmed=True) == ""
-    taken = settle(pipe, feed, press[14])
-    assert pipe.zero is not first and np.linalg.norm(taken.wrench.force_n) < 0.2 and pipe.zero.date
-    assert np.linalg.norm(feed(press[0], 4).wrench.force_n) > 4  # what the user would have had unasked
-    assert pipe.request_undo() == ""
-    assert np.linalg.norm(feed(press[0], 4).wrench.force_n) < 0.2 and pipe.zero.digest == first.digest
-    assert "no earlier" in pipe.request_undo()
-
-
-def test_a_press_that_begins_after_the_button_is_found_in_the_new_reference(press):
-    pipe, feed = zeroed(press)
-    feed(press[0], 3)
-    first = pipe.zero
-    assert pipe.request_zero() == ""
-    settle(pipe, feed, press[13])
-    assert pipe.zero is first and re.search(r"press of \d", pipe.note) and pipe.confirmable
-    assert pipe.request_zero(confirmed=True) == ""
-    settle(pipe, feed, press[13])
-    assert pipe.zero is not first
-
-
-def test_a_new_reference_of_the_untouched_endcap_is_taken(press):
-    pipe, feed = zeroed(press)
-    feed(press[0], 3)
-    first = pipe.zero
-    assert pipe.request_zero() == ""
-    settle(pipe, feed, press[0])
-    assert pipe.zero is not first and pipe.undoable and not pipe.confirmable
-
-
-def test_pressed_at_the_very_start_is_seen_against_the_design():
-    """On the simulator's pictures: a camera of the design, 41 N on the endcap when the run begins."""
-    from sensing.live.demo.scene import scene_film
-    from sensing.tracking.zero import single_zero
-
-    robot, params = scene_film(), EndcapConfig("a", "0").params
-    loads = [np.linalg.norm(robot.truth(0, tick)[:3]) for tick in range(robot.ticks)]
-    free, heavy = robot.jpeg(0, int(np.argmin(loads))), robot.jpeg(0, int(np.argmin(np.abs(np.array(loads) - 41))))
-    away = [misplaced_px(single_zero(Frame(0.0, 0, "a", jpeg=j, size=SIZE)), params) for j in (free, heavy)]
-    assert away[0] < 2.6 and away[1] > 4.0
-    taker = ReferenceTaker("a", params, 3, stand_in_build, LinearModel(), 1.0)
-    for jpeg, refused in ((heavy, True), (free, False)):
-        taker.ask()
-        for k in range(3):
-            taker.offer(Frame(k / 30, k, "a", jpeg=jpeg, size=SIZE), None)
-        wait_for(lambda: taker._made is not None)
-        if refused:
-            with pytest.raises(PressedError, match="pressed"):
-                taker.take()
-        else:
-            assert taker.take() is not None
-
-
-def stand_in_build(zero):
-    from sensing.tracking.model_input import model_input
-
-    return model_input(zero.frame(), SHAPE, EndcapConfig("a", "0").params)
 
 
 def test_the_run_answers_for_each_endcap(press):

@@ -394,8 +394,9 @@ def test_stream_that_never_ends_a_picture_is_refused():
 def test_dead_address_is_said():
     with pytest.raises(SourceError, match="check address"):
         list(MjpegSource("http://127.0.0.1:9/", timeout_s=1))
-    with pytest.raises(ParameterError, match="give an http address"):
-        MjpegSource("file:///etc/passwd")
+    for address in ("file:///etc/passwd", "http://[::1"):
+        with pytest.raises(ParameterError, match="give an http address"):
+            MjpegSource(address)
 
 
 # --- warp ----------------------------------------------------------------------------------------------------

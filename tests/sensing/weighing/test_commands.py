@@ -9,7 +9,8 @@ from dwell_stand_in import creep
 
 from cad.errors import FileError
 from sensing import dwell, weigh
-from sensing.live.core.config import EndcapConfig, load_config
+from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcaps_file import load_config
 from sensing.live.outputs.recorded_config import about, parsed
 from sensing.records import Wrench
 from sensing.weighing import robot

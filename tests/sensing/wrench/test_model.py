@@ -156,7 +156,6 @@ def test_strange_fields_are_flagged_and_known_ones_are_not(model, data):
 
 
 def test_one_field_alone_gives_what_it_gives_among_others(model, data):
-    """The compiled kernel against numpy."""
     value, covariance = model.predict(data.inputs)
     distance, rest = range_measures(
         model._doubles["principal"], model._back, data.inputs * np.tile(model.range.cells.ravel(), 2)

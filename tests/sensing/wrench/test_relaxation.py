@@ -8,7 +8,8 @@ from live_stand_in import film, frames, stand_in
 from scipy.integrate import solve_ivp
 
 from cad.errors import ParameterError
-from sensing.live.core.config import EndcapConfig, LiveConfig, load_config, save_config
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Wrench
 from sensing.wrench.relaxation import RateFilter, Term

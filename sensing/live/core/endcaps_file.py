@@ -1,0 +1,128 @@
+"""Reads and writes ``endcaps.toml``, the file of :mod:`sensing.live.core.config`."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cad.errors import FileError, printable
+from cad.whole_file import replace_file
+from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
+from sensing.wrench.relaxation import MOST_TERMS
+
+TEXTS = (
+    "name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens", "gain_date",
+    "gain_weights",
+)  # fmt: skip
+MOST_BYTES = 1 << 20  # of the file
+
+
+def load_config(path: Path) -> LiveConfig:
+    """Read ``endcaps.toml``.
+
+    Raises:
+        FileError: missing, no TOML, an unknown or missing key. ParameterError: a bad value.
+    """
+    try:
+        with path.open("rb") as stream:
+            text = stream.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES:
+            raise ValueError(f"more than {MOST_BYTES} bytes")
+        reported = tomllib.loads(text.decode("utf-8"))
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
+    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting
+        said = printable(str(error))[:200]
+        raise FileError(f"{path}: no TOML ({said}): fix it or write it anew with python -m sensing.setup") from None
+    endcaps = reported.pop("endcap", [])
+    if not isinstance(endcaps, list) or not all(isinstance(endcap, dict) for endcap in endcaps):
+        raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
+    made = tuple(EndcapConfig(**(OF_BEFORE | _checked(path, EndcapConfig, endcap))) for endcap in endcaps)
+    return LiveConfig(made, **_checked(path, LiveConfig, reported))
+
+
+def save_config(config: LiveConfig, path: Path) -> None:
+    """Write ``endcaps.toml`` under a temporary name, then rename.
+
+    Raises:
+        FileError: the place cannot be written.
+    """
+    lines = ["# Written by python -m sensing.setup; read by python -m sensing.live --config FILE.", ""]
+    lines += _lines(config, ("endcaps",), path.parent)
+    for endcap in config.endcaps:
+        lines += ["", "[[endcap]]", *_lines(endcap, (), path.parent)]
+    replace_file(path, ("\n".join(lines) + "\n").encode())
+
+
+def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:
+    found = []
+    for entry in fields(record):
+        value = getattr(record, entry.name)
+        if entry.name in without or value is None:
+            continue
+        if isinstance(value, Path):
+            value = str(value.relative_to(folder)) if value.is_relative_to(folder) else str(value.resolve())
+        elif isinstance(value, np.ndarray):
+            value = value.tolist()
+        found.append(f"{entry.name} = {json.dumps(value, ensure_ascii=False)}")
+    return found
+
+
+def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]:
+    """The table's values in the types of a record's fields.
+
+    Raises:
+        FileError: a key that is unknown, missing or of another type.
+    """
+    known = {entry.name for entry in fields(kind)} - {"endcaps"}
+    unknown = sorted(set(reported) - known)
+    if unknown:
+        raise FileError(f"{path}: unknown key {', '.join(unknown)}: known are {', '.join(sorted(known))}")
+    if kind is EndcapConfig and not {"name", "source"} <= set(reported):
+        raise FileError(f"{path}: a [[endcap]] without name or source: give both")
+    values: dict[str, Any] = {}
+    for key, value in reported.items():
+        if key in TEXTS:
+            good = isinstance(value, str)
+        elif key == "T_robot_endcap":
+            good = _is_matrix(value)
+        elif key == "relaxation":
+            good = isinstance(value, list) and len(value) <= MOST_TERMS and all(_is_row(term, 3) for term in value)
+        else:
+            good = _is_number(value)
+        if not good:
+            raise FileError(
+                f"{path}: {key} = {_short(value)} is of the wrong type or size: see the example in docs/live.md"
+            )
+        if key in ("zero", "camera", "weights"):
+            value = path.parent / value if value else None
+        elif key == "method":
+            value = value or None
+        values[key] = value
+    return values
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 4 and all(_is_row(row, 4) for row in value)
+
+
+def _is_row(value: Any, length: int) -> bool:
+    return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
+
+
+def _is_number(value: Any) -> bool:
+    """Of a size that a float can have."""
+    return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 64)
+
+
+def _short(value: Any) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # thousands of digits
+        text = type(value).__name__
+    return printable(text if len(text) < 60 else text[:57] + "...")

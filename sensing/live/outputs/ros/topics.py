@@ -1,0 +1,196 @@
+"""ROS 2 topics without a ROS installation: the authors' names and the standard types, over Cyclone DDS.
+
+    /endcap_N/wrench/wrench_pred      geometry_msgs/WrenchStamped    filtered; on the endcap, at its origin (N, N m)
+    /endcap_N/wrench/with_covariance  endcap_msgs/EndcapWrench       the same with covariance, valid, contact, flags
+    /endcap_N/wrench/force_norm       std_msgs/Float64               N
+    /endcap_N/array/shear_vector      std_msgs/Float32MultiArray     (channel, row, column), px of the 200 x 200 crop
+    /endcap_N/contact                 std_msgs/Bool                  only while it is known
+    /endcap_N/valid                   std_msgs/Bool                  whether the numbers of this frame count
+    /endcap_N/flags                   std_msgs/String                warnings, separated by commas
+    /endcap_N/image/compressed        sensor_msgs/CompressedImage    JPEG as it came; while somebody subscribes
+    /endcap_N/camera_info             sensor_msgs/CameraInfo         fisheye, ROS's equidistant model
+    /diagnostics                      diagnostic_msgs/DiagnosticArray levels of all endcaps, twice a second
+    /tf_static                        tf2_msgs/TFMessage             endcap_N to endcap_N_camera, robot to endcap_N
+    /endcap_N/zero                    std_srvs/Trigger               (:mod:`sensing.live.outputs.ros.zero_service`)
+
+A frame without a valid number (a black picture, say) publishes NaN, as REP 117 has it for measurements that failed:
+a subscriber sees that the sensor lives and that there is no number. Nothing but /diagnostics comes while no frame does.
+
+``ros2 topic echo /endcap_0/wrench/wrench_pred`` on any machine of the same ``ROS_DOMAIN_ID`` sees them. Unlike the
+authors' node, stamps are capture times, torques are about the origin of the endcap frame instead of the sphere's
+centre, and nothing is set to zero below a threshold.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from cad.errors import ParameterError
+from sensing.frames import inverse
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
+from sensing.live.core.sink import QueuedSink
+from sensing.live.core.stats import EndcapHealth
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.beat import Beat
+from sensing.live.outputs.diagnosis import diagnosis
+from sensing.live.outputs.ros import dds, messages
+from sensing.live.outputs.ros.environment import dds_configuration, domain_id
+from sensing.live.outputs.ros.zero_service import ZeroServices
+
+ROOM = 64
+BEAT_S = 0.5
+IMAGE_TOPIC, ROBOT = "image/compressed", "robot"
+TOPICS: dict[str, str] = {  # below an endcap's name
+    "wrench/wrench_pred": ros.WRENCH,
+    "wrench/with_covariance": ros.ENDCAP_WRENCH,
+    "wrench/force_norm": ros.FLOAT64,
+    "array/shear_vector": ros.ARRAY,
+    "contact": ros.BOOL,
+    "valid": ros.BOOL,
+    "flags": ros.STRING,
+    IMAGE_TOPIC: ros.IMAGE,
+    "camera_info": messages.CAMERA_INFO,
+}
+
+
+class RosTopics(QueuedSink):
+    """Publishes every reading.
+
+    Args:
+        pipelines: of the endcaps, whose names begin the topics. domain: None for ``ROS_DOMAIN_ID`` or 0. health: for
+            the diagnostics.
+
+    Raises:
+        ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.
+    """
+
+    def __init__(
+        self,
+        pipelines: Sequence[EndcapPipeline],
+        domain: int | None = None,
+        health: Callable[[], Sequence[EndcapHealth]] = list,
+    ) -> None:
+        super().__init__(ROOM)
+        self._pipelines = {pipeline.endcap.name: pipeline for pipeline in pipelines}
+        self._health, self._beat = health, Beat(BEAT_S, self._look)
+        self._domain = domain_id(domain)
+        self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)
+        self._cameras: dict[tuple[str, tuple[int, int]], Any] = {}
+        self._writers: dict[str, dict[str, Any]] = {}
+        self._diagnostics: Any = None
+        self._transforms: Any = None
+        try:
+            from cyclonedds.core import DDSException
+        except ImportError:
+            raise ParameterError("--ros needs Cyclone DDS: run pip install 'endcap-toolkit[ros]'", name="ros") from None
+        try:
+            self._participant, self._owner = _participant(self._domain)
+            self._open()
+        except DDSException as error:
+            raise ParameterError(
+                f"--ros: DDS cannot start in domain {self._domain} ({error}): is there a network interface?", name="ros"
+            ) from None
+
+    @property
+    def note(self) -> str:
+        """State in one line."""
+        return f"ROS 2 topics in domain {self._domain}" + (f": stopped ({self.failed})" if self.failed else "")
+
+    def start(self) -> None:
+        """Begin to publish and to answer."""
+        super().start()
+        self._beat.start()
+        self._services.start()
+
+    def write(self, reading: EndcapReading) -> None:
+        """All messages of one reading."""
+        writers = self._writers[reading.endcap]
+        for name, cdr in self._encoded(reading, self._wall_ns + int(reading.captured_s * 1e9)):
+            writers[name].write(dds.encoded(TOPICS[name], cdr))
+
+    def finish(self) -> None:
+        """Take the topics away."""
+        self._beat.stop()
+        self._services.stop()
+        self._writers, self._diagnostics, self._transforms = {}, None, None
+        self._participant, self._owner = None, None
+
+    def _open(self) -> None:
+        """Writers of all topics; transforms do not change and are written once."""
+        self._writers = {
+            endcap: {name: dds.publisher(self._participant, f"{endcap}/{name}", kind) for name, kind in TOPICS.items()}
+            for endcap in self._pipelines
+        }
+        self._looked_at = dict.fromkeys(self._pipelines, False)
+        self._diagnostics = dds.publisher(self._participant, "diagnostics", ros.DIAGNOSTICS)
+        self._transforms = dds.publisher(self._participant, "tf_static", messages.TRANSFORMS, latched=True)
+        children = transforms_of(list(self._pipelines.values()))
+        self._transforms.write(dds.encoded(messages.TRANSFORMS, messages.transforms(children, time.time_ns())))
+        self._services = ZeroServices(self._participant, list(self._pipelines.values()))
+
+    def _encoded(self, reading: EndcapReading, stamp: int) -> Iterator[tuple[str, bytes]]:
+        """(topic, bytes) of a reading."""
+        name, wrench = reading.endcap, reading.wrench
+        yield "wrench/wrench_pred", ros.wrench_stamped(wrench, stamp, name)
+        yield "wrench/with_covariance", messages.endcap_wrench(reading, stamp)
+        yield "wrench/force_norm", ros.float64(float(np.linalg.norm(wrench.force_n)))
+        yield "valid", ros.boolean(reading.valid)
+        yield "flags", ros.string(", ".join(sorted(wrench.flags)))
+        if reading.contact.known:
+            yield "contact", ros.boolean(reading.contact.touching)
+        yield "array/shear_vector", ros.shear_vector(reading.field)
+        if self._looked_at[name]:
+            picture, form = ros.picture_bytes(reading.frame)
+            yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, camera_frame(name))
+        height, width = reading.zero.image.shape[:2]
+        size = reading.frame.size or (width, height)
+        if (name, size) not in self._cameras:
+            self._cameras[name, size] = self._pipelines[name].camera(*size)
+        yield "camera_info", messages.camera_info(self._cameras[name, size], stamp, camera_frame(name))
+
+    def _look(self) -> None:
+        """The state of all endcaps, also while no frame comes; and whether somebody looks at the pictures."""
+        writer = self._diagnostics
+        if writer is None:
+            return
+        stamp = self._wall_ns + int(time.monotonic() * 1e9)
+        cdr = ros.diagnostic_array([diagnosis(health) for health in self._health()], stamp)
+        writer.write(dds.encoded(ros.DIAGNOSTICS, cdr))
+        for endcap, writers in self._writers.items():
+            self._looked_at[endcap] = bool(writers[IMAGE_TOPIC].get_matched_subscriptions())
+
+
+def camera_frame(endcap: str) -> str:
+    """Name of the frame that pictures and camera_info are in: x right, y down, z along the optical axis."""
+    return f"{endcap}_camera"
+
+
+def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, Any]]:
+    """(parent, child to parent, mm) by child. An endcap whose place on the robot is not known has no parent."""
+    found: dict[str, tuple[str, Any]] = {}
+    for pipeline in pipelines:
+        endcap = pipeline.endcap
+        found[camera_frame(endcap.name)] = endcap.name, inverse(pipeline.camera(640, 480).T_camera_endcap)
+        if not np.array_equal(endcap.T_robot_endcap, np.eye(4)):
+            found[endcap.name] = ROBOT, endcap.T_robot_endcap
+    return found
+
+
+def _participant(domain: int) -> tuple[Any, Any]:
+    """(participant of the domain, what keeps its configuration), on the network that ROS's variables ask for."""
+    from cyclonedds.core import DDSException
+    from cyclonedds.domain import Domain, DomainParticipant
+
+    configuration, owner = dds_configuration(), None
+    if configuration is not None:
+        try:
+            owner = Domain(domain, configuration)
+        except DDSException as error:
+            if error.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:  # the process is in that domain already
+                raise
+    return DomainParticipant(domain), owner

@@ -1,0 +1,180 @@
+"""Molds are whole or not there: full disks, failing gates, interruption, workers of a command that was ended."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import time
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from started_molds import SMALL, left_in, start
+
+from fab import molds
+from fab.checks.check import Check
+from fab.exports.whole_folder import whole_folder
+
+
+def full_disk(*_args, **_kwargs):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+class Inline(Executor):
+    """Runs each call at once, in this process."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: Future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture
+def stub(monkeypatch, tmp_path_factory):
+    """Everything after the design replaced by writers of one small file, and one gate that holds."""
+    design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
+    monkeypatch.setattr("fab.design.build_design", lambda *_, **__: design)
+    monkeypatch.setattr("fab.exports.writer.write_meshes", lambda _, folder: (folder / "hanger.stl").write_text("s"))
+    monkeypatch.setattr("fab.exports.writer.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
+    monkeypatch.setattr("fab.exports.writer.picture_items", lambda _: ([], []))
+    monkeypatch.setattr(
+        "fab.exports.writer.write_pictures", lambda _, __, folder: (folder / "parts.png").write_text("png")
+    )
+    for name in ("write_solids", "write_assemblies"):
+        monkeypatch.setattr(f"fab.exports.writer.{name}", lambda _, folder, n=name: (folder / n).write_text("x"))
+    monkeypatch.setattr("fab.exports.writer.manifest", lambda *_: {})
+    monkeypatch.setattr("fab.exports.writer.exploded_offsets_mm", lambda _: {})
+    monkeypatch.setattr("fab.exports.preview_parts.preview_glb", lambda *_: b"glb")
+    monkeypatch.setattr("fab.exports.index_page.write_index", lambda *a: (a[-1] / "index.html").write_text("page"))
+    monkeypatch.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+
+    @contextmanager
+    def inline_pool(_count):
+        yield Inline()
+
+    monkeypatch.setattr(molds, "worker_pool", inline_pool)
+    return monkeypatch
+
+
+def test_the_stub_writes_when_nothing_fails(stub, tmp_path, capsys):
+    assert molds.main([f"exports={tmp_path}"]) == 0
+    assert sorted(os.listdir(tmp_path)) == ["D130_T8"]
+    assert "manifest.json" in left_in(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "writer",
+    [
+        *(f"writer.write_{what}" for what in ("meshes", "3mf", "solids", "assemblies", "pictures", "manifest")),
+        "index_page.write_index",
+    ],
+)
+def test_a_full_disk_gets_one_line_status_2_and_leaves_nothing(stub, writer, tmp_path, capsys):
+    stub.setattr(f"fab.exports.{writer}", full_disk)
+    assert molds.main([f"exports={tmp_path}"]) == 2
+    *steps, error = capsys.readouterr().err.splitlines()
+    assert "No space left on device" in error and "exports=DIR" in error
+    assert all(" s " in step for step in steps)
+    assert left_in(tmp_path) == []
+
+
+def test_a_failing_gate_names_the_check_and_leaves_nothing(stub, tmp_path, capsys):
+    stub.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 0.0, low=1), Check("a", 0.0)])
+    assert molds.main([f"exports={tmp_path}"]) == 1
+    err = capsys.readouterr().err
+    assert "shell.watertight = 0, wanted >= 1" in err and "1 of 2 checks failed" in err
+    assert left_in(tmp_path) == []
+
+
+def test_a_failing_run_keeps_what_an_earlier_one_wrote(stub, tmp_path):
+    assert molds.main([f"exports={tmp_path}"]) == 0
+    before = left_in(tmp_path)
+    stub.setattr("fab.exports.writer.write_pictures", full_disk)
+    assert molds.main([f"exports={tmp_path}", "cache=no"]) == 2
+    assert left_in(tmp_path) == before
+
+
+def test_interruption_leaves_nothing(stub, tmp_path, capsys):
+    def interrupted(*_):
+        signal.raise_signal(signal.SIGINT)
+
+    stub.setattr("fab.checks.gates.run_gates", interrupted)
+    assert molds.main([f"exports={tmp_path}"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert left_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("wait_s", [2.0, 8.0])  # while the CAD kernel is loaded, and while parts are made
+def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, wait_s):
+    process = start(*SMALL, f"exports={tmp_path}")
+    time.sleep(wait_s)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == "" and err.splitlines()[-1] == "make molds: interrupted; nothing was left behind"
+    assert left_in(tmp_path) == []
+
+
+def workers_of(process: subprocess.Popen[str]) -> list[int]:
+    """Process ids of a command's children, as the kernel lists them."""
+    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    return [int(word) for word in listed.read_text().split()]
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def started_with_workers(exports: Path) -> tuple[subprocess.Popen[str], list[int]]:
+    """A run that makes parts at this moment, and its workers."""
+    process = start(*SMALL, f"exports={exports}")
+    for _ in range(1200):
+        time.sleep(0.1)
+        if len(workers := workers_of(process)) == molds.WORKERS:
+            time.sleep(1.0)  # into the work
+            assert any(name.startswith(".D100_T8.partial-") for name in os.listdir(exports))
+            return process, workers
+        assert process.poll() is None
+    raise AssertionError("no workers")
+
+
+def gone_within(seconds: float, pids: list[int]) -> bool:
+    for _ in range(int(10 * seconds)):
+        if not any(alive(pid) for pid in pids):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def test_sigterm_ends_the_workers_and_leaves_nothing(tmp_path):
+    process, workers = started_with_workers(tmp_path)
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert err.splitlines()[-1] == "make molds: ended by SIGTERM; nothing was left behind"
+    assert gone_within(5, workers)
+    assert left_in(tmp_path) == []
+
+
+def test_a_killed_run_leaves_no_worker_and_the_next_start_sweeps_its_folder(tmp_path):
+    process, workers = started_with_workers(tmp_path)
+    process.kill()
+    process.wait()
+    assert gone_within(5, workers)
+    assert any(".partial-" in name for name in os.listdir(tmp_path))  # nobody could tidy up
+    with whole_folder(tmp_path / "D130_T8", "manifest.json") as folder:
+        (folder / "manifest.json").write_text("{}")
+        assert [name for name in os.listdir(tmp_path) if ".partial-" in name] == [folder.name]
+    assert os.listdir(tmp_path) == ["D130_T8"]

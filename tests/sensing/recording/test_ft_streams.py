@@ -1,0 +1,163 @@
+"""Force/torque streams: a NetFT stand-in on loopback, sampling times, files, refusals."""
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from cad.errors import FileError, ParameterError
+from sensing.recording.ft_streams import CSV_COLUMNS, CsvFt, NetFt, StreamError
+from sensing.recording.sequence_clock import RateError, SequenceClock
+
+PATIENCE_S = 60.0
+
+
+class Unit(threading.Thread):
+    """What a NetFT does on its UDP port, written from the public protocol: waits for the request, then streams."""
+
+    def __init__(self, count=400, step_s=0.002, silent=False, status=0, delay_s=0.0, gain=1.0, per_packet=10):
+        super().__init__(daemon=True)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(PATIENCE_S)
+        self.port = self.socket.getsockname()[1]
+        self.count, self.step_s, self.silent, self.heard = count, step_s, silent, []
+        self.status, self.delay_s, self.gain, self.per_packet = status, delay_s, gain, per_packet
+        self.sent = 0
+
+    def clock(self):
+        """Seconds as the unit's own packets count them, however slow this computer is."""
+        return 1000.0 + self.step_s * self.sent
+
+    def run(self):
+        request, who = self.socket.recvfrom(64)
+        self.heard.append(struct.unpack(">HHI", request))
+        time.sleep(self.delay_s)
+        if not self.silent:
+            self.socket.sendto(b"junk", who)
+            for number in range(self.count):
+                counts = [int(1e6 * self.gain * v) for v in (0.1 * number, -2.0, 3.0, 0.01, 0.02, -0.03)]
+                ticks = self.per_packet * number
+                self.sent = number
+                self.socket.sendto(struct.pack(">III6i", number, ticks, self.status, *counts), who)
+                time.sleep(self.step_s)
+        with contextlib.suppress(OSError):
+            self.heard.append(struct.unpack(">HHI", self.socket.recvfrom(64)[0]))
+
+
+def test_netft_streams_in_its_own_units_and_is_reported_to_stop(monkeypatch):
+    stamps, stamp = [], SequenceClock.stamp
+    monkeypatch.setattr(SequenceClock, "stamp", lambda *call: stamps.append((*call[1:], stamp(*call))) or stamps[-1][2])
+    unit = Unit(count=60)
+    stream, samples = first_samples(unit, 60, rate_hz=5000.0, delay_s=0.0, clock=unit.clock)
+    assert stream.faulty == 1
+    unit.join(PATIENCE_S)
+    assert unit.heard == [(0x1234, 2, 0), (0x1234, 0, 0)]
+    assert np.allclose(samples[30].wrench, [3.0, -2.0, 3.0, 0.01, 0.02, -0.03])
+    counts, came, given = map(np.array, zip(*stamps, strict=True))
+    assert counts.tolist() == [10 * k for k in range(60)]  # what the unit counts, not the packets
+    assert [s.time_s for s in samples] == given.tolist()  # the unit's own clock, tested below, not the arrival
+    assert (np.diff(came) >= 0).all() and (given <= came).all() and came[-1] <= unit.clock()
+
+
+def arrivals(rate_hz, seconds=20.0, packets_hz=500.0, late_s=0.004, drift=0.0, seed=1):
+    """(counts, sampling times, arrivals) of a sensor whose packets wait for a random while on their way."""
+    rng = np.random.default_rng(seed)
+    taken = 1000.0 + np.arange(int(seconds * packets_hz)) / packets_hz
+    counts = np.rint((taken - taken[0]) * rate_hz * (1 + drift)).astype(int)
+    return counts, taken, taken + rng.exponential(late_s, len(taken))
+
+
+@pytest.mark.parametrize("rate_hz", [7000.0, 1000.0, 500.0])
+@pytest.mark.parametrize("given", [False, True], ids=["found_out", "given"])
+def test_sampling_times_follow_what_the_sensor_counts(rate_hz, given):
+    counts, taken, came = arrivals(rate_hz)
+    clock = SequenceClock(rate_hz if given else None)
+    times = np.array([clock.stamp(int(c) + 4294960000, t) for c, t in zip(counts, came, strict=True)])  # it wraps
+    off = times - taken
+    assert np.abs(off[1000:]).max() < 1e-3 and np.abs(off).max() < 0.05  # 7000 Hz for a sensor of 500: 18 s
+    assert np.std(off[1000:]) < 0.05 * np.std(came - taken)
+    assert clock.rate_hz == pytest.approx(rate_hz, rel=1e-3)
+
+
+def test_a_clock_that_drifts_is_followed_and_one_that_begins_anew_too():
+    counts, taken, came = arrivals(1000.0, seconds=400.0, packets_hz=50.0, drift=1e-4)
+    counts[10000:] = counts[10000:] - counts[10000] + 10_000_000  # switched off and on: seen by the step
+    clock = SequenceClock()
+    off = np.array([clock.stamp(int(c), t) for c, t in zip(counts, came, strict=True)]) - taken
+    assert np.abs(off[100:10000]).max() < 2e-3 and np.abs(off[10100:]).max() < 2e-3
+
+
+def test_a_rate_that_is_not_the_sensors_is_refused():
+    counts, _, came = arrivals(1000.0, seconds=4.0)
+    clock = SequenceClock(7000.0)
+    with pytest.raises(RateError, match="counts 1000 times a second, not 7000: leave --ft-rate out"):
+        for c, t in zip(counts, came, strict=True):
+            clock.stamp(int(c), t)
+
+
+def first_samples(unit, count=20, **options):
+    unit.start()
+    samples, end = [], time.monotonic() + PATIENCE_S
+    with NetFt("127.0.0.1", unit.port, **{"timeout_s": PATIENCE_S} | options) as stream:
+        while len(samples) < count and time.monotonic() < end:
+            samples += stream.arrived()
+            time.sleep(0.003)
+    return stream, samples
+
+
+def test_half_the_answer_time_is_taken_for_the_delay_unless_it_is_known():
+    begin_s = time.monotonic()
+    stream, _ = first_samples(Unit(count=30, delay_s=0.082))
+    took_s = time.monotonic() - begin_s
+    assert 0.041 <= stream._times.delay_s < took_s / 2 and "ms on the way" in stream.note
+    stream, _ = first_samples(Unit(count=30, delay_s=0.082), delay_s=0.01)
+    assert stream._times.delay_s == 0.01
+    with pytest.raises(ParameterError, match="delay_s=3"):
+        NetFt("127.0.0.1", delay_s=3)
+
+
+def test_samples_with_an_error_are_dropped_and_the_error_named():
+    with pytest.raises(StreamError, match=r"nothing but errors for 0\.2 s \(saturated\)"):
+        first_samples(unit := Unit(status=0x80020000), timeout_s=0.2, clock=unit.clock)
+    stream, samples = first_samples(Unit(count=30, status=0x80010000 & ~(1 << 31)))  # a threshold was crossed: no error
+    assert len(samples) >= 20 and stream.faulty == 1  # the junk
+
+
+def test_forces_that_cannot_be_are_refused(tmp_path):
+    with pytest.raises(StreamError, match=r"fy_n=-20000 outside -2000\.\.2000: are the counts"):
+        first_samples(Unit(), counts_per_n=100.0)
+    path = tmp_path / "big.csv"
+    path.write_text(",".join(CSV_COLUMNS) + "\n0,0,0,20000,0,0,0\n")
+    with pytest.raises(FileError, match=r"line 2: fz_n=20000 outside -2000\.\.2000"):
+        CsvFt(path)
+    path.write_text(",".join(CSV_COLUMNS) + "\n0,0,0,2,0,0,-300\n")
+    with pytest.raises(FileError, match=r"tz_nm=-300 outside -200\.\.200"):
+        CsvFt(path)
+
+
+def test_a_file_of_excel_is_read_and_an_empty_one_refused(tmp_path):
+    path = tmp_path / "excel.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + (",".join(CSV_COLUMNS) + "\r\n0.5,1,2,3,4,5,6\r\n").encode())
+    (sample,) = CsvFt(path).arrived()
+    assert sample.time_s == 0.5 and sample.wrench.tolist() == [1, 2, 3, 4, 5, 6]
+    for text, said in ((",".join(CSV_COLUMNS) + "\n", "no sample in it"), ("", "no column time_s"),
+                       (";".join(CSV_COLUMNS) + "\n1;2;3;4;5;6;7\n", "separated by commas")):  # fmt: skip
+        path.write_text(text)
+        with pytest.raises(FileError, match=said):
+            CsvFt(path)
+
+
+def test_a_silent_or_absent_unit_is_reported_in_one_line():
+    unit = Unit(silent=True)
+    unit.start()
+    with NetFt("127.0.0.1", unit.port, timeout_s=0.05) as stream:
+        time.sleep(0.1)
+        with pytest.raises(StreamError, match=r"silent for 0\.05 s"):
+            list(stream.arrived())
+    with pytest.raises(ParameterError, match="counts_per_n=0"):
+        NetFt("127.0.0.1", counts_per_n=0)

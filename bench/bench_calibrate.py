@@ -21,9 +21,10 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from cad.dots import POLAR_STEP_DEG, ring_count
+from cad.dots import ring_count
 from cad.errors import EndcapError
 from cad.params import EndcapParams
+from cad.pattern import step_deg
 from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import Calibration, MountPrior, calibrate_from_dots
 from sensing.calibration.picture import read_image
@@ -31,6 +32,7 @@ from sensing.calibration.picture import read_image
 HERE = Path(__file__).parent
 PHOTOS = HERE.parent.parent / "shared" / "reference" / "photos"
 PARAMS = EndcapParams(130, 8)
+STEP_DEG = step_deg(PARAMS.dot_rings)
 HEIGHTS_MM = (0, 5, 10, 14, 17, 20, 25, 30, 35)
 LENSES = {"k1, k2 free": ((1.0, 1.0), (-0.033, -0.007)), "equisolid": ((1e-6, 1e-6), (-1 / 24, 1 / 1920))}
 HUBER_PX = 1.5
@@ -74,7 +76,12 @@ def ring_rows(name: str, found: np.ndarray, size: tuple[int, int]) -> list[tuple
         fits = {count: abs(np.exp(1j * count * azimuth[own]).mean()) for count in range(4, 25)}
         best = min((c for c in fits if fits[c] > max(fits.values()) - 0.03), default=0)
         mean, error = float(polar[own].mean()), float(polar[own].std() / np.sqrt(own.sum()))
-        pattern = ring_count(ring), best, round(float(fits[ring_count(ring)]), 3), round(ring * POLAR_STEP_DEG, 2)
+        pattern = (
+            ring_count(PARAMS, ring),
+            best,
+            round(float(fits[ring_count(PARAMS, ring)]), 3),
+            round(ring * STEP_DEG, 2),
+        )
         rows.append((name, ring, int(own.sum()), *pattern, round(mean, 2), round(error, 2)))
     return rows
 

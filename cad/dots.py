@@ -5,7 +5,8 @@ centre in the endcap frame; polar angles are measured from the tip of the dome (
 
 Source: the released pattern (M, CAM06), counted on unwrapped photos: 1, 6, 10, 12, 16, 18, 20, 20
 dots at equal polar steps, one dot of every ring on a common meridian. The two equal counts put the equator midway
-between rings 6 and 7, so the step is 180/13 degrees, and counts beyond the equator mirror those before it.
+between rings 6 and 7, so the step is 180/13 degrees, and counts beyond the equator mirror those before it. Other counts
+(:mod:`cad.pattern`) follow the same law.
 """
 
 from __future__ import annotations
@@ -14,12 +15,9 @@ import math
 from dataclasses import dataclass
 
 from cad.params import EndcapParams
+from cad.pattern import step_deg
 
-RING_COUNTS = (1, 6, 10, 12, 16, 18, 20)  # M, CAM06: up to the last ring before the equator; later rings mirror it
-POLAR_STEP_DEG = 180.0 / 13  # E: from the mirrored counts
 MERIDIAN_DEG = 0.0  # azimuth on which every ring has a dot
-DOT_RADIUS_MM = 2.0  # E: half the 4 mm that a dot measures on the photos
-DENT_DEPTH_MM = 0.6  # E: shallow enough to release (flank 33 degrees), deep enough to hold ink
 
 
 @dataclass(frozen=True)
@@ -45,19 +43,21 @@ class Dot:
         return (math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar))
 
 
-def ring_count(ring: int) -> int:
-    """Number of dots in a ring, mirrored about the equator between rings 6 and 7."""
-    return RING_COUNTS[ring] if ring < len(RING_COUNTS) else RING_COUNTS[13 - ring]
+def ring_count(params: EndcapParams, ring: int) -> int:
+    """Number of dots in a ring, mirrored about the equator between the last of the counts and the next ring."""
+    counts = params.dot_rings
+    return counts[ring] if ring < len(counts) else counts[2 * len(counts) - 1 - ring]
 
 
 def dot_pattern(params: EndcapParams) -> tuple[Dot, ...]:
     """All dots of a design, ring by ring, up to the rim of the camera's view (a whole dot must be visible)."""
-    half_angle_deg = math.degrees(math.asin(DOT_RADIUS_MM / params.inner_radius_mm))
-    last = math.floor((params.view_rim_polar_deg - half_angle_deg) / POLAR_STEP_DEG)
+    half_angle_deg = math.degrees(math.asin(params.dot_radius_mm / params.inner_radius_mm))
+    step = step_deg(params.dot_rings)
+    last = math.floor((params.view_rim_polar_deg - half_angle_deg) / step)
     return tuple(
-        Dot(ring, index, ring * POLAR_STEP_DEG, MERIDIAN_DEG + 360.0 * index / ring_count(ring))
+        Dot(ring, index, ring * step, MERIDIAN_DEG + 360.0 * index / ring_count(params, ring))
         for ring in range(last + 1)
-        for index in range(ring_count(ring))
+        for index in range(ring_count(params, ring))
     )
 
 

@@ -24,6 +24,7 @@ from cad.errors import FileError
 from cad.lens import camera_module
 from cad.materials import silicone as silicone_named
 from cad.params import EndcapParams
+from cad.pattern import DENT_DEPTH_MM
 
 WORDS = {"dots": "dot pattern", "camera": "camera", "silicone": "silicone", "mesh": "mesh"}  # aspect -> in a message
 MUST_AGREE = ("dots", "camera", "silicone")  # between a model, its data and an endcap; a finer mesh may test a coarser
@@ -58,8 +59,7 @@ class Identity:
 
     def record(self) -> dict[str, Any]:
         """As plain JSON, for a file."""
-        design = {"diameter_mm": self.design.diameter_mm, "wall_mm": self.design.wall_mm}
-        return {"design": design, **self.aspects, "digest": self.digest}
+        return {"design": self.design.record, **self.aspects, "digest": self.digest}
 
     def without(self, *aspects: str) -> Identity:
         """The identity of a result that does not depend on some aspects."""
@@ -94,7 +94,7 @@ def identity(params: EndcapParams, silicone: str | None = None, mesh: Sequence[i
     return Identity(
         params,
         {
-            "dots": _dots(angles, dots.DOT_RADIUS_MM, dots.DENT_DEPTH_MM),
+            "dots": _dots(angles, params.dot_radius_mm, DENT_DEPTH_MM),
             "camera": _rounded(camera),
             "silicone": None if silicone is None else _silicone(silicone),
             "mesh": None if mesh is None else {"core_rings_layers": list(mesh)},

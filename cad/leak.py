@@ -17,7 +17,6 @@ LEAK_RATIO = 0.01  # E: one per cent of the pour; wiped off as flash
 DESIGN_RATIO = 0.0095  # what walls are made for: the closed form of the volume leaves dents and fillet out
 GRAVITY_M_S2 = 9.81
 BOWL_SEAMS = 3
-GYROID_DENSITY = 0.10  # P
 LEAST_BOWL_WALL_MM = 6.0
 MOST_BOWL_WALL_MM = 9.0  # a millimetre inside the dam, so that no surfaces of the bowl touch
 
@@ -47,7 +46,7 @@ def cast_volume_mm3(params: EndcapParams) -> float:
         sign * (_above_mm3(params, radius, flange) - _above_mm3(params, radius, params.interlock_top_mm))
         for sign, radius in ((1, outer), (-1, inner))
     )
-    return shell - GYROID_DENSITY * zone
+    return shell - params.gyroid * zone
 
 
 def bowl_wall_mm(params: EndcapParams, silicone: Silicone, joint_clearance_mm: float) -> float:

@@ -11,11 +11,12 @@ from itertools import pairwise
 
 from build123d import Edge, Face, Plane, Solid, Vector, Wire
 
-from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, Dot, dot_pattern
+from cad.dots import Dot, dot_pattern
 from cad.jigsaw import core_prisms
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part, Recipe
+from cad.pattern import DENT_DEPTH_MM
 from cad.solids import cut_holes, drill, fused, intersected, one_solid, revolved
 
 PILOT_RADIUS_MM = 1.3  # S: hole for an M3 screw that cuts its thread in PLA
@@ -28,9 +29,15 @@ REMOVAL_ORDER = (
 )
 
 
-def bump_sphere_radius_mm() -> float:
-    """Radius of the sphere of which a segment has a dot's radius and a dent's depth (on a flat)."""
-    return (DOT_RADIUS_MM**2 + DENT_DEPTH_MM**2) / (2 * DENT_DEPTH_MM)
+def bump_sphere_radius_mm(params: EndcapParams) -> float:
+    """Radius of the sphere that meets the inner sphere in a dot's circle and rises a dent's depth over it.
+
+    With the circle at z0 = sqrt(r^2 - a^2) and the summit at z0 + d, a segment of height d has the radius
+    (a^2 + d^2) / (2 d).
+    """
+    inner, dot = params.inner_radius_mm, params.dot_radius_mm
+    rise = inner + DENT_DEPTH_MM - math.sqrt(inner**2 - dot**2)
+    return (dot**2 + rise**2) / (2 * rise)
 
 
 def bump(params: EndcapParams, dot: Dot) -> Solid:
@@ -41,7 +48,7 @@ def bump(params: EndcapParams, dot: Dot) -> Solid:
         an invalid solid with 1.49 times the right volume.
     """
     outward = Vector(*dot.direction)
-    radius = bump_sphere_radius_mm()
+    radius = bump_sphere_radius_mm(params)
     centre = outward * (params.inner_radius_mm + DENT_DEPTH_MM - radius) + Vector(0, 0, params.centre_height_mm)
     return Solid.make_sphere(radius, Plane(origin=centre, z_dir=outward), -90, 90, 360)
 

@@ -9,11 +9,17 @@ from collections.abc import Mapping, Sequence
 from cad import feasible
 from cad.errors import ParameterError
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_GYROID, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import is_plain, plain
 
 FROM_MAKE = "--make-variables"  # the Makefile's way to hand over its variables as they were typed
 MAKES_OWN = ("PYTHON", "VENV")  # variables of the Makefile itself
 DESIGN_DEFAULTS = {"D": "130", "T": "8"}
+PATTERN_DEFAULTS = {
+    "dots": rings_text(RELEASED_RINGS),
+    "dot_mm": plain(RELEASED_DOT_MM),
+    "gyroid": plain(RELEASED_GYROID),
+}
 
 
 def make_variables(flags: str) -> list[str]:
@@ -104,9 +110,14 @@ def parse_length(name: str, text: str) -> float:
 
 
 def parse_design(options: Mapping[str, str]) -> EndcapParams:
-    """The two numbers.
+    """The two numbers, and dots and gyroid where a command takes them.
 
     Raises:
         ParameterError: not numbers, or outside the feasible region.
     """
-    return EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]))
+    rings = parse_rings(options.get("dots", rings_text(RELEASED_RINGS)))
+    dot_mm, gyroid = (
+        parse_length(name, options.get(name, plain(usual)))
+        for name, usual in (("dot_mm", RELEASED_DOT_MM), ("gyroid", RELEASED_GYROID))
+    )
+    return EndcapParams(parse_length("D", options["D"]), parse_length("T", options["T"]), rings, dot_mm, gyroid)

@@ -17,9 +17,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from typing import Any
 
-from cad import feasible, scaling
+from cad import feasible, pattern, scaling
 from cad.plain_numbers import plain
 
 
@@ -30,6 +31,9 @@ class EndcapParams:
     Attributes:
         diameter_mm: outer diameter D of the silicone sphere.
         wall_mm: thickness T of the silicone wall, measured along the radius.
+        dot_rings: dots of each ring, from the tip to the last ring before the equator (:mod:`cad.pattern`).
+        dot_mm: diameter of a dot.
+        gyroid: fraction of TPU in the gyroid zone.
 
     Raises:
         cad.errors.ParameterError: (D, T) outside the region that can be made; the message names the value, the
@@ -38,24 +42,47 @@ class EndcapParams:
 
     diameter_mm: float
     wall_mm: float
+    dot_rings: tuple[int, ...] = pattern.RELEASED_RINGS
+    dot_mm: float = pattern.RELEASED_DOT_MM
+    gyroid: float = pattern.RELEASED_GYROID
 
     def __post_init__(self) -> None:
         feasible.require_number("diameter_mm", self.diameter_mm)
         feasible.require_number("wall_mm", self.wall_mm)
         object.__setattr__(self, "diameter_mm", float(self.diameter_mm))
         object.__setattr__(self, "wall_mm", float(self.wall_mm))
+        object.__setattr__(self, "dot_rings", tuple(int(count) for count in self.dot_rings))
         feasible.require_feasible(self.diameter_mm, self.wall_mm)
+        for name in ("dot_mm", "gyroid"):
+            feasible.require_number(name, getattr(self, name))
+            object.__setattr__(self, name, float(getattr(self, name)))
+        pattern.require_pattern(self.inner_radius_mm, self.dot_rings, self.dot_mm)
+        pattern.require_gyroid(self.gyroid)
 
     # --- identity ---------------------------------------------------------------------------------------------
     @property
     def label(self) -> str:
-        """Name of the design and of its export folder, for example ``D130_T8``."""
-        return f"D{plain(self.diameter_mm)}_T{plain(self.wall_mm)}"
+        """Name of the design and of its export folder, for example ``D130_T8``, ``D130_T8_gyroid0.12``."""
+        options = [f"{name}{value}" for name, value in self.option_words.items()]
+        return "_".join([f"D{plain(self.diameter_mm)}", f"T{plain(self.wall_mm)}", *options])
+
+    @property
+    def option_words(self) -> dict[str, str]:
+        """Options beside D and T that differ from the released ones, as they are typed."""
+        return pattern.option_words(self.dot_rings, self.dot_mm, self.gyroid)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The parameters as plain JSON; options of the released sensor are not in it, so that older files agree."""
+        options = {"dots": ("dot_rings", list(self.dot_rings)), "dot_mm": ("dot_mm", self.dot_mm)}
+        options["gyroid"] = ("gyroid", self.gyroid)
+        numbers = {"diameter_mm": self.diameter_mm, "wall_mm": self.wall_mm}
+        return numbers | dict(options[name] for name in self.option_words)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the two parameters as canonical JSON; weights and manifests carry it."""
-        text = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        """SHA-256 of the parameters as canonical JSON; weights and manifests carry it."""
+        text = json.dumps(self.record, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     # --- silicone sphere --------------------------------------------------------------------------------------
@@ -119,6 +146,11 @@ class EndcapParams:
     def skin_mm(self) -> float:
         """Silicone over the gyroid on both sides: a dot's dent (0.6) and 0.4 mm that still fills (E)."""
         return 1.0
+
+    @property
+    def dot_radius_mm(self) -> float:
+        """Radius of a dot on the inner surface."""
+        return self.dot_mm / 2
 
     @property
     def opening_radius_mm(self) -> float:

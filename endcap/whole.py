@@ -26,7 +26,10 @@ from cad.whole_file import replace_file
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.variant import Variant
 
-OPTIONS = {**VARIANT_DEFAULTS, "exports": "exports"}
+# Weights and study are made for the released dots, so no others are taken here; `make molds` takes them.
+OPTIONS = {name: value for name, value in VARIANT_DEFAULTS.items() if not name.startswith("dot")} | {
+    "exports": "exports"
+}
 PAGE = "start.html"
 HELP = f"""\
 usage: make endcap [options of make molds] [exports=DIR]      (or: endcap whole 180 10)

@@ -15,7 +15,15 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
-from cad.options import DESIGN_DEFAULTS, FROM_MAKE, make_variables, parse_design, parse_length, parse_options
+from cad.options import (
+    DESIGN_DEFAULTS,
+    FROM_MAKE,
+    PATTERN_DEFAULTS,
+    make_variables,
+    parse_design,
+    parse_length,
+    parse_options,
+)
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import ChecksFailedError
 from fab.exports.whole_folder import ENDING_SIGNALS
@@ -26,6 +34,7 @@ _ROOT = Path(__file__).resolve().parent.parent
 EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 VARIANT_DEFAULTS = {
     **DESIGN_DEFAULTS,
+    **PATTERN_DEFAULTS,
     "joint_clearance": f"{JOINT_CLEARANCE_MM:g}",
     "material": DEFAULT_SILICONE,
     "robot": DEFAULT_ROBOT,

@@ -29,6 +29,9 @@ HELP = """\
 options, as NAME=VALUE:
   D=130            outer diameter of the silicone dome, mm ({low:.1f} to {high:g})
   T=8              thickness of its wall, mm (6.5 to a fifth of the radius; see README for the region)
+  dots=1-6-10-12-16-18-20   dots of each ring from tip to equator, mirrored beyond it
+  dot_mm=4         diameter of a dot (2.9 to 8)
+  gyroid=0.1       fraction of TPU in the gyroid zone (0.08 to 0.12)
   joint_clearance=0.15   gap of the printed joints, mm a side: the best step of the fit coupon
                    (0.05 to about 0.21; the widest, by the leak, depends on size and silicone and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
@@ -37,7 +40,7 @@ options, as NAME=VALUE:
   exports=DIR      folder that receives D130_T8/ (default: exports/)
   cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept
 
-Give D and T together. Another clearance, silicone or robot has a folder of its own (D130_T8_c0.2, D130_T8_blank).
+Give D and T together. Every other choice has a folder of its own (D130_T8_c0.2, D130_T8_blank).
 The files appear all together, after every check has passed, or not at all; a later run replaces the files that
 manifest.json lists, and keeps everything else in the folder.
 exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted; 143 ended by SIGTERM
@@ -52,7 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     names = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
     command = Command(
         "make molds",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [printer=NAME] [exports=DIR] [cache=no]",
+        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION] "
+        "[printer=NAME] [exports=DIR] [cache=no]",
         "Make the mold, the TPU interface, the base and the assembly of one endcap.",
         HELP.format(low=low, high=high, **{name: ", ".join(rows) for name, rows in names.items()}),
         {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "cache": "yes"},

@@ -72,6 +72,7 @@ class Variant:
     def words(self) -> str:
         """The options that name this variant on a command line."""
         words = [f"D={plain(self.params.diameter_mm)}", f"T={plain(self.params.wall_mm)}"]
+        words += [f"{name}={value}" for name, value in self.params.option_words.items()]
         if self.layout.joint_clearance_mm != JOINT_CLEARANCE_MM:
             words.append(f"joint_clearance={plain(self.layout.joint_clearance_mm)}")
         if self.silicone != DEFAULT_SILICONE:

@@ -41,9 +41,28 @@ class Tab:
     """The page of a browser, over its debugging protocol."""
 
     def __init__(self, connection: ClientConnection, size: tuple[int, int]) -> None:
-        self._connection, self._numbers = connection, itertools.count(1)
-        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        self._connection, self._numbers, self._size = connection, itertools.count(1), size
+        self._measure(*size)
+
+    def _measure(self, width: int, height: int) -> None:
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
+
+    @contextlib.contextmanager
+    def sized(self, width: int, height: int, colours: str = "dark") -> Iterator[None]:
+        """Within, the page has another size, and its reader prefers ``dark`` or ``light`` colours.
+
+        Args:
+            width, height: in px. colours: preference.
+        """
+        try:
+            self._measure(width, height)
+            features = [{"name": "prefers-color-scheme", "value": colours}]
+            self.call("Emulation.setEmulatedMedia", features=features)
+            yield
+        finally:
+            self._measure(*self._size)
+            self.call("Emulation.setEmulatedMedia", features=[])
 
     def call(self, method: str, **options: object) -> dict[str, Any]:
         """The browser's answer to one method."""
@@ -61,6 +80,12 @@ class Tab:
     def value(self, script: str) -> Any:
         """What a script gives."""
         return self.call("Runtime.evaluate", expression=script, returnByValue=True)["result"].get("value")
+
+    def promised(self, script: str) -> Any:
+        """What the promise of a script gives."""
+        answer = self.call("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer["result"]
+        return answer["result"].get("value")
 
     def after(self, event: str, script: str, patience_s: float = PATIENCE_S) -> Any:
         """What a script gives once it is true, looked at whenever the page sends its document an event; no polling."""

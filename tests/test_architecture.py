@@ -34,6 +34,7 @@ BOTTOM = {
         "messages",
         "threads",
         "options",
+        "pattern",
     )
 }
 PLAIN = BOTTOM | {
@@ -53,7 +54,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "design": {"camera", "learning", "simulator", "tracking", "wrench"},  # weights and study of a design, by similarity
     "live.core": {"calibration", "camera", "sources", "tracking", "wrench"},
     "live.outputs": {"live.core"},
-    "live.web": {"live.core", "live.outputs"},
+    "live.web": {"design", "live.core", "live.outputs"},  # design: the shape of a pressed dome that the page draws
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
     "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline

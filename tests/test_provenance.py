@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from cad import base, coupons, dots, scaling
+from cad import base, coupons, pattern, scaling
 from cad.bought import bought_mm
 from cad.led_parts import led_part
 from cad.led_placement import LED_COUNT
 from cad.materials import silicone
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_GYROID
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "docs" / "provenance.md"
@@ -125,7 +126,7 @@ CODE: dict[str, tuple[float, ...]] = {
     "GEO19": (base.CABLE_OFFSET_MM, base.CABLE_POCKET_RADIUS_MM, base.CABLE_HOLE_RADIUS_MM),
     "GEO20": (*base.M4_POSITION_MM, 2 * base.M4_HEAD_RADIUS_MM),
     "GEO25": (scaling.INTERLOCK_DEPTH_MM,),
-    "CAM06": dots.RING_COUNTS[:6],
+    "CAM06": pattern.RELEASED_RINGS[:6],
     "MAT01": (bought_mm("nut_m3", "across_flats"), bought_mm("nut_m3", "thickness")),
     "MAT02": (SMOOTH.density_g_cm3,),
     "MAT04": (SMOOTH.pot_life_min,),
@@ -176,11 +177,11 @@ def test_values_of_fabrication():
     assert FACTS["MAT07"].values == (silicone().viscosity_pa_s,)
     assert pytest.approx(FACTS["LED03"].values[0]) == LED_A * 1000
     assert pytest.approx(FACTS["LED08"].values[0]) == RING_A * 1000
-    assert FACTS["GYR01"].values == (settings.ZONE_PERCENT,)
+    assert FACTS["GYR01"].values == (100 * RELEASED_GYROID,)
     assert FACTS["GYR03"].values == (settings.GYROID_LINE,)
     assert pytest.approx(settings.LAYER_MM * (1 - math.pi / 4)) == settings.ROUNDING_MM
     spacing = settings.LINE_MM - settings.ROUNDING_MM
-    period = 2 * math.pi * spacing / (settings.GYROID_LINE * settings.ZONE_PERCENT / 100)
+    period = 2 * math.pi * spacing / (settings.GYROID_LINE * RELEASED_GYROID)
     assert period == pytest.approx(FACTS["GYR04"].values[0], abs=0.05)
     with (ROOT / "fab/slice/filaments.csv").open(encoding="utf-8") as stream:
         density = {row["name"]: float(row["density_g_cm3"]) for row in csv.DictReader(stream)}

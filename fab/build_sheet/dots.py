@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from cad.dots import DOT_RADIUS_MM, Dot, dot_pattern, dot_position_mm
+from cad.dots import Dot, dot_pattern, dot_position_mm
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Drawing
 
@@ -29,7 +29,7 @@ def gores(params: EndcapParams) -> list[Drawing]:
     radius = params.inner_radius_mm
     count = max(SPLIT, math.ceil(2 * math.pi * radius / LARGEST_WIDTH_MM))
     dots = dot_pattern(params)
-    end = math.radians(max(dot.polar_deg for dot in dots)) + (DOT_RADIUS_MM + 2.0) / radius
+    end = math.radians(max(dot.polar_deg for dot in dots)) + (params.dot_radius_mm + 2.0) / radius
     width = 2 * math.pi * radius / count + 2 * MARGIN_MM
     height = radius * end + 2 * MARGIN_MM
     sheets = []
@@ -115,7 +115,7 @@ def _gore(
     shapes = [f'<path d="{outline}" fill="none" stroke="#20242a" stroke-width="0.25"/>']
     for dot in dots:
         x, y = place(math.radians(dot.polar_deg), dot.azimuth_deg)
-        shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{DOT_RADIUS_MM:g}" fill="#20242a"/>')
+        shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{params.dot_radius_mm:g}" fill="#20242a"/>')
         shapes.append(f'<text x="{x + 2.6:.2f}" y="{y + 1:.2f}" font-size="2.6" fill="#5a626c">{dot.ring}</text>')
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.2f}mm" height="{height:.2f}mm" '

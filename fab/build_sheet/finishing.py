@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import shlex
 
-from cad.dots import DOT_RADIUS_MM, POLAR_STEP_DEG, dot_pattern, ring_count
+from cad.dots import dot_pattern, ring_count
 from cad.params import EndcapParams
+from cad.pattern import step_deg
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import INTERPRETER, program_command
@@ -27,11 +28,11 @@ def painting(data: SheetData) -> list[Block]:
         ring: dots_in([p for p, dot in zip(pixels, dots, strict=True) if dot.ring == ring], SQUARE_PX, SQUARE_PX)
         for ring in rings
     }
-    spacing = math.radians(POLAR_STEP_DEG) * params.inner_radius_mm
+    spacing = math.radians(step_deg(params.dot_rings)) * params.inner_radius_mm
     rows = tuple(
         (
             str(ring),
-            str(ring_count(ring)),
+            str(ring_count(params, ring)),
             f"{next(d.polar_deg for d in dots if d.ring == ring):.1f}°",
             str(inside[ring]),
         )
@@ -42,7 +43,7 @@ def painting(data: SheetData) -> list[Block]:
         *steps(data, "P", [
             ("Fill every dent with ink",
              ("Wipe the inside with alcohol. Touch each dent with the marker, from the tip outward, ring by ring.",
-              f"This size has {len(dots)} dots of {2 * DOT_RADIUS_MM:g} mm, {spacing:.1f} mm from ring to ring along "
+              f"This size has {len(dots)} dots of {params.dot_mm:g} mm, {spacing:.1f} mm from ring to ring along "
               f"the wall. Paint all: {sum(inside.values())} of them lie in the camera's centre square.",
               "Ink only inside the dents; wipe what runs over at once. Let it dry 10 min, dome up, before assembly.",
               "The dots at azimuth 0 of all rings form one line: begin there."), "dots"),

@@ -16,7 +16,7 @@ import trimesh
 from cad.arm_adapter import arm_places_mm
 from cad.base import ARM_INSERT_RADIUS_MM
 from cad.bought import bought_mm
-from cad.dots import DOT_RADIUS_MM, dot_pattern, dot_position_mm
+from cad.dots import dot_pattern, dot_position_mm
 from cad.fasteners import ScrewJoint
 from cad.mold_layout import MoldLayout
 from fab.checks.extraction import Leg
@@ -157,7 +157,7 @@ def dots_mesh(layout: MoldLayout) -> trimesh.Trimesh:
     """The painted dots, as flat discs on the inner surface."""
     discs = []
     for dot in dot_pattern(layout.params):
-        disc = trimesh.creation.cylinder(DOT_RADIUS_MM, 1.6, sections=24)
+        disc = trimesh.creation.cylinder(layout.params.dot_radius_mm, 1.6, sections=24)
         align = trimesh.geometry.align_vectors((0, 0, 1), dot.direction)
         disc.apply_transform(align)
         disc.apply_translation(dot_position_mm(layout.params, dot))

@@ -12,8 +12,9 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.mold_layout import MoldLayout
+from cad.pattern import DENT_DEPTH_MM
 from fab.checks.check import Check
 
 RISE_MM = 0.03  # above the sphere: more than a facet's chord error, less than any bump
@@ -32,7 +33,7 @@ def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[C
     points = np.concatenate([mesh.vertices for mesh in pieces]) - centre
     above_flange = points[:, 2] > params.flange_thickness_mm - params.centre_height_mm
     risen = points[above_flange & (np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM)]
-    patches = _patches(risen, 1.2 * DOT_RADIUS_MM)
+    patches = _patches(risen, 1.2 * params.dot_radius_mm)
     directions = np.array([dot.direction for dot in dot_pattern(params)])
     count = Check("bumps.count", float(len(patches)), len(directions), len(directions))
     if not patches:
@@ -45,7 +46,7 @@ def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[C
         count,
         Check("bumps.position_error_mm", float(offsets.max()), high=POSITION_MM),
         Check("bumps.height_error_mm", float(np.abs(heights - DENT_DEPTH_MM).max()), high=HEIGHT_MM),
-        Check("bumps.radius_error_mm", float(np.abs(radii - DOT_RADIUS_MM).max()), high=RADIUS_MM),
+        Check("bumps.radius_error_mm", float(np.abs(radii - params.dot_radius_mm).max()), high=RADIUS_MM),
     ]
 
 

@@ -16,7 +16,7 @@ import trimesh
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.interface import COLLAR_CLEARANCE_MM, VENT_DIAMETER_MM, vent_azimuths_deg
 from cad.leak import LEAK_RATIO, leak_ratio
 from cad.materials import silicone
@@ -113,7 +113,7 @@ def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Che
     ramp = (ramp_end(layout)[1] - params.centre_height_mm) / params.inner_radius_mm
     rim = (params.flange_thickness_mm - params.centre_height_mm) / params.outer_radius_mm
     dots = np.array([dot.direction for dot in dot_pattern(params)])
-    clear = np.cos((DOT_RADIUS_MM + 2 * BUNDLE_MM) / params.inner_radius_mm)
+    clear = np.cos((params.dot_radius_mm + 2 * BUNDLE_MM) / params.inner_radius_mm)
     directions = directions[(directions[:, 2] > max(ramp, rim) + 0.02) & ((directions @ dots.T).max(axis=1) < clear)]
 
     origin = np.array([0.0, 0.0, params.centre_height_mm])

@@ -17,9 +17,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from cad.dots import DENT_DEPTH_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm
 from cad.mold_layout import MoldLayout
+from cad.pattern import DENT_DEPTH_MM
 from fab.checks.cavity import cavity_faces
 from fab.meshing.mesh import TOLERANCE_MM, to_manifold
 
@@ -226,7 +227,7 @@ def _centre(layout: MoldLayout) -> np.ndarray:
 
 def _nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distance (n,) to the union of the bumps' spheres, and the vectors (n, 3) from the nearest centre."""
-    radius = bump_sphere_radius_mm()
+    radius = bump_sphere_radius_mm(layout.params)
     directions = np.array([dot.direction for dot in dot_pattern(layout.params)])
     centres = _centre(layout) + directions * (layout.params.inner_radius_mm + DENT_DEPTH_MM - radius)
     distance, nearest = cKDTree(centres).query(points)

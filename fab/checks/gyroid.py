@@ -15,7 +15,7 @@ from scipy.ndimage import label
 from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.checks.check import Check
-from fab.meshing.gyroid import DENSITY, WALL_MM, volume_above
+from fab.meshing.gyroid import WALL_MM, volume_above
 from fab.meshing.mesh import to_manifold
 from fab.meshing.voxels import VoxelBox, inside, within
 
@@ -61,7 +61,7 @@ def gyroid_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
     cast = cast_space(params, mesh)
     covered, floor_gap = ball_reach(params, cast)
     return [
-        Check("gyroid.density_error_ratio", abs(density(params, mesh) / DENSITY - 1), high=DENSITY_RATIO),
+        Check("gyroid.density_error_ratio", abs(density(params, mesh) / params.gyroid - 1), high=DENSITY_RATIO),
         Check("gyroid.outside_zone_mm", outside_zone_mm(params, mesh), high=0.02),
         Check("gyroid.wall_p1_mm", float(np.percentile(walls, 1)), low=WALL_RANGE[0]),
         Check("gyroid.wall_p99_mm", float(np.percentile(walls, 99)), high=WALL_RANGE[1]),

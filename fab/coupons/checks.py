@@ -10,10 +10,10 @@ import trimesh
 from cad.bought import bought_mm
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TENSILE_BLOCK_MM, WIDTH_MM, socket_x_mm, zones_mm
 from cad.part import Part
+from cad.pattern import RELEASED_GYROID
 from fab.checks.check import Check
 from fab.checks.fit import CLEARANCE_MM, bed_check, min_wall_check
 from fab.checks.meshes import mesh_checks
-from fab.meshing.gyroid import DENSITY
 
 DENSITY_RATIO = 3e-3  # as the interface's
 OPEN_SHARE = 0.35  # TPU on an open side of the gyroid; the sheet cut straight covers 10 %
@@ -31,7 +31,7 @@ def coupon_checks(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimes
     for name, (low, high) in zones.items():
         extra = meshes[name].volume - parts[name].solid.volume
         density = extra / float(np.prod(np.array(high) - np.array(low)))
-        checks.append(Check(f"{name}.density_error_ratio", abs(density / DENSITY - 1), high=DENSITY_RATIO))
+        checks.append(Check(f"{name}.density_error_ratio", abs(density / RELEASED_GYROID - 1), high=DENSITY_RATIO))
         checks.append(Check(f"{name}.closed_side_share", closed_share(meshes[name], low, high), high=OPEN_SHARE))
     return checks
 

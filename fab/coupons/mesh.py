@@ -16,7 +16,8 @@ from skimage.measure import marching_cubes
 from cad.coupons import zones_mm
 from cad.errors import GeometryError
 from cad.part import Part
-from fab.meshing.gyroid import AREA_PER_PERIOD, DENSITY, WALL_MM, gyroid_distance_mm
+from cad.pattern import RELEASED_GYROID
+from fab.meshing.gyroid import AREA_PER_PERIOD, WALL_MM, gyroid_distance_mm
 from fab.meshing.mesh import from_manifold, tessellate, to_manifold, weld
 
 STEP_MM = 0.6  # as the interface's
@@ -46,17 +47,17 @@ def with_gyroid(block: trimesh.Trimesh, zone: Box, step_mm: float = STEP_MM) -> 
     Raises:
         GeometryError: the density is not reached.
     """
-    period = AREA_PER_PERIOD * WALL_MM / DENSITY
+    period = AREA_PER_PERIOD * WALL_MM / RELEASED_GYROID
     points, distance = _sampled(zone, period, step_mm)
     body, wall = to_manifold(block), WALL_MM
     for _ in range(TRIALS):
         whole = _standing(body, zone, _sheet(points, distance, wall, zone, step_mm))
         density = (whole.volume() - body.volume()) / _volume(zone)
-        if abs(density / DENSITY - 1) < DENSITY_TOLERANCE:
+        if abs(density / RELEASED_GYROID - 1) < DENSITY_TOLERANCE:
             return from_manifold(whole), wall
-        wall *= DENSITY / density
+        wall *= RELEASED_GYROID / density
     raise GeometryError(
-        f"gyroid density {density:.4f} not within {DENSITY_TOLERANCE:.1%} of {DENSITY}: use a finer step"
+        f"gyroid density {density:.4f} not within {DENSITY_TOLERANCE:.1%} of {RELEASED_GYROID}: use a finer step"
     )
 
 

@@ -68,7 +68,7 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
     hardware = {name: ratio * _volume_mm3(revolved[name].profiles[0]) for name, ratio in HARDWARE.items()}
     base_g, hardware_g = (v / 1000 * pla.density_g_cm3 for v in (hardware["base"], sum(hardware.values())))
     flange, zone = (_volume_mm3(profile) for profile in revolved["interface"].profiles)
-    tpu_g = (flange + 0.1 * zone) / 1000 * tpu.density_g_cm3
+    tpu_g = (flange + params.gyroid * zone) / 1000 * tpu.density_g_cm3
     silicone_g = shell_volume_mm3(params) / 1000 * row.density_g_cm3
     plastic_usd = ((mold_g + hardware_g) * pla.price_usd_kg + tpu_g * tpu.price_usd_kg) / 1000
     return Estimate(

@@ -155,7 +155,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
             }
         )
     return {
-        "parameters": {"diameter_mm": design.params.diameter_mm, "wall_mm": design.params.wall_mm},
+        "parameters": design.params.record,
         "joint_clearance_mm": design.layout.joint_clearance_mm,
         "silicone": design.layout.silicone,
         "robot": design.robot,

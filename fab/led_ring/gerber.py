@@ -124,7 +124,7 @@ def regions(shape: BaseGeometry) -> list[Region]:
 
 def pieces_without_holes(shape: BaseGeometry) -> list[Polygon]:
     """A shape cut through its holes, until none is left."""
-    return [piece for polygon in _polygons(shape) for piece in _unholed(polygon)]
+    return [piece for polygon in polygons(shape) for piece in _unholed(polygon)]
 
 
 def _unholed(polygon: Polygon) -> Iterable[Polygon]:
@@ -135,11 +135,12 @@ def _unholed(polygon: Polygon) -> Iterable[Polygon]:
     x = polygon.interiors[0].centroid.x
     left, low, right, high = polygon.bounds
     for half in (box(left, low, x + _OVERLAP_MM, high), box(x, low, right, high)):
-        for piece in _polygons(polygon & half):
+        for piece in polygons(polygon & half):
             yield from _unholed(piece)
 
 
-def _polygons(shape: BaseGeometry) -> list[Polygon]:
+def polygons(shape: BaseGeometry) -> list[Polygon]:
+    """The polygons of a shape, without lines and points."""
     if isinstance(shape, Polygon):
         return [shape] if not shape.is_empty else []
     return [part for part in getattr(shape, "geoms", []) if isinstance(part, Polygon)]

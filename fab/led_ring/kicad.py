@@ -22,7 +22,7 @@ from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THI
 from fab.checks.check import Check
 from fab.led_ring.circuit import netlist
 from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
-from fab.led_ring.gerber import pieces_without_holes
+from fab.led_ring.gerber import polygons
 
 VERSION = 20221018  # of the format: KiCad 7, and what gerbonara reads
 ORIGIN_MM = 100.0
@@ -120,18 +120,36 @@ def _pad(pad: Pad, origin: tuple[float, float], nets: dict[str, int]) -> str:
 
 
 def _plane(plane: BaseGeometry, net: int) -> str:
-    """The ground plane as a zone, filled with pieces that have no holes."""
+    """The ground plane as a zone; each filled piece is one outline, as KiCad counts pieces as apart that only touch."""
     turn = [math.radians(a) for a in range(0, 360, 2)]
     edge = [(BOARD_OUTER_RADIUS_MM * math.cos(a), BOARD_OUTER_RADIUS_MM * math.sin(a)) for a in turn]
-    fills = "\n".join(
-        f'  (filled_polygon (layer "B.Cu") {_points(piece.exterior.coords)})' for piece in pieces_without_holes(plane)
-    )
+    fills = "\n".join(f'  (filled_polygon (layer "B.Cu") {_points(keyholed(piece))})' for piece in polygons(plane))
     return (
         f' (zone (net {net}) (net_name "GND") (layer "B.Cu") (hatch edge 0.5)\n'
         f"  (connect_pads (clearance {PLANE_GAP_MM:g})) (min_thickness 0.2)\n"
         f"  (fill yes (thermal_gap {PLANE_GAP_MM:g}) (thermal_bridge_width 0.5))\n"
         f"  (polygon {_points(edge)})\n{fills}\n )"
     )
+
+
+def keyholed(polygon: Polygon) -> list[tuple[float, float]]:
+    """One outline round a polygon and its holes, each joined to the outline by a slit without width.
+
+    The holes are taken from the right; a slit runs from a hole's rightmost corner along +x to the nearest edge.
+    """
+    ring = [(float(x), float(y)) for x, y in polygon.exterior.coords[:-1]]
+    holes = [[(float(x), float(y)) for x, y in hole.coords[:-1]] for hole in polygon.interiors]
+    for hole in sorted(holes, key=max, reverse=True):
+        first = hole.index(max(hole))
+        x, y = hole[first]
+        hits = []
+        for number, ((x0, y0), (x1, y1)) in enumerate(zip(ring, [*ring[1:], ring[0]], strict=True)):
+            if (y0 <= y) != (y1 <= y):  # an edge belongs to its lower end, so no corner counts twice
+                hits.append((x0 + (y - y0) * (x1 - x0) / (y1 - y0), number))
+        foot, number = min(hit for hit in hits if hit[0] >= x)
+        turn = [*hole[first:], *hole[: first + 1]]
+        ring[number + 1 : number + 1] = [(foot, y), *turn, (foot, y)]
+    return ring
 
 
 def _points(points: Iterable[tuple[float, ...]]) -> str:

@@ -1,4 +1,4 @@
-"""The gyroid in the silicone: a sheet of uniform wall at 10 % of the zone's volume, on the flange (endcap frame, mm).
+"""The gyroid in the silicone: a sheet of uniform wall on the flange, 10 % of the zone's volume unless asked (mm).
 
 How it is made: the signed distance to the gyroid surface is sampled on a grid that fits the zone (:mod:`.zone_grid`),
 so no node is wasted and no boolean is needed to cut the sheet to it; marching cubes of +t/2 and of -t/2 and end faces
@@ -26,13 +26,13 @@ from scipy.sparse.csgraph import connected_components
 from cad.errors import GeometryError
 from cad.interface import build_flange, zone_volume_mm3
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_GYROID
 from fab.meshing.gyroid_sheet import sheet_mesh
 from fab.meshing.mesh import from_manifold, tessellate, to_manifold
 from fab.meshing.repair import without_crossings
 from fab.meshing.zone_grid import SKIRT_MM, ZoneGrid, zone_grid
 
 WALL_MM = 0.45  # E: one line of a 0.4 mm nozzle
-DENSITY = 0.10  # the paper's interlock
 DENSITY_TOLERANCE = 5e-4  # relative: 10.00 % in print; the export gates at 3e-3
 STEP_MM = 0.6  # knee of bench/gyroid.csv
 AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
@@ -66,15 +66,16 @@ class InterfaceMesh:
 
 
 def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
-    """Mesh of the whole TPU interface, its period tuned so that the zone is 10 % TPU.
+    """Mesh of the whole TPU interface, its period tuned to the design's fraction of TPU.
 
     Args:
         params: the design.
-        step_mm: grid step; the knee of its curve is the default.
+        step_mm: grid step at 10 % TPU; the knee of its curve is the default.
 
     Raises:
         GeometryError: no period within reach gives the density, or the mesh is not closed.
     """
+    step_mm *= min(1.0, RELEASED_GYROID / params.gyroid)  # the wall's spread goes as step over period
     return with_flange(gyroid_sheet(params, step_mm), tessellate(build_flange(params)))
 
 
@@ -91,7 +92,7 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
         tpu = volume_above(sheet, params.flange_thickness_mm)
         return InterfaceMesh(sheet, period_mm, wall_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
 
-    return tune(trial)
+    return tune(trial, params.gyroid)
 
 
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
@@ -153,7 +154,7 @@ def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimes
     return kept, float(mesh.volume - kept.volume)
 
 
-def tune(trial: Callable[[float, float, Phase], InterfaceMesh]) -> InterfaceMesh:
+def tune(trial: Callable[[float, float, Phase], InterfaceMesh], wanted: float = RELEASED_GYROID) -> InterfaceMesh:
     """Bring the density to its target: by the period, the last tenths of a per cent by the wall.
 
     Density goes as wall over period. It jumps where a change of period sets an island free or ties it down, so no
@@ -162,16 +163,17 @@ def tune(trial: Callable[[float, float, Phase], InterfaceMesh]) -> InterfaceMesh
 
     Args:
         trial: period and wall in mm, and phase -> the sheet they give.
+        wanted: fraction of TPU.
 
     Raises:
         GeometryError: not within the tolerance after ``MAX_TRIALS`` meshes at each phase.
     """
     for shift in PHASE_SHIFTS_MM:
         phase = (PHASE_MM[0], PHASE_MM[1], PHASE_MM[2] + shift)
-        period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / DENSITY, WALL_MM
+        period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / wanted, WALL_MM
         for _ in range(MAX_TRIALS):
             result = trial(period_mm, wall_mm, phase)
-            ratio = result.density / DENSITY
+            ratio = result.density / wanted
             if abs(ratio - 1) <= DENSITY_TOLERANCE:
                 return result
             if abs(ratio * WALL_MM / wall_mm - 1) <= WALL_FREEDOM:
@@ -179,7 +181,7 @@ def tune(trial: Callable[[float, float, Phase], InterfaceMesh]) -> InterfaceMesh
             else:
                 period_mm, wall_mm = period_mm * ratio, WALL_MM
     raise GeometryError(
-        f"gyroid density {result.density:.5f} outside {DENSITY} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials "
+        f"gyroid density {result.density:.5f} outside {wanted} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials "
         f"at each of {len(PHASE_SHIFTS_MM)} phases: use a finer step_mm"
     )
 

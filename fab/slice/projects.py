@@ -235,4 +235,6 @@ def zone_volumes(params: EndcapParams, where: Printer | None = None) -> tuple[Vo
 
     inner, outer = zone_radii_mm(params)
     flange = laid_down(INTERFACE, tessellate(build_flange(params)), where)
-    return Volume("flange", flange), Volume("zone", tessellate(build_zone(params)), zone_region(outer - inner))
+    return Volume("flange", flange), Volume(
+        "zone", tessellate(build_zone(params)), zone_region(outer - inner, params.gyroid)
+    )

@@ -19,8 +19,7 @@ from fab.slice.project_3mf import Project, write_orca, write_prusa
 from fab.slice.run import ModelInfo, model_info, slice_to_gcode
 from fab.slice.settings import PrintSettings, Region
 
-FRACTION_TOLERANCE = 0.005  # of the zone's volume: 10 +- 0.5 %
-FRACTION = 0.10
+FRACTION_TOLERANCE = 0.005  # of the zone's volume, for example 10 +- 0.5 %
 LEAST_OPEN = 0.90
 GRAMS_TOLERANCE = 0.005  # our sum over the moves against the slicer's: a move lost in reading shows here
 FIGURES = 6
@@ -71,6 +70,7 @@ class SliceResult:
         triangles: of all its meshes.
         figures: of the print.
         zone: of the interlock zone; ``None`` for parts without one.
+        fraction: of TPU that the zone should have.
         info: what the slicer saw.
         warnings: what the slicer said while slicing.
         files: written projects, file name -> SHA-256.
@@ -82,6 +82,7 @@ class SliceResult:
     triangles: int
     figures: PrintFigures
     zone: ZoneFigures | None
+    fraction: float
     info: ModelInfo
     warnings: tuple[str, ...]
     files: Mapping[str, str]
@@ -106,7 +107,7 @@ class SliceResult:
             Check(f"{name}.pieces_without_plastic", sum(piece.grams <= 0 for piece in self.pieces), high=0),
         ]
         if self.zone is not None:
-            low, high = FRACTION - FRACTION_TOLERANCE, FRACTION + FRACTION_TOLERANCE
+            low, high = self.fraction - FRACTION_TOLERANCE, self.fraction + FRACTION_TOLERANCE
             checks.append(Check(f"{name}.zone_fraction", self.zone.fraction, low, high))
             checks.append(Check(f"{name}.zone_open_share", self.zone.open_share, low=LEAST_OPEN))
         return checks
@@ -159,6 +160,7 @@ def slice_project(slicer: str, project: Project, folder: Path, params: EndcapPar
         sum(len(volume.mesh.faces) for volume in project.volumes),
         figures,
         zone_figures(moves, params, project.printer) if is_interface else None,
+        params.gyroid,
         info,
         warnings,
         {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (prusa, orca)},

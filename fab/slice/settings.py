@@ -14,13 +14,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from cad.pattern import RELEASED_GYROID
 from fab.slice.filaments import Filament, filament
 from fab.slice.printers import Printer, printer
 
 FILAMENT_DIAMETER_MM = 1.75
 LAYER_MM = 0.2
 LINE_MM = 0.45
-ZONE_PERCENT = 10.0  # P, GYR01
 ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line take off its width (S, GYR02)
 GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (S, GYR03)
 
@@ -232,8 +232,8 @@ CORE = Region(walls=2, top_layers=4, bottom_layers=4, density_percent=8)
 HARDWARE = Region(walls=4, top_layers=5, bottom_layers=5, density_percent=40)
 
 
-def native_density_percent(wall_mm: float) -> float:
-    """Infill density to ask of the slicer so that ``ZONE_PERCENT`` of a zone between two walls is printed.
+def native_density_percent(wall_mm: float, fraction: float = RELEASED_GYROID) -> float:
+    """Infill density to ask of the slicer so that a fraction of a zone between two walls is printed.
 
     Args:
         wall_mm: thickness of the zone.
@@ -244,12 +244,12 @@ def native_density_percent(wall_mm: float) -> float:
         lines end s / 2 before either side of the zone.
     """
     spacing = LINE_MM - ROUNDING_MM
-    return ZONE_PERCENT * 2 * math.pi / GYROID_LINE**2 / (1 - spacing / wall_mm)
+    return 100 * fraction * 2 * math.pi / GYROID_LINE**2 / (1 - spacing / wall_mm)
 
 
-def zone_region(wall_mm: float) -> Region:
+def zone_region(wall_mm: float, fraction: float = RELEASED_GYROID) -> Region:
     """Filling of the plain zone: gyroid by the slicer, open on all sides."""
-    density = round(native_density_percent(wall_mm), 2)
+    density = round(native_density_percent(wall_mm, fraction), 2)
     return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from cad.dots import DENT_DEPTH_MM
 from cad.interface import POCKET_FLOOR_MM, zone_radii_mm
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
+from cad.pattern import DENT_DEPTH_MM
 from fab.checks.extraction import Leg
 from fab.steps.record import Move, Step, one_by_one
 

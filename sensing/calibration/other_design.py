@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cad.dots import DOT_RADIUS_MM
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError, pattern_points
@@ -50,7 +49,7 @@ class DesignFit:
         return (
             f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g}: {len(c.residual_px)} of {len(c.found_px)} dots, "
             f"residual {c.rms_px:.2f} px rms, focal length {c.values['f_px'][0]:.1f} px, "
-            f"dots {2 * DOT_RADIUS_MM * self.ink_scale:.1f} mm wide"
+            f"dots {self.params.dot_mm * self.ink_scale:.1f} mm wide"
         )
 
 
@@ -113,7 +112,7 @@ def _dent_radius_px(calibration: Calibration, params: EndcapParams, points: Arra
     outward = points - [0, 0, params.centre_height_mm]
     outward = outward / np.linalg.norm(outward, axis=1)[:, None]
     areas = np.abs(np.einsum("na,na->n", np.cross(slope[:, 0], slope[:, 1]), outward))  # px^2 a mm^2 of the dome
-    return np.asarray(DOT_RADIUS_MM * np.sqrt(areas))
+    return np.asarray(params.dot_radius_mm * np.sqrt(areas))
 
 
 def _unseen(calibration: Calibration, params: EndcapParams) -> int:

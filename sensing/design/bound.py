@@ -136,12 +136,26 @@ class DesignBound:
         ).reshape(5, -1)
         far = np.linalg.norm((pixels - rest)[seen], axis=1)
         sigma = np.sqrt(STILL_PX**2 + (MOVING_PX * far / (1 + far)) ** 2 + (SHARE * far) ** 2)
-        information = (jacobian / np.repeat(sigma, 2) ** 2) @ jacobian.T
         turned = np.concatenate([np.cross([0, 0, 1.0], wrench[:3]), np.cross([0, 0, 1.0], wrench[3:])])
         by_place = np.vstack([slopes, turned * np.pi / 180])
-        covariance = by_place.T @ np.linalg.solve(information, by_place)
+        covariance = smallest_covariance(jacobian, np.repeat(sigma, 2) ** 2, by_place)
         moved = float(np.sqrt((far**2).mean()))
         return Bound(tilt_deg, normal_n, wrench, covariance, moved, int(seen.sum()))
+
+
+def smallest_covariance(by_pixel: Array, noise: Array, by_answer: Array, known: Array | None = None) -> Array:
+    """(k, k) smallest covariance of any unbiased estimate of k answers: W' (J N^-1 J' + K)^-1 W.
+
+    Args:
+        by_pixel: J (p, m), what a step of each of p parameters moves. noise: N (m,) variances, or (m, m) covariance.
+        by_answer: W (p, k), what it changes of the answers. known: K (p, p), information beforehand (the inverse
+            covariance of a prior); None without.
+    """
+    weighted = by_pixel / noise if noise.ndim == 1 else np.linalg.solve(noise, by_pixel.T).T
+    information = weighted @ by_pixel.T + (0.0 if known is None else known)
+    size = np.sqrt(np.diag(information))  # parameters have units of their own
+    root = np.linalg.solve(np.linalg.cholesky(information / size / size[:, None]), by_answer / size[:, None])
+    return np.asarray(root.T @ root)
 
 
 def _seen(pixels: Array) -> Mask:
@@ -162,12 +176,17 @@ def _places(wrench: Array, scale: LoadScale, known: Mask) -> Array:
     return rows
 
 
+def quadratic_terms(x: Array) -> Array:
+    """(s, 1 + n + n (n + 1) / 2) one, coordinates (s, n) and their products: columns of a quadratic fit."""
+    pairs = [x[:, i] * x[:, j] for i in range(x.shape[1]) for j in range(i, x.shape[1])]
+    return np.column_stack([np.ones(len(x)), x, *pairs])
+
+
 def _quadratic(offset: Array, weight: Array, values: Array) -> Array:
     """(1 + n, k) value and slopes at offset 0 of a weighted quadratic fit to values (s, k) at offsets (s, n)."""
     use = np.isfinite(offset).all(axis=1) & (weight > 1e-4)
     x = offset[use]
-    pairs = [x[:, i] * x[:, j] for i in range(x.shape[1]) for j in range(i, x.shape[1])]
-    table = np.column_stack([np.ones(len(x)), x, *pairs])
+    table = quadratic_terms(x)
     size = np.abs(table).max(axis=0)
     rows = weight[use][:, None]
     solved = np.linalg.lstsq(rows * table / size, rows * values[use], rcond=1e-8)[0]

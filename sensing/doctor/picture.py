@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.params import EndcapParams
 from sensing.calibration.dots import REFERENCE_HEIGHT_PX, CalibrationError, find_blobs
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
@@ -129,8 +129,8 @@ def _expected_px(params: EndcapParams, shape: tuple[int, ...], middle: Array, re
     normals = np.array([dot.direction for dot in dot_pattern(params)])
     aside = np.cross(normals, [1.0, 0.0, 0.0])
     aside /= np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9)
-    pixels = camera.project(centre + inner * normals)
-    across = np.mean([np.linalg.norm(camera.project(centre + inner * normals + sign * DOT_RADIUS_MM * each) - pixels,
+    pixels, dot = camera.project(centre + inner * normals), params.dot_radius_mm
+    across = np.mean([np.linalg.norm(camera.project(centre + inner * normals + sign * dot * each) - pixels,
                                      axis=1) for sign in (1, -1) for each in (aside, np.cross(normals, aside))],
                      axis=0)  # fmt: skip
     near = np.linalg.norm(pixels - middle, axis=1) <= reach_px

@@ -29,6 +29,7 @@ class Cell:
         frames: how many. rmse, bias: (6,) by axis, N and N m.
         coverage: fraction of axes within 1.96 standard deviations. flagged: fraction of frames with a flag.
         far, far_flagged: frames whose fz is off by more than :data:`FAR_N`, and how many of them have a flag.
+        centre_deg, normal_deg: medians by which contact centre and normal are off; NaN where the plane is not known.
     """
 
     tilt_deg: tuple[float, float]
@@ -40,6 +41,8 @@ class Cell:
     flagged: float
     far: int
     far_flagged: int
+    centre_deg: float
+    normal_deg: float
 
     def row(self) -> dict[str, float]:
         """Flat, for CSV."""
@@ -48,7 +51,8 @@ class Cell:
         flat |= {f"rmse_{axis}": float(v) for axis, v in zip(AXES, self.rmse, strict=True)}
         flat |= {f"bias_{axis}": float(v) for axis, v in zip(AXES, self.bias, strict=True)}
         flat |= {"coverage": self.coverage, "flagged": self.flagged}
-        return flat | {"far": self.far, "far_flagged": self.far_flagged}
+        flat |= {"far": self.far, "far_flagged": self.far_flagged}
+        return flat | {"centre_deg": self.centre_deg, "normal_deg": self.normal_deg}
 
 
 def cells(answers: LiveAnswers, range_n: float = RANGE_N) -> list[Cell]:
@@ -88,12 +92,18 @@ def _rmse(*columns: int) -> Callable[[Cell], str]:
     return lambda cell: f"{np.sqrt((cell.rmse[list(columns)] ** 2).mean()):.4f}"
 
 
+def _median(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.2f}"
+
+
 # What the tables show of a cell; root mean square over the axes named.
 QUANTITIES: dict[str, Callable[[Cell], str]] = {
     "RMSE of fz N": _rmse(2),
     "RMSE of fx, fy N": _rmse(0, 1),
     "RMSE of torque N m": _rmse(3, 4, 5),
     "95 % interval covers": lambda cell: f"{100 * cell.coverage:.1f} %",
+    "contact centre off deg": lambda cell: _median(cell.centre_deg),
+    "normal off deg": lambda cell: _median(cell.normal_deg),
     "flagged": lambda cell: f"{100 * cell.flagged:.1f} %",
     f"off by {FAR_N:g} N, flagged": lambda cell: f"{cell.far_flagged} of {cell.far}" if cell.far else "-",
     "frames": lambda cell: f"{cell.frames}",
@@ -126,8 +136,11 @@ def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[flo
     error = answers.value - answers.truth
     sigma = np.sqrt(np.diagonal(answers.covariance, axis1=1, axis2=2))
     far = np.abs(error[:, 2]) > FAR_N
+    far = np.abs(error[:, 2]) > FAR_N
+    known = answers.place[np.isfinite(answers.place).all(axis=1), :2]
+    place = np.median(known, axis=0) if len(known) else np.full(2, np.nan)
     return Cell(
         tilt_deg, load_n, len(error), np.sqrt((error**2).mean(axis=0)), error.mean(axis=0),
         float((np.abs(error) <= 1.959964 * sigma).mean()), float(answers.flagged.mean()),
-        int(far.sum()), int((far & answers.flagged).sum()),
+        int(far.sum()), int((far & answers.flagged).sum()), float(place[0]), float(place[1]),
     )  # fmt: skip

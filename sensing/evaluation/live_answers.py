@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.messages import transient
 from cad.params import EndcapParams
+from sensing.evaluation.place_errors import place_errors
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
@@ -27,6 +28,8 @@ from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
 from sensing.records_labelled import LabelledFrame, LabelledSet
 from sensing.tracking.zero import single_zero
+from sensing.wrench.plane_contact import PlaneContactLaw
+from sensing.wrench.stiffness import shear_mpa_of
 
 Array = NDArray[np.float64]
 SHORTEST_S = 1e-6  # states labelled with one time follow one another by this
@@ -40,6 +43,8 @@ class LiveAnswers:
         value, truth: (N, 6) wrenches. covariance: (N, 6, 6); model_covariance: (N, 6, 6), without what the camera adds.
         flagged: (N,) bool, True where the model itself says that the field is unlike those of training.
         tilt_deg: (N,) polar angle of first contact, NaN where unknown.
+        place: (N, 4) degrees: contact centre off (seen from the sphere's centre), normal off, and what the answer says
+            of both (standard deviation of one direction); NaN where the place of the plane is not known.
         contact: (N,) bool. path: (N,) str, identity of the loading path.
     """
 
@@ -49,6 +54,7 @@ class LiveAnswers:
     model_covariance: Array
     flagged: NDArray[np.bool_]
     tilt_deg: Array
+    place: Array
     contact: NDArray[np.bool_]
     path: NDArray[np.str_]
 
@@ -70,13 +76,16 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
     """
     to_sphere = wrench_adjoint(T_sphere_endcap(data.params))
     rows: list[tuple[Any, ...]] = []
+    plane = data.manifest["request"].get("indenter", "plane") == "plane"
+    law = PlaneContactLaw(data.params, shear_mpa_of(model.estimator)) if plane else None
     for item, reading in _readings(data, model, camera):
         estimate, alone = reading.estimate, model.estimator.estimate(reading.field)
         rows.append((
             to_sphere @ np.concatenate([estimate.force_n, estimate.torque_nm]),
             to_sphere @ np.concatenate([item.wrench.force_n, item.wrench.torque_nm]),
             to_sphere @ estimate.covariance @ to_sphere.T, alone.covariance,
-            bool(alone.flags), float(item.labels["tilt_deg"]), item.contact, data.path_name(item.path),
+            bool(alone.flags), float(item.labels["tilt_deg"]),
+            place_errors(item, estimate, law, data.params), item.contact, data.path_name(item.path),
         ))  # fmt: skip
         if len(rows) % 50 == 0:
             transient(f"{data.folder}: {len(rows)} frames through the pipeline")

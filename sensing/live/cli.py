@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
@@ -26,6 +27,9 @@ from sensing.live.run import LiveRun, reduce_pauses, run_until_stopped
 from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import known_methods
 from sensing.wrench.weight_files import command_for
+
+if TYPE_CHECKING:
+    from sensing.live.playback import Playback
 
 DESCRIPTION = """\
 Wrench and contact of endcaps, live. Without arguments: a simulated robot on six endcaps.
@@ -65,18 +69,21 @@ def _run(options: argparse.Namespace) -> int:
 
     config = _config(options)
     if options.check:
-        return _check(options.replay, config)
+        return _check(options.replay, config, options.from_s)
+    playback: Playback | None = None
     if options.replay is None:
         endcaps = open_endcaps(config, options.speed)
     else:
-        from sensing.live.replay import replay_endcaps
+        from sensing.live.playback import AtEnd, Playback
+        from sensing.live.recorded_feed import replay_endcaps
 
-        endcaps = replay_endcaps(options.replay, config, options.speed)
+        playback = Playback(options.replay, options.speed, AtEnd(options.at_end), options.from_s, options.paused)
+        endcaps = replay_endcaps(options.replay, config, playback)
     if any(endcap.pipeline.model.method == "dots" for endcap in endcaps):
         from sensing.live.core.warm_up import warm_up
 
         warm_up(lambda text: LOG.info(text))
-    run = LiveRun(config, endcaps, min(options.workers, len(endcaps)))
+    run = LiveRun(config, endcaps, min(options.workers, len(endcaps)), playback)
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
         add_outputs(run, options, outputs, lines)
@@ -94,13 +101,22 @@ def _run(options: argparse.Namespace) -> int:
     return LOST if losses else 0
 
 
-def _check(path: Path, config: LiveConfig) -> int:
+def _check(path: Path, config: LiveConfig, from_s: float) -> int:
     from sensing.live.mcap_records import DamagedError
     from sensing.live.replay import verify
 
-    check = verify(path, config)
+    check = verify(path, config, from_s=from_s)
     if not check.frames and check.end is None:
-        raise FileError(f"{path}: no frame in it: record for longer than it takes to zero")
+        where = (
+            f" from {from_s:g} s on: give an earlier moment" if from_s else ": record for longer than it takes to zero"
+        )
+        raise FileError(f"{path}: no frame in it{where}")
+    if from_s:
+        print(
+            f"{path}: {check.frames} frames computed again from {from_s:g} s on, {check.different} differ in a bit, "
+            f"none by more than {check.largest_n:.2g} N"
+        )
+        return 0 if check.end is None else LOST
     print(f"{path}: {check.frames} frames computed again, {check.different} differ")
     if check.end is not None:
         LOG.error(f"sensing.live: {check.end}")
@@ -116,8 +132,7 @@ def _config(options: argparse.Namespace) -> LiveConfig:
     if options.replay is not None:
         from sensing.live.replay import read_config
 
-        config = read_config(options.replay, options.model, options.weights)
-        return config if options.method is None else replace(config, method=options.method)
+        return read_config(options.replay, options.model, options.weights, options.method)
     words = _sources(options)
     model = options.model or "default"
     if not words:
@@ -199,6 +214,13 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--source", action="append", metavar="NAME:ADDRESS", help="a plug-in's camera; again for another")
     what.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
     what.add_argument("--config", type=Path, metavar="FILE", help="endcaps.toml")
+    play = parser.add_argument_group("how a recording is played")
+    play.add_argument(
+        "--from", dest="from_s", type=plain_number, metavar="S", help="begin so many seconds after its start (0)"
+    )
+    play.add_argument("--at-end", choices=["stop", "loop", "stay"], help="end the run, begin again, or wait (stop)")
+    play.add_argument("--paused", action="store_true", help="show the first pictures and wait for the page's button")
+    play.add_argument("--speed", type=float, metavar="X", help="also of videos and photos; 0: as fast as possible (1)")
     model = parser.add_argument_group("what is computed")
     model.add_argument("--model", choices=known_models(), help="default: ours; paper: the released field and network")
     model.add_argument(
@@ -211,7 +233,6 @@ def _parser() -> argparse.ArgumentParser:
     model.add_argument("--silicone", metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})")
     model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
-    model.add_argument("--speed", type=float, metavar="X", help="of files; 0: as fast as possible (1)")
     model.add_argument("--workers", type=int, metavar="N", help="threads that share the endcaps (1)")
     out = parser.add_argument_group("outputs")
     out.add_argument("--no-page", action="store_true", help="numbers here only")
@@ -219,6 +240,11 @@ def _parser() -> argparse.ArgumentParser:
     out.add_argument("--port", type=int, metavar="N", help="port of the page (8008, or any free one)")
     out.add_argument(
         "--record", type=Path, nargs="?", const=Path(), metavar="FILE", help="MCAP; without a name: endcap_TIME.mcap"
+    )
+    out.add_argument(
+        "--record-pictures",
+        choices=["full", "half", "none"],
+        help="as they came (full), or half as wide, or none: dots instead, for the same numbers",
     )
     out.add_argument("--check", action="store_true", help="with --replay: compare every wrench with the recorded one")
     out.add_argument("--ros", action="store_true", help="ROS 2 topics over DDS, domain ROS_DOMAIN_ID")

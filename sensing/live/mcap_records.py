@@ -9,11 +9,13 @@ raises :class:`CutError` there. Format: https://mcap.dev/spec, version 0.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,6 +33,7 @@ BLOCK_BYTES = 1 << 20
 MOST_BYTES = 1 << 26  # of a record, and of a chunk when decompressed
 MOST_RATIO = 100  # of a chunk to its compressed size: pictures give 1, numbers alone some ten
 LEAST_MESSAGE = 22  # bytes before its data
+SPAN, CHANNEL = struct.Struct("<QQ"), struct.Struct("<H")  # first words of a chunk, and of the index of one channel
 Place = tuple[Path, int]  # file and byte
 
 
@@ -42,17 +45,74 @@ class CutError(FileError):
     """A recording whose end is missing: its writer was killed, or the disk was full."""
 
 
-def read_records(path: Path) -> Iterator[McapRecord]:
+@dataclass(frozen=True)
+class ChunkPlace:
+    """Where a chunk lies.
+
+    Attributes:
+        byte: of its record. begin_ns, end_ns: first and last stamp of its messages. channels: numbers of those that
+            have messages in it; empty where the file does not say.
+    """
+
+    byte: int
+    begin_ns: int
+    end_ns: int
+    channels: frozenset[int] = frozenset()
+
+
+def read_records(path: Path, start: int = 0) -> Iterator[McapRecord]:
     """All channels, messages, metadata and attachments; chunks are opened.
+
+    Args:
+        path: of the file. start: byte of the record to begin with; 0 for the first.
 
     Raises:
         FileError: missing, no regular file, no MCAP. DamagedError, CutError: after all that can be read.
     """
+    with _opened_file(path) as stream:
+        yield from _records(path, stream, path.stat().st_size, start)
+
+
+def read_chunk(path: Path, byte: int) -> Iterator[McapRecord]:
+    """The records of one chunk.
+
+    Raises:
+        FileError: missing, no regular file. DamagedError: damaged.
+    """
+    with _opened_file(path) as stream:
+        yield from _records(path, stream, path.stat().st_size, byte, once=True)
+
+
+def chunk_places(path: Path) -> list[ChunkPlace]:
+    """The chunks in order, from the heads of the records alone; as far as the file is whole.
+
+    Raises:
+        FileError: missing, no regular file.
+    """
+    found: list[ChunkPlace] = []
+    with _opened_file(path) as stream:
+        size, byte = path.stat().st_size, len(MAGIC)
+        while byte + HEAD.size <= size:
+            stream.seek(byte)
+            kind, length = HEAD.unpack(stream.read(HEAD.size))
+            if kind == Opcode.DATA_END or length > size - byte - HEAD.size:
+                break
+            if kind == Opcode.CHUNK and length >= SPAN.size:
+                found.append(ChunkPlace(byte, *SPAN.unpack(stream.read(SPAN.size))))
+            elif kind == Opcode.MESSAGE_INDEX and length >= CHANNEL.size and found:
+                number = CHANNEL.unpack(stream.read(CHANNEL.size))
+                found[-1] = replace(found[-1], channels=found[-1].channels.union(number))
+            byte += HEAD.size + length
+    return found
+
+
+@contextlib.contextmanager
+def _opened_file(path: Path) -> Iterator[BinaryIO]:
     try:
         if path.exists() and not path.is_file():
             raise FileError(f"{path}: no regular file: give a recording")
         with path.open("rb") as stream:
-            yield from _records(path, stream, path.stat().st_size)
+            yield stream
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: give a recording") from None
 
@@ -63,10 +123,11 @@ def damaged(place: Place, reason: object) -> DamagedError:
     return DamagedError(f"{place[0]}: damaged at byte {place[1]} ({said}): what stands before it is read")
 
 
-def _records(path: Path, stream: BinaryIO, size: int) -> Iterator[McapRecord]:
+def _records(path: Path, stream: BinaryIO, size: int, start: int, once: bool = False) -> Iterator[McapRecord]:
     if stream.read(len(MAGIC)) != MAGIC:
         raise FileError(f"{path}: no MCAP file: give one made with --record")
     check_sum = zlib.crc32(MAGIC)  # of the data section
+    stream.seek(max(start, len(MAGIC)))
     while True:
         place = path, stream.tell()
         head = stream.read(HEAD.size)
@@ -77,10 +138,13 @@ def _records(path: Path, stream: BinaryIO, size: int) -> Iterator[McapRecord]:
             raise damaged(place, f"a record of {length} bytes, at most {MOST_BYTES} allowed")
         body = stream.read(length)
         if kind == Opcode.DATA_END:
-            _check_end(place, body, check_sum, stream)
+            if not start:
+                _check_end(place, body, check_sum, stream)
             return
         check_sum = zlib.crc32(body, zlib.crc32(head, check_sum))
         yield from _opened(place, kind, body)
+        if once:
+            return
 
 
 def _too_short(place: Place, stream: BinaryIO, size: int) -> FileError:

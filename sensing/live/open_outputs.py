@@ -22,9 +22,10 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     Raises:
         EndcapError: an output that cannot begin.
     """
+    from sensing.live.core.seen import Pictures
     from sensing.live.outputs.recording import Recording
 
-    recording = Recording(run, Path.cwd())
+    recording = Recording(run, Path.cwd(), Pictures(options.record_pictures))
     outputs.callback(recording.stop)  # if one of those below cannot begin
     run.notes.append(lambda: recording.note)
     run.losses.append(lambda: recording.loss)

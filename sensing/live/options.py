@@ -17,15 +17,33 @@ USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meani
     "wall": ("camera", "video", "photos", "url", "source", ROBOT),
     "silicone": ("camera", "video", "photos", "url", "source", ROBOT),
     "speed": ("video", "photos", "replay"),
+    "from_s": ("replay",),
+    "at_end": ("replay",),
+    "paused": ("replay",),
 }
 IN_FILE = {
     "rate": "rate_hz", "exposure": "exposure", "zero": "zero", "diameter": "diameter_mm", "wall": "wall_mm",
     "silicone": "silicone",
 }  # fmt: skip
-NOT_WITH_CHECK = ("record", "json", "output", "ros", "rerun", "seconds", "speed", "workers", "host", "port")
+NOT_WITH_CHECK = (
+    "record",
+    "json",
+    "output",
+    "ros",
+    "rerun",
+    "seconds",
+    "speed",
+    "workers",
+    "host",
+    "port",
+    "at_end",
+    "paused",
+    "record_pictures",
+)
 DEFAULTS = {
     "rate": 0.0, "exposure": 0.0, "diameter": 130.0, "wall": 8.0, "speed": 1.0, "workers": 1, "host": "127.0.0.1",
-    "silicone": DEFAULT_SILICONE,
+    "silicone": DEFAULT_SILICONE, "from_s": 0.0, "at_end": "stop",
+    "record_pictures": "full",
 }  # fmt: skip
 
 
@@ -37,16 +55,21 @@ def complete(options: argparse.Namespace) -> argparse.Namespace:
     """
     source = next((name for name in SOURCES if getattr(options, name) is not None), ROBOT)
     for option, sources in USED_WITH.items():
-        if getattr(options, option) is not None and source not in sources:
+        if getattr(options, option) not in (None, False) and source not in sources:
             raise _ignored(option, source, options)
     if options.check and source != "replay":
         raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
     for option in NOT_WITH_CHECK if options.check else ():
         if getattr(options, option) not in (None, False):
-            raise ParameterError(f"--{option} has no effect with --check: leave one of them out", name=option)
+            raise ParameterError(f"{_flag(option)} has no effect with --check: leave one of them out", name=option)
     for option in ("host", "port") if options.no_page else ():
         if getattr(options, option) is not None:
             raise ParameterError(f"--{option} has no effect with --no-page: leave one of them out", name=option)
+    if options.record_pictures is not None and options.no_page and options.record is None:
+        raise ParameterError(
+            "--record-pictures has no effect without --record or the page's button: give --record",
+            name="record_pictures",
+        )
     if options.seconds is not None and not 0 < options.seconds < 1e9:
         raise ParameterError(f"--seconds {options.seconds:g}: give more than 0", name="seconds", value=options.seconds)
     given = {name: value for name, value in vars(options).items() if value is not None}
@@ -61,4 +84,9 @@ def _ignored(option: str, source: str, options: argparse.Namespace) -> Parameter
         fix = "a recording holds its own; leave it out"
     else:
         fix = f"leave it out; it goes with {', '.join(s if s == ROBOT else f'--{s}' for s in USED_WITH[option])}"
-    return ParameterError(f"--{option} has no effect with {shown}: {fix}", name=option)
+    return ParameterError(f"{_flag(option)} has no effect with {shown}: {fix}", name=option)
+
+
+def _flag(option: str) -> str:
+    """As it is written in a command."""
+    return "--" + option.removesuffix("_s").replace("_", "-")

@@ -1,9 +1,9 @@
-"""A recording through the same pipeline again: same pictures, same capture times, same references, same bits.
+"""A recording read again: same pictures, same capture times, same references, and through the same pipeline same bits.
 
-    for endcap in replay_endcaps(path, config): ...        # as sensing.live.open_endcaps.open_endcaps
+    for recorded in recorded_frames(path, "endcap_0"): ...
     verify(path, config)                             # frames, and frames whose wrench differs in any bit
 
-A file that is cut or damaged is read up to there.
+A file that is cut or damaged is read up to there. To be played it goes through :mod:`sensing.live.playback`.
 """
 
 from __future__ import annotations
@@ -16,24 +16,30 @@ from typing import Any
 
 import cv2
 import numpy as np
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
+from mcap.records import Attachment, Channel, Message, Metadata
+from numpy.typing import NDArray
 
 from cad.errors import FileError
 from sensing.decode import MOST_PIXELS, png_size
 from sensing.live.core.config import LiveConfig
-from sensing.live.core.engine import LiveEndcap
-from sensing.live.core.feed import Captured, FileFeed, Pace
+from sensing.live.core.gate import Verdict
 from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
+from sensing.live.core.seen import Pictures, SeenFrame
 from sensing.live.mcap_records import CutError, DamagedError, read_records
 from sensing.live.open_endcaps import Models, configured_models
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
+from sensing.live.outputs.recorded_tracks import ROWS, TRACK_TOPICS, refusal_of, rows_of
 from sensing.live.outputs.recorder import TOPICS
+from sensing.live.timeline import WHOLE, Start, Timeline
 from sensing.records import Frame
 from sensing.sources.files import jpeg_size
 from sensing.tracking.zero import Zero, single_zero
 
+RECORDED = TOPICS | TRACK_TOPICS
 LATEST_S = 1e9  # capture times beyond are no times
+RUN_UP_S = 1.0  # worked through before a moment that a replay is sent to
 
 
 @dataclass(frozen=True)
@@ -42,10 +48,12 @@ class Recorded:
 
     Attributes:
         frame: as it was captured. zero: reference that is used from this frame on; None to keep the one before.
+        stamp_ns: of its message.
     """
 
     frame: Frame
     zero: Zero | None
+    stamp_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -54,23 +62,62 @@ class Check:
 
     Attributes:
         frames: compared. different: those whose wrench differs in any bit. end: why the file could not be read to its
-            end; None if it could.
+            end; None if it could. largest_n: largest difference of a force.
     """
 
     frames: int
     different: int
     end: FileError | None = None
+    largest_n: float = 0.0
 
 
-def read_config(path: Path, model: str | None = None, weights: Path | None = None) -> LiveConfig:
+def read_config(
+    path: Path, model: str | None = None, weights: Path | None = None, method: str | None = None
+) -> LiveConfig:
     """What ran when the file was recorded.
 
     Args:
-        path: of the recording. model, weights: instead of those recorded; None keeps them.
+        path: of the recording. model, weights, method: instead of those recorded; None keeps them.
+
+    Raises:
+        FileError: no recording of ours, or one without pictures where model or method need them.
+    """
+    recorded, files = _about(path)
+    config = recorded.with_files(files, path)
+    if model not in (None, config.model) or method is not None:
+        require_pictures(path, "another --model or --method", recorded.pictures)
+    if model is not None and model != config.model:
+        return replace(config, model=model, weights=weights, method=method)
+    return replace(config, weights=weights or config.weights, method=method or config.method)
+
+
+def recorded_pictures(path: Path) -> Pictures:
+    """Which pictures a recording holds.
 
     Raises:
         FileError: no recording of ours.
     """
+    return _about(path)[0].pictures
+
+
+def require_pictures(path: Path, what: str, held: Pictures | None = None) -> None:
+    """Refuse a recording of dots for what needs whole pictures.
+
+    Args:
+        path: of the recording. what: that is asked for. held: its pictures, if they are known already.
+
+    Raises:
+        FileError: it holds dots instead of pictures.
+    """
+    held = held or recorded_pictures(path)
+    if held is not Pictures.FULL:
+        raise FileError(
+            f"{path}: holds dots instead of pictures (--record-pictures {held}): {what} needs whole pictures, recorded "
+            "with --record-pictures full"
+        )
+
+
+def _about(path: Path) -> tuple[RecordedConfig, dict[str, bytes]]:
     recorded: RecordedConfig | None = None
     files: dict[str, bytes] = {}
     for record in read_records(path):
@@ -82,87 +129,50 @@ def read_config(path: Path, model: str | None = None, weights: Path | None = Non
             break
     if recorded is None:
         raise FileError(f"{path}: an MCAP file, but no recording of endcaps: give one made with --record")
-    config = recorded.with_files(files, path)
-    if model is not None and model != config.model:
-        return replace(config, model=model, weights=weights, method=None)
-    return config if weights is None else replace(config, weights=weights)
+    return recorded, files
 
 
-def replay_endcaps(
-    path: Path, config: LiveConfig, speed: float = 1.0, models: Models | None = None
-) -> list[LiveEndcap]:
-    """Endcaps that read from a recording, keeping step with one another.
-
-    Args:
-        path: of the recording. config: what is to run. speed: 1 is the recording's own pace, 0 at once.
-        models: model of an endcap; None for those of the configuration.
-    """
-    models, pace = models or configured_models(config), Pace(speed)
-    endcaps = []
-    for number, endcap in enumerate(config.endcaps):
-        pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
-        endcaps.append(LiveEndcap(ReplayFeed(path, endcap.name, pipeline.set_zero, pace), pipeline))
-    return endcaps
-
-
-class ReplayFeed(FileFeed):
-    """Frames of one endcap of a recording; hands over references when they are due.
-
-    Args:
-        path: recording. endcap: name. set_zero: takes a reference, in the thread that takes the frames. pace: shared.
-
-    Attributes:
-        damage: where the file is damaged; empty if it is not, so far.
-    """
-
-    def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero], None], pace: Pace) -> None:
-        self._zeros: dict[int, Zero] = {}
-        self._set_zero = set_zero
-        self.damage = ""
-        super().__init__(lambda: self._frames_of(path, endcap), pace)
-
-    def take(self) -> Captured | None:
-        """The next frame that is due, after the reference it begins with."""
-        item = super().take()
-        if item is not None:
-            zero = self._zeros.pop(id(item[0]), None)
-            if zero is not None:
-                self._set_zero(zero)
-        return item
-
-    def _frames_of(self, path: Path, endcap: str) -> Iterator[Frame]:
-        try:
-            for recorded in recorded_frames(path, endcap):
-                if recorded.zero is not None:
-                    self._zeros[id(recorded.frame)] = recorded.zero
-                yield recorded.frame
-        except DamagedError as error:
-            self.damage = str(error)
-            raise
-
-
-def recorded_frames(path: Path, endcap: str) -> Iterator[Recorded]:
+def recorded_frames(path: Path, endcap: str, start: Start = WHOLE) -> Iterator[Recorded]:
     """Pictures of an endcap in the order of recording.
+
+    Args:
+        path: of the recording. endcap: name. start: where to begin; the first picture then comes with its reference.
 
     Raises:
         FileError: missing, or no MCAP. DamagedError, CutError: after the pictures that can be read.
     """
-    zero, time_s, begun = None, None, False
-    for topic, message in _messages(path, endcap):
+    zero = None if start.zero is None else single_zero(_frame(path, endcap, start.zero, 0.0), endcap)
+    found, begun = _Found(), zero is not None
+    for topic, message in _messages(path, endcap, start):
         if topic == "zero":
             zero, begun = single_zero(_frame(path, endcap, message, 0.0), endcap), True
+            found.size = zero.image.shape[1], zero.image.shape[0]
         elif topic == "image/capture_time":
-            time_s = _number(path, topic, message)
-        elif topic == "image/compressed" and time_s is not None and begun:
-            yield Recorded(_frame(path, endcap, message, time_s), zero)
-            zero, time_s = None, None
+            found = _Found(_number(path, topic, message), size=found.size)
+        elif topic == "image/compressed":
+            found.picture = message
+        elif topic == "tracks":
+            found.rows, found.likeness = _read(path, ROWS, message, rows_of)
+            found.seen = True
+        elif topic == "refused":
+            found.refused = _read(path, ros.STRING, message, refusal_of)
+        elif topic == "wrench/estimate" and found.time_s is not None and begun:
+            frame = _frame_of(path, endcap, found, message.sequence)
+            if frame is not None:
+                yield Recorded(frame, zero, message.log_time)
+                zero = None
+            found = _Found(size=found.size)
 
 
-def recorded_wrenches(path: Path, endcap: str) -> list[np.ndarray]:
-    """(6,) filtered wrench of every frame of an endcap, as recorded, as far as the file can be read."""
+def recorded_wrenches(path: Path, endcap: str, start: Start = WHOLE) -> list[np.ndarray]:
+    """(6,) filtered wrench of every frame of an endcap, as recorded, as far as the file can be read.
+
+    Args:
+        path: of the recording. endcap: name. start: as for :func:`recorded_frames`.
+    """
     found = []
     try:
-        for topic, message in _messages(path, endcap):
+        for topic, message in _messages(path, endcap, start):
             if topic == "wrench/wrench_pred":
                 found.append(_wrench(path, message))
     except (CutError, DamagedError):
@@ -170,30 +180,65 @@ def recorded_wrenches(path: Path, endcap: str) -> list[np.ndarray]:
     return found
 
 
-def verify(path: Path, config: LiveConfig, models: Models | None = None) -> Check:
+def verify(path: Path, config: LiveConfig, models: Models | None = None, from_s: float = 0.0) -> Check:
     """Compute everything again and compare.
 
     Args:
         path: of the recording. config: what is to run. models: model of an endcap; None for those of the configuration.
+        from_s: begin as a replay does that is sent to this moment; frames before it are not compared.
     """
     models, check = models or configured_models(config), Check(0, 0)
+    timeline = Timeline(path) if from_s > 0 else None
     for number, endcap in enumerate(config.endcaps):
         pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
-        reported = iter(recorded_wrenches(path, endcap.name))
+        start = WHOLE if timeline is None else timeline.start(endcap.name, from_s - RUN_UP_S)
+        reported = iter(recorded_wrenches(path, endcap.name, start))
         try:
-            for recorded in recorded_frames(path, endcap.name):
+            for recorded in recorded_frames(path, endcap.name, start):
                 if recorded.zero is not None:
                     pipeline.set_zero(recorded.zero)
                 reading = pipeline.update(recorded.frame)
                 before = next(reported, None)
                 if before is None:
                     break  # the end of a cut recording
-                again = None if reading is None else [*reading.wrench.force_n, *reading.wrench.torque_nm]
-                same = again is not None and np.array_equal(again, before, equal_nan=True)
-                check = replace(check, frames=check.frames + 1, different=check.different + (not same))
+                if timeline is None or timeline.at_s(recorded.stamp_ns) >= from_s:
+                    check = _compared(check, reading, before)
         except (CutError, DamagedError) as error:
             check = replace(check, end=error)
     return check
+
+
+def _compared(check: Check, reading: EndcapReading | None, before: np.ndarray) -> Check:
+    again = np.full(6, np.nan) if reading is None else np.r_[reading.wrench.force_n, reading.wrench.torque_nm]
+    same = reading is not None and np.array_equal(again, before, equal_nan=True)
+    off_n = float(np.linalg.norm(again[:3] - before[:3]))
+    return replace(
+        check, frames=check.frames + 1, different=check.different + (not same),
+        largest_n=max(check.largest_n, off_n if off_n == off_n else 0.0),
+    )  # fmt: skip
+
+
+@dataclass
+class _Found:
+    """Of one frame, so far."""
+
+    time_s: float | None = None
+    picture: Message | None = None
+    seen: bool = False
+    rows: NDArray[np.float64] | None = None
+    likeness: float = math.nan
+    refused: Verdict | None = None
+    size: tuple[int, int] | None = None
+
+
+def _frame_of(path: Path, endcap: str, found: _Found, sequence: int) -> Frame | None:
+    picture = None if found.picture is None else _frame(path, endcap, found.picture, found.time_s or 0.0)
+    if not found.seen:
+        return picture
+    return SeenFrame(
+        found.time_s or 0.0, sequence, endcap, jpeg=None if picture is None else picture.jpeg, size=found.size,
+        rows=found.rows, likeness=found.likeness, refused=found.refused,
+    )  # fmt: skip
 
 
 def _frame(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
@@ -229,6 +274,14 @@ def _decoded(path: Path, kind: str, message: Message) -> Any:
         raise _unusable(path, message, f"no {kind}: {type(error).__name__}") from None
 
 
+def _read(path: Path, kind: str, message: Message, read: Callable[[Any], Any]) -> Any:
+    reported = _decoded(path, kind, message)
+    try:
+        return read(reported)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _unusable(path, message, f"{type(error).__name__}: {str(error)[:80]}") from None
+
+
 def _unusable(path: Path, message: Message, reason: str) -> DamagedError:
     return DamagedError(
         f"{path}: message {message.sequence} of {message.log_time / 1e9:.3f} s is damaged ({reason}): what stands "
@@ -236,13 +289,12 @@ def _unusable(path: Path, message: Message, reason: str) -> DamagedError:
     )
 
 
-def _messages(path: Path, endcap: str) -> Iterator[tuple[str, Message]]:
-    topics: dict[int, str] = {}
-    records: Iterator[McapRecord] = read_records(path)
-    for record in records:
-        if isinstance(record, Channel) and record.topic.startswith(f"/{endcap}/"):
-            topic = record.topic.removeprefix(f"/{endcap}/")
-            if topic in TOPICS:
-                topics[record.id] = topic
-        elif isinstance(record, Message) and record.channel_id in topics:
-            yield topics[record.channel_id], record
+def _messages(path: Path, endcap: str, start: Start) -> Iterator[tuple[str, Message]]:
+    named, prefix = dict(start.topics), f"/{endcap}/"
+    for record in read_records(path, start.byte):
+        if isinstance(record, Channel):
+            named[record.id] = record.topic
+        elif isinstance(record, Message) and record.log_time >= start.from_ns:
+            topic = named.get(record.channel_id, "")
+            if topic.startswith(prefix) and topic.removeprefix(prefix) in RECORDED:
+                yield topic.removeprefix(prefix), record

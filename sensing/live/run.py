@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import TextIO, cast
+from typing import TYPE_CHECKING, TextIO, cast
 
 from cad.errors import printable
 from sensing.live.core.config import LiveConfig
@@ -17,6 +17,9 @@ from sensing.live.core.robot import RobotState, robot_state
 from sensing.live.ending import Stop
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.terminal import REFRESH_S, Terminal, summary
+
+if TYPE_CHECKING:
+    from sensing.live.playback import Playback
 
 END_S = 1.5  # from a signal to the summary, whatever hangs; lines and pipes may take what is left of two seconds
 HURRY_S = 0.3  # of that for cameras and readings under way, at most
@@ -29,13 +32,19 @@ class LiveRun:
     """Everything that a page or a command may look at or ask for while it runs.
 
     Attributes:
-        config: what runs. engine: the loop. latest: newest readings.
+        config: what runs. engine: the loop. latest: newest readings. playback: of a replay; None of anything else.
         notes: lines for the terminal beside those of the endcaps. losses: what was asked for and is not whole; each
             says so in a line, or nothing.
     """
 
-    def __init__(self, config: LiveConfig, endcaps: Sequence[LiveEndcap], workers: int = 1) -> None:
-        self.config = config
+    def __init__(
+        self,
+        config: LiveConfig,
+        endcaps: Sequence[LiveEndcap],
+        workers: int = 1,
+        playback: Playback | None = None,
+    ) -> None:
+        self.config, self.playback = config, playback
         self.latest = Latest([endcap.name for endcap in config.endcaps])
         self.engine = Engine(endcaps, [self.latest], workers)
         self.notes: list[Callable[[], str]] = []

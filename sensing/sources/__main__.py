@@ -45,8 +45,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _recorded(path: Path) -> Iterator[tuple[str, Iterator[Frame]]]:
     """Frames of every endcap of a recording."""
-    from sensing.live.replay import read_config, recorded_frames
+    from sensing.live.replay import read_config, recorded_frames, require_pictures
 
+    require_pictures(path, "the camera doctor")
     for endcap in read_config(path).endcaps:
         yield endcap.name, (each.frame for each in recorded_frames(path, endcap.name))
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.dots import DOT_RADIUS_MM, Dot, dot_pattern, dot_position_mm
+from cad.dots import Dot, dot_pattern, dot_position_mm
 from cad.params import EndcapParams
 from sensing.records import Image
 
@@ -88,7 +88,7 @@ def _dot_outline_px(dot: Dot, params: EndcapParams, drawing: Drawing) -> NDArray
     east = np.array([-math.sin(math.radians(dot.azimuth_deg)), math.cos(math.radians(dot.azimuth_deg)), 0.0])
     north = np.cross(normal, east)
     turn = np.linspace(0, 2 * math.pi, 24, endpoint=False)[:, None]
-    return project_px(centre + DOT_RADIUS_MM * (np.cos(turn) * east + np.sin(turn) * north), params, drawing)
+    return project_px(centre + params.dot_radius_mm * (np.cos(turn) * east + np.sin(turn) * north), params, drawing)
 
 
 def _bare_silicone(drawing: Drawing, rng: np.random.Generator) -> NDArray[np.float64]:

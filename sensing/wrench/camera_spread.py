@@ -39,7 +39,9 @@ class CameraSpread:
         if camera.covariance is None:
             raise ParameterError("camera without covariance: nothing to propagate; calibrate again", name="camera")
         self._known = seen.known
-        gains = [self._gain(seen, model.slope, camera, column) for column in _root(camera.covariance).T]
+        gains = [
+            self._gain(seen, model.slope, camera, column) for column in independent_deviations(camera.covariance).T
+        ]
         size = np.array([np.linalg.norm(gain) for gain in gains])
         keep = size > NEGLIGIBLE * size.max(initial=0.0)
         self._gains = np.array([gain for gain, kept in zip(gains, keep, strict=True) if kept])  # (r, 6, 2 n)
@@ -66,7 +68,7 @@ class CameraSpread:
         return slope @ np.nan_to_num(change)
 
 
-def _root(covariance: Array) -> Array:
+def independent_deviations(covariance: Array) -> Array:
     """(11, r) L with L L' = covariance, scaled before the decomposition because the units differ."""
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     safe = np.where(size > 0, size, 1.0)

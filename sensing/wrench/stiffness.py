@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cad.materials import silicone
 from sensing.records import Wrench
 from sensing.wrench.model import WrenchModel
 
@@ -36,6 +37,13 @@ class Stiffness:
         covariance = self.gain**2 * wrench.covariance + self.sd**2 * np.outer(value, value)
         moved = self.gain * value
         return replace(wrench, force_n=moved[:3], torque_nm=moved[3:], covariance=covariance)
+
+
+def shear_mpa_of(estimator: object) -> float:
+    """Shear modulus of the silicone that a model learned on; that of the default one for models that do not say it."""
+    made_for = estimator.identity if isinstance(estimator, WrenchModel) else None
+    values = None if made_for is None else made_for.aspects.get("silicone")
+    return 2 * float(values["c10_mpa"]) if values else silicone().neo_hooke().shear_mpa
 
 
 def weights_digest(estimator: object) -> str:

@@ -39,7 +39,7 @@ def test_a_record_comes_back_from_a_file_and_is_refused_when_a_value_was_changed
 
 def test_a_record_of_before_means_the_released_one_whatever_the_toolkit_has_become(monkeypatch):
     before = recorded(None, PARAMS)
-    monkeypatch.setattr(cad.dots, "DOT_RADIUS_MM", 1.5)
+    monkeypatch.setattr(cad.dots, "MERIDIAN_DEG", 5.0)
     monkeypatch.setattr(cad.identity, "camera_module", lambda: replace(MODULE, focal_per_row=0.6))
     assert recorded(None, PARAMS) == before == recorded({}, PARAMS)
     assert differing(before, identity(PARAMS, "Dragon Skin 30")) == ["dots", "camera", "silicone"]
@@ -55,10 +55,8 @@ _pattern = cad.dots.dot_pattern
 @pytest.mark.parametrize(
     ("module", "name", "value", "said"),
     [
-        (cad.dots, "RING_COUNTS", (1, 8, 10, 12, 16, 18, 20), "rings=1-8-10-12-16-18-20-20, here 1-6-10"),
-        (cad.dots, "DOT_RADIUS_MM", 1.5, "dot_radius_mm=1.5, here 2.0"),
-        (cad.dots, "DENT_DEPTH_MM", 0.5, "dent_depth_mm=0.5, here 0.6"),
-        (cad.dots, "POLAR_STEP_DEG", 13.0, "the dot pattern "),
+        (cad.identity, "DENT_DEPTH_MM", 0.5, "dent_depth_mm=0.5, here 0.6"),
+        (cad.dots, "step_deg", lambda rings: 13.0, "the dot pattern "),
         (cad.dots, "MERIDIAN_DEG", 5.0, "other places"),
         (cad.dots, "dot_pattern", moved, "other places"),
         (cad.identity, "camera_module", lambda: replace(MODULE, focal_per_row=0.6), "focal_per_row=0.6"),
@@ -75,6 +73,18 @@ def test_every_number_that_changes_a_picture_is_seen_and_named(monkeypatch, modu
     with pytest.raises(FileError, match="weights for the ") as caught:
         require_same("w.safetensors", "weights", other, here, "train again")
     assert said in str(caught.value) and str(caught.value).endswith(": train again")
+
+
+@pytest.mark.parametrize(
+    ("options", "label"),
+    [({"dot_rings": (1, 8, 10, 12, 16, 18, 20)}, "dots1-8-10-12-16-18-20"), ({"dot_mm": 3.5}, "dot_mm3.5")],
+)
+def test_dots_that_were_chosen_are_another_design_that_no_file_of_the_released_one_fits(options, label):
+    here, other = identity(PARAMS, SMOOTH), identity(EndcapParams(130, 8, **options), SMOOTH)
+    assert differing(other, here) == ["design", "dots"]
+    with pytest.raises(FileError, match=f"for the design D130_T8_{label}, this endcap has the design D130_T8: "):
+        require_same("w.safetensors", "weights", other, here, "train again")
+    assert recorded(json.loads(json.dumps(other.record())), PARAMS).record() == other.record()
 
 
 def test_silicone_mesh_and_design_are_seen_and_what_does_not_matter_is_not():

@@ -9,13 +9,14 @@ import pytest
 from build123d import Plane, Pos, Rot, Solid
 
 from cad import mold_core
-from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.errors import GeometryError
 from cad.hanger import hanger_part
 from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm, core_body, core_parts, core_profile, ramp_end
 from cad.mold_cup import bowl_body, collar_body, cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from cad.pattern import DENT_DEPTH_MM
 from cad.shell import shell_part
 from cad.solids import drill, one_solid, revolved
 
@@ -40,7 +41,7 @@ def lens_mm3(r: float, s: float, d: float) -> float:
 
 def bump_mm3(params: EndcapParams) -> float:
     """What one bump's ball adds to the inner sphere."""
-    s = bump_sphere_radius_mm()
+    s = bump_sphere_radius_mm(params)
     return 4 / 3 * math.pi * s**3 - lens_mm3(params.inner_radius_mm, s, params.inner_radius_mm + DENT_DEPTH_MM - s)
 
 
@@ -86,9 +87,13 @@ def test_bumps_raise_the_core_by_lenses_and_dent_the_shell_by_the_same(layout, c
 
 
 def test_a_bump_is_a_spherical_segment_of_the_dots_radius_and_the_dents_depth():
-    s = bump_sphere_radius_mm()
-    assert s - math.sqrt(s * s - DOT_RADIUS_MM**2) == pytest.approx(DENT_DEPTH_MM)
-    assert s > DOT_RADIUS_MM  # less than half a ball: its flank leans outward and releases
+    for params in (EndcapParams(98.9, 6.5), EndcapParams(130.0, 8.0), EndcapParams(250.0, 12.0, dot_mm=8.0)):
+        s, r, a = bump_sphere_radius_mm(params), params.inner_radius_mm, params.dot_radius_mm
+        centre = r + DENT_DEPTH_MM - s
+        assert math.hypot(a, math.sqrt(r * r - a * a) - centre) == pytest.approx(
+            s
+        )  # the dot's circle is on both spheres
+        assert s > a  # less than half a ball: its flank leans outward and releases
 
 
 def test_bowl_and_collar_leave_the_outer_sphere_and_nothing_else(layout):

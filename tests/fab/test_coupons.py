@@ -16,11 +16,11 @@ from cad.errors import ParameterError
 from cad.interface import POCKET_WIDTH_MM
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_GYROID
 from fab.checks.cavity import LEAK_RATIO, leak_check
 from fab.coupons.__main__ import coupon_bom, main
 from fab.coupons.checks import closed_share, coupon_checks, solid_checks
 from fab.coupons.mesh import with_gyroid
-from fab.meshing.gyroid import DENSITY
 from fab.meshing.mesh import tessellate
 
 
@@ -84,11 +84,11 @@ def test_gyroid_on_a_specimen(parts, tensile):
     assert tensile.is_watertight
     assert tensile.body_count == 1
     extra = tensile.volume - parts["tensile_tpu"].solid.volume
-    assert extra / 25**3 == pytest.approx(DENSITY, rel=2e-3)
+    assert extra / 25**3 == pytest.approx(RELEASED_GYROID, rel=2e-3)
     assert tensile.bounds == pytest.approx(np.array([[-12.5, -12.5, 0], [12.5, 12.5, 50]]), abs=1e-5)
     assert 0.05 < closed_share(tensile, *zone) < 0.35
     section = tensile.section(plane_origin=(0, 0, 37.3), plane_normal=(0, 0, 1)).to_2D()[0]
-    assert section.area / 625 == pytest.approx(DENSITY, rel=0.25)  # another way: a cut through the zone
+    assert section.area / 625 == pytest.approx(RELEASED_GYROID, rel=0.25)  # another way: a cut through the zone
 
 
 def test_a_closed_side_and_an_open_mesh_are_seen(parts, tensile, monkeypatch):
@@ -106,7 +106,7 @@ def test_a_closed_side_and_an_open_mesh_are_seen(parts, tensile, monkeypatch):
 
 def test_pours_balance():
     """Silicone and TPU of a tensile specimen fill its tray, play included."""
-    volumes = {"tensile_tpu": 25**3 * (1 + DENSITY), "peel_tpu": 300 * 25 * 5.5 + 0.1 * 200 * 25 * 14}
+    volumes = {"tensile_tpu": 25**3 * (1 + RELEASED_GYROID), "peel_tpu": 300 * 25 * 5.5 + 0.1 * 200 * 25 * 14}
     lines = {line.item: line for line in coupon_bom({}, volumes, "Smooth-Sil 950", 1.24)}
     wanted = 75.4 * 25.4 * 25 - volumes["tensile_tpu"]
     assert lines["tensile_tray filled"].volume_mm3 == pytest.approx(wanted)

@@ -357,7 +357,7 @@ def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_i
 
     def plate(*names):
         own = tuple(pieces[name] for name in names)
-        return SliceResult("plate_1", own, names, 9, figures, None, None, (), {})
+        return SliceResult("plate_1", own, names, 9, figures, None, 0.1, None, (), {})
 
     assert "mold:" not in summary([plate("base")])
     assert "mold: 2 h 00, 30 g" in summary([plate("base"), plate("hanger")])

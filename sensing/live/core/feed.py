@@ -180,8 +180,12 @@ class FileFeed:
             due_s = self._pace.due_s(frame.time_s)
             if self._stop.wait(max(0.0, due_s - time.monotonic())) or not self._put((frame, due_s)):
                 return
-            self._health = replace(self._health, status="running", frames=self._health.frames + 1)
-            self._notify()
+            self._running()
+
+    def _running(self) -> None:
+        """One frame more lies ready."""
+        self._health = replace(self._health, status="running", frames=self._health.frames + 1)
+        self._notify()
 
     def _put(self, item: Captured) -> bool:
         while not self._stop.is_set():

@@ -10,7 +10,7 @@ the same frames after a restart give the same bits. Times in s of the frames' ow
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
+from sensing.live.core.seen import SeenFrame
 from sensing.live.core.state import Event
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod
@@ -31,8 +32,9 @@ from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.filter import WrenchFilter
+from sensing.wrench.plane_contact import NO_CONTACT, PlaneContactLaw
 from sensing.wrench.relaxation import RateFilter
-from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, weights_digest
+from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, shear_mpa_of, weights_digest
 
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
 COARSE = 8  # reduction at which methods without dots compare whole pictures
@@ -64,6 +66,7 @@ class Measurement:
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._stiffness = Stiffness(endcap.gain, endcap.gain_sd)
+        self._plane = PlaneContactLaw(endcap.params, endcap.gain * shear_mpa_of(model.estimator))
         digest = weights_digest(model.estimator) if endcap.gain_weights else ""
         self._foreign = frozenset({OTHER_WEIGHTS} if endcap.gain_weights != digest else ())
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
@@ -79,30 +82,23 @@ class Measurement:
         blank = without_numbers(
             self._endcap.name, self._number, frame, self._model.shape, used.zero, self._epoch, captured_s, self._drift
         )
-        verdict = self._unusable(used.zero, frame)
-        if verdict is None:
-            try:
-                tracks, field, gray = self._field(used.method, frame, watch)
-            except FrameError as error:
-                verdict = Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
-        if verdict is not None:
+        look = self._recorded(frame, watch) if isinstance(frame, SeenFrame) else self._look(frame, watch)
+        if isinstance(look, Verdict):
             return replace(
-                blank, event=verdict.event, reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
-                wrench=replace(blank.wrench, flags=verdict.flags),
-                estimate=replace(blank.estimate, flags=verdict.flags),
+                blank, event=look.event, reason=look.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+                wrench=replace(blank.wrench, flags=look.flags), estimate=replace(blank.estimate, flags=look.flags),
             )  # fmt: skip
-        return self._measured(blank, tracks, field, gray, watch)
+        return self._measured(blank, look, watch)
 
-    def _measured(
-        self, blank: EndcapReading, tracks: DotTracks | None, field: ShearField, gray: Image, watch: _Watch
-    ) -> EndcapReading:
+    def _measured(self, blank: EndcapReading, look: _Look, watch: _Watch) -> EndcapReading:
         """The reading of a picture that was decoded."""
+        tracks, field, gray = look.tracks, look.field, look.gray
         estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
         if self._check is not None and tracks is not None:
             estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
         estimate = self._stiffness.applied(replace(estimate, flags=estimate.flags | self._foreign))
         watch.lap("wrench")
-        alike = likeness(small_picture(gray), self._alike_to)
+        alike = look.likeness if gray is None else likeness(small_picture(gray), self._alike_to)
         rated = self._rate.step(estimate)
         estimate = rated.wrench
         verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
@@ -117,18 +113,19 @@ class Measurement:
         contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
         self.contact = contact
         centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
+        place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")
-        if self._count % DRIFT_EVERY == 0 and tracks is not None:
+        if self._count % DRIFT_EVERY == 0 and tracks is not None and gray is not None:
             self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)
             watch.lap("drift")
         self._count += 1
         flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return replace(
-            blank, tracks=tracks, field=field, contact=contact, centre=centre, drift=self._drift, event=verdict.event,
-            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            blank, tracks=tracks, field=field, contact=contact, centre=centre, place=place, drift=self._drift,
+            event=verdict.event, estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
             wrench=self._at_origin(smooth, flags, seen),
             trend=self._filter.trend @ self._to_endcap.T if used else blank.trend,
-            reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+            reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages, likeness=alike,
         )  # fmt: skip
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
@@ -161,19 +158,52 @@ class Measurement:
         )
         return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
 
-    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> tuple[DotTracks | None, ShearField, Image]:
+    def _look(self, frame: Frame, watch: _Watch) -> _Look | Verdict:
+        """What a picture shows, or why it cannot be used."""
+        unusable = self._unusable(self._used.zero, frame)
+        if unusable is not None:
+            return unusable
+        try:
+            return self._field(self._used.method, frame, watch)
+        except FrameError as error:
+            return Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
+
+    def _recorded(self, frame: SeenFrame, watch: _Watch) -> _Look | Verdict:
+        """What a picture showed when it was recorded."""
+        method = self._used.method
+        if frame.refused is not None:
+            return frame.refused
+        tracks = frame.tracks(method) if isinstance(method, ModelInput) else None
+        if tracks is None or not isinstance(method, ModelInput):
+            reason = "its recording holds dots of another reference and no picture: record with pictures"
+            return Verdict(Event.UNDECODED, reason, frozenset({"damaged"}))
+        field = method.field(tracks)
+        watch.lap("field")
+        return _Look(tracks, field, None, frame.likeness)
+
+    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> _Look:
         if not isinstance(method, ModelInput):
             gray = decode_gray(frame, COARSE)
             field = method.update(frame)
             watch.lap("field")
-            return None, field, gray
+            return _Look(None, field, gray)
         gray = method.decode(frame)
         watch.lap("decode")
         tracks = method.track(gray, frame.time_s)
         watch.lap("track")
         field = method.field(tracks)
         watch.lap("field")
-        return tracks, field, gray
+        return _Look(tracks, field, gray)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What one picture shows; gray: None where only its likeness with the reference was recorded."""
+
+    tracks: DotTracks | None
+    field: ShearField
+    gray: Image | None
+    likeness: float = float("nan")
 
 
 class _Watch:

@@ -18,6 +18,7 @@ from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracking.zero import Drift, Zero
 from sensing.wrench.contact import ContactState
 from sensing.wrench.contact_place import PressureCentre
+from sensing.wrench.plane_contact import NO_CONTACT, PlaneContact
 from sensing.wrench.trend import HORIZONS_S, row_for
 
 
@@ -36,7 +37,9 @@ class EndcapReading:
         ready_s: when all this was known. stage_ms: time of each stage.
         trend: (H, 6) change of ``wrench`` a second that can be counted on for each of
             :data:`sensing.wrench.trend.HORIZONS_S`; zero where holding it has been better.
+        place: centre, normal and use of friction were it a plane that touches; NaN while nothing does.
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
+        likeness: of the picture with that of the reference, -1..1; NaN where none was compared.
     """
 
     endcap: str
@@ -57,6 +60,8 @@ class EndcapReading:
     event: Event
     reason: str
     trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros((len(HORIZONS_S), 6)))
+    place: PlaneContact = NO_CONTACT
+    likeness: float = float("nan")
 
     @property
     def valid(self) -> bool:
@@ -109,6 +114,12 @@ def plain(reading: EndcapReading) -> dict[str, Any]:
         "contact": reading.contact.touching if reading.contact.known else None,
         "contact_since_s": rounded(reading.contact.since_s, 6),
         "centre_mm": [rounded(x, 3) for x in reading.centre.position_mm],
+        "place_mm": [rounded(x, 3) for x in reading.place.position_mm],
+        "place_sd_mm": rounded(reading.place.position_sd_mm, 3),
+        "normal": [rounded(x, 5) for x in reading.place.normal],
+        "normal_sd_deg": rounded(reading.place.normal_sd_deg, 3),
+        "friction_use": rounded(reading.place.friction_use, 4),
+        "friction_use_sd": rounded(reading.place.friction_use_sd, 4),
         "dots": followed[0],
         "dots_known": followed[1],
         "flags": sorted(wrench.flags),
@@ -121,9 +132,11 @@ def nothing(endcap: str, state: str, reason: str) -> dict[str, Any]:
     Args:
         endcap: name. state: its state in a word. reason: why no frame comes.
     """
-    numbers = ("time_s", "force_norm_n", "contact", "contact_since_s")
+    numbers = ("time_s", "force_norm_n", "contact", "contact_since_s", "place_sd_mm", "normal_sd_deg", "friction_use")
+    numbers += ("friction_use_sd",)
     return {"endcap": endcap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
-        "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3, "flags": [],
+        "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3,
+        "place_mm": [None] * 3, "normal": [None] * 3, "flags": [],
     }  # fmt: skip
 
 

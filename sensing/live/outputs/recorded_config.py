@@ -18,6 +18,7 @@ from cad.errors import FileError, printable
 from cad.whole_file import replace_file
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
 from sensing.live.core.model import known_weights
+from sensing.live.core.seen import Pictures
 
 METADATA = "endcap_live"
 FORMAT = 2
@@ -56,8 +57,12 @@ def carried_files(config: LiveConfig) -> list[CarriedFile]:
     return [CarriedFile(name, _content(path)) for name, path in paths.items()]
 
 
-def about(config: LiveConfig, files: Iterable[CarriedFile]) -> dict[str, str]:
-    """The configuration as metadata of the recording."""
+def about(config: LiveConfig, files: Iterable[CarriedFile], pictures: Pictures = Pictures.FULL) -> dict[str, str]:
+    """The configuration as metadata of the recording.
+
+    Args:
+        config: what runs. files: that it needs. pictures: which are recorded.
+    """
     endcaps = []
     for endcap in config.endcaps:
         reported = {
@@ -67,7 +72,7 @@ def about(config: LiveConfig, files: Iterable[CarriedFile]) -> dict[str, str]:
         endcaps.append(reported | {"camera": None, "T_robot_endcap": endcap.T_robot_endcap.tolist()})
     record = {
         "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method,
-        "weight_n": config.weight_n,
+        "weight_n": config.weight_n, "pictures": pictures.value,
         "files": {file.name: file.digest for file in files},
     }  # fmt: skip
     text = json.dumps(record)
@@ -80,10 +85,12 @@ class RecordedConfig:
 
     Attributes:
         config: its endcaps read from the recording; without weights and cameras. files: digests of those by name.
+        pictures: which were recorded.
     """
 
     config: LiveConfig
     files: dict[str, str]
+    pictures: Pictures = Pictures.FULL
 
     def with_files(self, found: dict[str, bytes], path: Path) -> LiveConfig:
         """The configuration with the files that the recording carries.
@@ -112,7 +119,8 @@ def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
         endcaps = tuple(_endcap(endcap, path) for endcap in reported["endcaps"])
         files = {str(name): str(digest) for name, digest in reported["files"].items()}
         weight_n = float(reported["weight_n"])
-        return RecordedConfig(LiveConfig(endcaps, reported["model"], None, reported["method"], weight_n), files)
+        config = LiveConfig(endcaps, reported["model"], None, reported["method"], weight_n)
+        return RecordedConfig(config, files, Pictures(reported.get("pictures", Pictures.FULL)))
     except FileError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:

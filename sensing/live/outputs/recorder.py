@@ -2,14 +2,16 @@
 
 Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` gives the same bits again. For that the
 recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever a
-frame had to be left out (a slow disk). Every chunk is flushed: a killed run leaves a file readable up to there. Stamps
-are wall time; the exact capture time on the frames' own clock lies beside every picture.
+frame had to be left out (a slow disk). Pictures may be halved or left out: then the dots are recorded, from which the
+same bits follow (:mod:`sensing.live.outputs.recorded_tracks`). Every chunk is flushed: a killed run leaves a file
+readable up to there. Stamps are wall time; the exact capture time on the frames' own clock lies beside every picture.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,17 +23,26 @@ from mcap.writer import CompressionType, Writer
 from cad.errors import FileError
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.reading import EndcapReading
+from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
+from sensing.live.outputs.recorded_tracks import (
+    NOTES,
+    TRACK_TOPICS,
+    half_picture,
+    refused_message,
+    tracks_message,
+)
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
 CHUNK_BYTES = 1 << 20
 FLUSH_S = 1.0  # what a killed run may lose
 DIAGNOSTICS_S = 1.0
+MOST_NOTES = 100  # that wait to be written
 TOPICS: dict[str, str] = {
     "image/compressed": ros.IMAGE,
     "image/capture_time": ros.FLOAT64,
@@ -41,6 +52,7 @@ TOPICS: dict[str, str] = {
     "wrench/wrench_pred": ros.WRENCH,
     "wrench/force_norm": ros.FLOAT64,
     "contact": ros.BOOL,
+    "contact_place": ros.POSE,
     "valid": ros.BOOL,
     "flags": ros.STRING,
 }
@@ -52,9 +64,10 @@ class Recorder(QueuedSink):
     Args:
         path: must not exist. config: what runs. epochs: epoch of every endcap before its restart was asked for.
         restart: asks for the restart of an endcap. health: for the diagnostics. stream: instead of a file, for tests.
+        pictures: which are written.
 
     Attributes:
-        frames: readings written. kept: those that the file certainly holds.
+        frames: readings written. kept: those that the file certainly holds. begun_s: time of the start.
 
     Raises:
         FileError: the file exists or cannot be made.
@@ -68,17 +81,22 @@ class Recorder(QueuedSink):
         restart: Callable[[str], None],
         health: Callable[[], Sequence[EndcapHealth]] = list,
         stream: BinaryIO | None = None,
+        pictures: Pictures = Pictures.FULL,
     ) -> None:
         super().__init__(ROOM, DIAGNOSTICS_S)
-        self.path, self.frames, self.kept = path, 0, 0
+        self.path, self.pictures, self.frames, self.kept = path, pictures, 0, 0
+        self.begun_s = time.monotonic()
+        self._notes: deque[str] = deque(maxlen=MOST_NOTES)
+        self._topics = TOPICS if pictures is Pictures.FULL else TOPICS | TRACK_TOPICS
         self._config, self._restart, self._health = config, restart, health
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)  # fixed: stamps do not follow a clock being set
         self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
         self._files = carried_files(config)
         self._stream = _create(path) if stream is None else stream
+        compression = CompressionType.ZSTD if pictures is Pictures.NONE else CompressionType.NONE
         self._writer = Writer(
-            self._stream, chunk_size=1 << 62, compression=CompressionType.NONE, enable_data_crcs=True
+            self._stream, chunk_size=1 << 62, compression=compression, enable_data_crcs=True
         )  # chunks are ended here, so that it is known what is in the file
         self._index = _keep_index_on_disk(self._writer, path.parent)
         self._channels: dict[str, int] = {}
@@ -100,13 +118,14 @@ class Recorder(QueuedSink):
         """
         try:
             self._writer.start(profile="ros2", library="endcap-toolkit")
-            self._writer.add_metadata(METADATA, about(self._config, self._files))
+            self._writer.add_metadata(METADATA, about(self._config, self._files, self.pictures))
             for file in self._files:
                 self._writer.add_attachment(time.time_ns(), time.time_ns(), file.name, "", file.data)
             for endcap in self._config.endcaps:
-                for topic in TOPICS:
-                    self._channel(f"/{endcap.name}/{topic}", TOPICS[topic])
+                for topic, kind in self._topics.items():
+                    self._channel(f"/{endcap.name}/{topic}", kind)
             self._channel("/diagnostics", ros.DIAGNOSTICS)
+            self._channel(NOTES, ros.STRING)
             self._stream.flush()
         except OSError as error:
             raise FileError(f"{self.path}: {error.strerror}: choose another place") from None
@@ -121,11 +140,9 @@ class Recorder(QueuedSink):
             self._begun[reading.endcap] = reading.epoch
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
             self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
-        data, form = ros.picture_bytes(reading.frame)
         norm = float((reading.wrench.force_n**2).sum() ** 0.5)
         self._add(reading, "image/capture_time", ros.float64(reading.frame.time_s), stamp)
-        self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.endcap), stamp)
-        self._add(reading, "array/shear_vector", ros.shear_vector(reading.field), stamp)
+        self._add_picture(reading, stamp)
         self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.endcap), stamp)
         self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.endcap), stamp)
         self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
@@ -133,14 +150,23 @@ class Recorder(QueuedSink):
         self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)
         if reading.contact.known:
             self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
+        if reading.place.known:
+            place = ros.pose_stamped(reading.place, stamp, reading.endcap)
+            self._add(reading, "contact_place", place, stamp)
+        self._write_notes()
         self._diagnose(reading.ready_s, stamp)
         self.frames += 1
         if self._bytes >= CHUNK_BYTES or time.monotonic() >= self._flushed_s + FLUSH_S:
             self._flush()
 
+    def add_note(self, text: str) -> None:
+        """A line of the viewer's, stamped with the time at which it is written; from any thread."""
+        self._notes.append(text)
+
     def idle(self) -> None:
         """Why no frame comes is recorded too."""
         now_s = time.monotonic()
+        self._write_notes()
         self._diagnose(now_s, self._wall_ns + int(now_s * 1e9))
         self._flush()
 
@@ -160,12 +186,31 @@ class Recorder(QueuedSink):
         """Index and end of the file, if it can still be written."""
         try:
             if not self.failed:
+                self._write_notes()
                 self._flush()
                 self._writer.finish()
                 self._writer.flush()
         finally:
             self._index.close()
             self._stream.close()
+
+    def _add_picture(self, reading: EndcapReading, stamp: int) -> None:
+        """What a replay begins with: the picture, or the dots seen in it."""
+        if self.pictures is Pictures.FULL:
+            data, form = ros.picture_bytes(reading.frame)
+            self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.endcap), stamp)
+            self._add(reading, "array/shear_vector", ros.shear_vector(reading.field), stamp)
+            return
+        if self.pictures is Pictures.HALF and (data := half_picture(reading.frame)):
+            self._add(reading, "image/compressed", ros.compressed_image(data, "jpeg", stamp, reading.endcap), stamp)
+        if reading.tracks is None:
+            self._add(reading, "refused", refused_message(reading), stamp)
+        self._add(reading, "tracks", tracks_message(reading), stamp)
+
+    def _write_notes(self) -> None:
+        while self._notes:
+            stamp = self._wall_ns + int(time.monotonic() * 1e9)
+            self._writer.add_message(self._channels[NOTES], stamp, ros.string(self._notes.popleft()), stamp)
 
     def _flush(self) -> None:
         """End the chunk: the readings so far are in the file."""

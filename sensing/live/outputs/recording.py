@@ -1,18 +1,23 @@
-"""Start and stop a recording while it runs; names are chosen here, never by whoever asks."""
+"""Start and stop a recording while it runs, and say how it goes; names are chosen here, never by whoever asks."""
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import shutil
 import threading
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from cad.errors import EndcapError
+from cad.errors import EndcapError, ParameterError
+from sensing.live.core.seen import Pictures
 from sensing.live.outputs.recorder import Recorder
 
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
 
+MB, LOOK_S = 1e6, 0.5  # sizes are looked up anew this often
 OTHERS_S = 0.5  # of the time that is left after a signal: for other outputs and the cameras; the file has the rest
 
 
@@ -20,11 +25,17 @@ class Recording:
     """The recording of a run, if there is one.
 
     Args:
-        run: what is recorded. folder: where files go that are not named.
+        run: what is recorded. folder: where files go that are not named. pictures: which are recorded, unless others
+            are asked for.
+
+    Attributes:
+        files: that were ended, oldest first.
     """
 
-    def __init__(self, run: LiveRun, folder: Path) -> None:
-        self._run, self._folder = run, folder
+    def __init__(self, run: LiveRun, folder: Path, pictures: Pictures = Pictures.FULL) -> None:
+        self._run, self._folder, self._pictures = run, folder, pictures
+        self.files: list[Path] = []
+        self._sizes: tuple[float, dict[str, Any]] = 0.0, {}
         self._recorder: Recorder | None = None
         self._ended: list[Recorder] = []  # those that are not whole
         self._said = ""
@@ -48,16 +59,51 @@ class Recording:
         recorders = [*self._ended, *([] if self._recorder is None else [self._recorder])]
         return "; ".join(each.note for each in recorders if each.failed or each.dropped)
 
-    def start(self, path: Path | None = None) -> None:
+    def state(self) -> dict[str, Any]:
+        """For the page: what is recorded, how large it is and how long the disk lasts; sizes in MB of 10^6 bytes."""
+        now_s, recorder = time.monotonic(), self._recorder
+        if now_s > self._sizes[0] + LOOK_S:
+            with contextlib.suppress(OSError):  # a disk that is gone says so when it is written to
+                self._sizes = now_s, self._look(recorder, now_s)
+        pictures = self._pictures if recorder is None else recorder.pictures
+        return {
+            "on": self.on, "note": self.note, "pictures": pictures.value,
+            "files": [path.name for path in self.files], **self._sizes[1],
+        }  # fmt: skip
+
+    def _look(self, recorder: Recorder | None, now_s: float) -> dict[str, Any]:
+        if recorder is None:
+            return {"free_mb": round(shutil.disk_usage(self._folder).free / MB)}
+        seconds, size_mb = now_s - recorder.begun_s, recorder.path.stat().st_size / MB
+        free_mb = shutil.disk_usage(recorder.path.parent).free / MB
+        rate = 60 * size_mb / max(seconds, 1.0)
+        minutes = free_mb / max(rate, 1e-3)
+        return {
+            "name": recorder.path.name, "seconds": round(seconds), "size_mb": round(size_mb, 1),
+            "mb_per_min": round(rate), "free_mb": round(free_mb), "minutes_left": round(minutes),
+            "frames": recorder.frames, "lost": recorder.dropped,
+        }  # fmt: skip
+
+    def add_note(self, text: str) -> None:
+        """A line of the viewer's into the file, if one is being written."""
+        if self._recorder is not None and text:
+            self._recorder.add_note(text)
+
+    def start(self, path: Path | None = None, pictures: Pictures | None = None) -> None:
         """Begin a file.
 
+        Args:
+            path: of the file; None for a name of its own. pictures: which are recorded; None for those of the run.
+
         Raises:
-            FileError: it exists already or cannot be made.
+            FileError: it exists already or cannot be made. ParameterError: pictures that cannot be had, or needed.
         """
         with self._lock:
             if self._recorder is not None and not self._recorder.failed:
                 return
             self._finish()
+            pictures = pictures or self._pictures
+            self._require(pictures)
             now = datetime.datetime.now()
             stamp = f"{now:%Y%m%d_%H%M%S}_{now.microsecond // 1000:03d}"
             engine = self._run.engine
@@ -68,6 +114,7 @@ class Recording:
                 {name: pipeline.epoch for name, pipeline in pipelines.items()},
                 lambda name: pipelines[name].request_restart(),
                 engine.health,
+                pictures=pictures,
             )
             recorder.start()
             engine.add_sink(recorder)
@@ -80,20 +127,39 @@ class Recording:
         with self._lock:
             self._finish()
 
-    def switch(self, on: bool) -> str:
+    def switch(self, on: bool, pictures: Pictures | None = None) -> str:
         """Start or stop, whichever is asked for; what is so already stays. Returns the state in one line."""
         try:
             if on:
-                self.start()
+                self.start(pictures=pictures)
             else:
                 self.stop()
         except EndcapError as error:
             self._said = str(error)
         return self.note
 
+    def _require(self, pictures: Pictures) -> None:
+        """Refuse pictures that a replay does not have, and dots of a method that follows none."""
+        playback = self._run.playback
+        if playback is not None and list(Pictures).index(pictures) < list(Pictures).index(playback.pictures):
+            raise ParameterError(
+                f"the recording that is replayed has no whole pictures: record it with --record-pictures "
+                f"{playback.pictures}",
+                name="record_pictures",
+            )
+        methods = {endcap.pipeline.model.method for endcap in self._run.engine.endcaps} - {"dots"}
+        if pictures is not Pictures.FULL and methods:
+            raise ParameterError(
+                f"--record-pictures {pictures} keeps dots, and method {', '.join(sorted(methods))} follows none: "
+                "record with full pictures",
+                name="record_pictures",
+            )
+
     def _finish(self) -> None:
         recorder, self._recorder = self._recorder, None
+        self._sizes = 0.0, {}
         if recorder is not None:
+            self.files.append(recorder.path)
             self._run.engine.remove_sink(recorder)
             recorder.close(max(0.0, self._run.patience_s - OTHERS_S))
             self._said = recorder.note

@@ -9,14 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sensing.records import Frame, ShearField, Wrench
 
+if TYPE_CHECKING:
+    from sensing.wrench.plane_contact import PlaneContact
+
 IMAGE, FLOAT64, BOOL = "sensor_msgs/msg/CompressedImage", "std_msgs/msg/Float64", "std_msgs/msg/Bool"
 WRENCH, ARRAY = "geometry_msgs/msg/WrenchStamped", "std_msgs/msg/Float32MultiArray"
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 STRING = "std_msgs/msg/String"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 PACKAGES = Path(__file__).resolve().parent / "ros" / "packages"  # sources of the ROS packages
@@ -78,6 +82,22 @@ def wrench_message(wrench: Wrench) -> Any:
     vector = types["geometry_msgs/msg/Vector3"]
     force, torque = (vector(*(float(x) for x in part)) for part in (wrench.force_n, wrench.torque_nm))
     return types["geometry_msgs/msg/Wrench"](force=force, torque=torque)
+
+
+def pose_stamped(place: PlaneContact, stamp_ns: int, frame_id: str) -> bytes:
+    """geometry_msgs/PoseWithCovarianceStamped: where a plane touches, z along its normal.
+
+    Args:
+        place: of the contact. stamp_ns: wall time. frame_id: name of the endcap.
+    """
+    types = typestore().types
+    position, quaternion, covariance = place.pose()
+    pose = types["geometry_msgs/msg/Pose"](
+        position=types["geometry_msgs/msg/Point"](*position.tolist()),
+        orientation=types["geometry_msgs/msg/Quaternion"](*quaternion.tolist()),
+    )
+    content = types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=covariance.ravel())
+    return encode(POSE, types[POSE](header=header(stamp_ns, frame_id), pose=content))
 
 
 def compressed_image(data: bytes, form: str, stamp_ns: int, frame_id: str) -> bytes:

@@ -1,9 +1,10 @@
 """What the run and the page's process say to one another, over a pair of sockets; standard library only.
 
-The page's process sends lines: ``look 0 2``, or one of the viewers' words with the number of an endcap and the time
-(ms) of the state that the viewer saw: a button pressed on an old state does nothing (:func:`is_fresh`). A look is
-answered by messages: details and new pictures of the endcaps named, then the state, which ends the answer. The page
-asks for the next look only after that, so that nothing piles up, and what it gets is the newest.
+The page's process sends lines: ``look 0 2``, or one of the viewers' words with the number of an endcap, the time (ms)
+of the state that the viewer saw, a whole number and, for a note, its text, percent-encoded: ``replay_seek 0 81234
+12000``. A button pressed on an old state does nothing (:func:`is_fresh`). A look is answered by messages: details and
+new pictures of the endcaps named, then the state, which ends the answer. The page asks for the next look only after
+that, so that nothing piles up, and what it gets is the newest.
 """
 
 from __future__ import annotations
@@ -11,13 +12,48 @@ from __future__ import annotations
 import ipaddress
 import json
 import struct
+from dataclasses import dataclass
+from urllib.parse import quote, unquote
 
 HEAD = struct.Struct(">cBI")  # kind, number of the endcap, length of what follows
-HELLO, DETAIL, PICTURE, STATE = b"H", b"D", b"P", b"S"
-WORDS = ("zero", "zero_confirmed", "zero_all", "undo", "record_start", "record_stop")
+HELLO, DETAIL, PICTURE, STATE, FILES = b"H", b"D", b"P", b"S", b"F"
+WORDS: dict[str, int] = {  # what a viewer may ask for, and the largest number that may go with it
+    "zero": 0,
+    "zero_confirmed": 0,
+    "zero_all": 0,
+    "undo": 0,
+    "record_start": 2,  # which of the kinds of pictures
+    "record_stop": 0,
+    "note": 0,
+    "replay_pause": 1,
+    "replay_loop": 1,
+    "replay_seek": 10**9,  # ms
+    "replay_speed": 16_000,  # thousandths
+}
 FRESH_MS = 2000  # a viewer may act on what it saw this long ago
 LATEST_MS = 10**15  # no clock of a run shows more
-LONGEST_LINE = 256
+NOTE_CHARACTERS = 200
+LONGEST_LINE = 64 + 12 * NOTE_CHARACTERS  # a character is at most four bytes, each of them three of a line
+
+
+@dataclass(frozen=True)
+class Press:
+    """What a viewer asks for.
+
+    Attributes:
+        word: of :data:`WORDS`. endcap: its number. seen_ms: time of the state that the viewer saw. value: a number
+            that goes with the word. text: of a note.
+    """
+
+    word: str
+    endcap: int = 0
+    seen_ms: int = 0
+    value: int = 0
+    text: str = ""
+
+    def line(self) -> bytes:
+        """As the page's process sends it."""
+        return f"{self.word} {self.endcap} {self.seen_ms} {self.value} {quote(self.text, safe='')}\n".encode()
 
 
 def message(kind: bytes, data: bytes, endcap: int = 0) -> bytes:
@@ -30,32 +66,42 @@ def message(kind: bytes, data: bytes, endcap: int = 0) -> bytes:
     return HEAD.pack(kind, endcap, len(data)) + data
 
 
-def parse_request(text: str, endcaps: int) -> tuple[str, int, int] | None:
-    """(what to do, number of the endcap, ms of the state seen) from a viewer's message; None for no request."""
+def parse_request(text: str, endcaps: int) -> Press | None:
+    """A viewer's message; None for no request. The word ``show`` asks for nothing but a look."""
     try:
         request = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(request, dict) or set(request) - {"do", "endcap", "seen"}:
+    if not isinstance(request, dict) or set(request) - {"do", "endcap", "seen", "value", "text"}:
         return None
-    what, endcap, seen = request.get("do"), request.get("endcap", 0), request.get("seen", 0)
-    if what not in ("show", *WORDS) or type(endcap) is not int or not 0 <= endcap < endcaps:
+    endcap, seen, value = (request.get(name, 0) for name in ("endcap", "seen", "value"))
+    word, text = request.get("do"), request.get("text", "")
+    if not all(type(number) is int for number in (endcap, seen, value)) or not isinstance(word, str):
         return None
-    return (what, endcap, seen) if type(seen) is int and 0 <= seen < LATEST_MS else None
+    return _allowed(Press(word, endcap, seen, value, text), endcaps)
 
 
-def parse_line(line: bytes, endcaps: int) -> tuple[str, list[int], int] | None:
-    """(word, numbers of endcaps, ms of the state seen) from a line of the page's process; None for anything else."""
-    word, *numbers = line.decode("ascii", "replace").split() or [""]
-    if not numbers or not all(n.isdecimal() and len(n) < 16 for n in numbers):
+def parse_line(line: bytes, endcaps: int) -> list[int] | Press | None:
+    """Numbers of the endcaps to look at, or what a viewer asks for, from a line of the page's process; else None."""
+    word, *rest = line.decode("ascii", "replace").split() or [""]
+    numbers = [int(n) for n in rest[: 3 if word in WORDS else None] if n.isdecimal() and n.isascii() and len(n) < 16]
+    if word == "look":
+        looked = [n for n in numbers if n < endcaps]
+        return looked if looked and len(looked) == len(rest) else None
+    if len(numbers) != 3 or len(rest) > 4:
         return None
-    seen = 0
-    if word in WORDS and len(numbers) == 2:
-        seen = int(numbers.pop())
-    elif word != "look":
+    endcap, seen_ms, value = numbers
+    return _allowed(Press(word, endcap, seen_ms, value, unquote("".join(rest[3:]))), endcaps, looks=False)
+
+
+def _allowed(press: Press, endcaps: int, looks: bool = True) -> Press | None:
+    most = 0 if looks and press.word == "show" else WORDS.get(press.word)
+    if most is None or not isinstance(press.text, str) or len(press.text) > NOTE_CHARACTERS:
         return None
-    chosen = [int(n) for n in numbers if len(n) < 4 and int(n) < endcaps]
-    return (word, chosen, seen) if len(chosen) == len(numbers) else None
+    if press.text and (press.word != "note" or not press.text.isprintable()):
+        return None
+    known = 0 <= press.endcap < endcaps and 0 <= press.seen_ms < LATEST_MS and 0 <= press.value <= most
+    return press if known else None
 
 
 def is_fresh(seen_ms: int, now_s: float) -> bool:

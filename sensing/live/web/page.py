@@ -1,9 +1,10 @@
 """The page of a run: a web server in a process of its own, on loopback by default, that can never hold the loop up.
 
 The page's process (:mod:`sensing.live.web.process`) asks for the newest state while somebody looks, one thread here
-answers; nothing is made for nobody, and however many look, it is made once. What comes back from there is one of four
-words and the number of an endcap: no word of the network reaches a file name. On another address than loopback a token
-is needed. Everything the page needs is served from there: it works without any other network.
+answers; nothing is made for nobody, and however many look, it is made once. What comes back from there is a word of
+:data:`sensing.live.web.link.WORDS`, numbers within limits, and the text of a note: none reaches a file name. On another
+address than loopback a token is needed. Everything the page needs is served from there: it works without any other
+network.
 """
 
 from __future__ import annotations
@@ -24,14 +25,17 @@ import cv2
 from cad.errors import EndcapError, ParameterError
 from sensing.decode import decode_bgr
 from sensing.live.core.preview import Preview
+from sensing.live.core.seen import Pictures
 from sensing.live.outputs.recording import Recording
 from sensing.live.web.access import page_address, page_token
 from sensing.live.web.link import (
     DETAIL,
+    FILES,
     HELLO,
     LONGEST_LINE,
     PICTURE,
     STATE,
+    Press,
     is_fresh,
     is_loopback,
     message,
@@ -41,6 +45,7 @@ from sensing.live.web.state import detail, hello, state
 from sensing.records import Frame
 
 if TYPE_CHECKING:
+    from sensing.live.playback import Playback
     from sensing.live.run import LiveRun
 
 ROOT = Path(__file__).resolve().parents[3]  # where the package lies
@@ -70,6 +75,7 @@ class PageServer:
         self._link, self._theirs = socket.socketpair()
         self._process: subprocess.Popen[bytes] | None = None
         self._sent: dict[int, tuple[str, int]] = {}
+        self._files = 0  # recordings that the page's process knows
         self._previews = [Preview() for _ in run.config.endcaps]
         self._thread = threading.Thread(target=self._talk, daemon=True)
         self._closing, self._failed = False, ""
@@ -121,31 +127,43 @@ class PageServer:
             with self._link.makefile("rb") as lines:
                 while line := lines.readline(LONGEST_LINE):
                     request = parse_line(line, endcaps)
-                    if request is not None:
-                        self._do(*request)
+                    if isinstance(request, Press):
+                        self._press(request)
+                    elif request is not None:
+                        self._show_all(request)
             self._failed = "its process ended"
         except Exception as error:  # whatever happens to the page, the run goes on
             self._failed = f"{type(error).__name__}: {error}"
 
-    def _do(self, word: str, numbers: list[int], seen_ms: int) -> None:
-        if word == "look":
-            for number in numbers:
-                self._show(number)
-            shown = state(self._run, self._recording.note, self._recording.on)
-            self._link.sendall(message(STATE, _plain(shown)))
-        elif is_fresh(seen_ms, time.monotonic()):
-            self._press(word, self._run.config.endcaps[numbers[0]].name)
+    def _show_all(self, numbers: list[int]) -> None:
+        """Answer a look."""
+        for number in numbers:
+            self._show(number)
+        files = [str(path.resolve()) for path in self._recording.files]
+        if len(files) != self._files:
+            self._files = len(files)
+            self._link.sendall(message(FILES, json.dumps(files).encode()))
+        self._link.sendall(message(STATE, _plain(state(self._run, self._recording))))
 
-    def _press(self, word: str, name: str) -> None:
-        """A button."""
-        if word in ("zero", "zero_confirmed"):
-            self._run.zero(name, word == "zero_confirmed")
-        elif word == "zero_all":
+    def _press(self, press: Press) -> None:
+        """A button, on what was seen lately."""
+        name, playback = self._run.config.endcaps[press.endcap].name, self._run.playback
+        if not is_fresh(press.seen_ms, time.monotonic()):
+            return
+        if press.word in ("zero", "zero_confirmed"):
+            self._run.zero(name, press.word == "zero_confirmed")
+        elif press.word == "zero_all":
             self._run.zero()
-        elif word == "undo":
+        elif press.word == "undo":
             self._run.undo_zero(name)
-        else:
-            self._recording.switch(word == "record_start")
+        elif press.word == "note":
+            self._recording.add_note(press.text)
+        elif press.word == "record_start":
+            self._recording.switch(True, list(Pictures)[press.value])
+        elif press.word == "record_stop":
+            self._recording.switch(False)
+        elif playback is not None:
+            _steer(playback, press)
 
     def _show(self, number: int) -> None:
         """Details of an endcap, and its picture if that is new; without a valid reading, the newest frame."""
@@ -154,7 +172,7 @@ class PageServer:
         now = endcap.machine.condition.valid or (reading is not None and reading.frame is frame)
         if reading is not None and reading.valid and reading.tracks is not None and now:
             frame, shown = reading.frame, detail(reading, number)
-        elif frame is None:
+        elif frame is None or (frame.jpeg is None and frame.image is None):
             return
         else:
             shown = self._previews[number].detail(frame, number)
@@ -165,10 +183,24 @@ class PageServer:
             self._link.sendall(message(PICTURE, picture(frame), number))
 
 
+def _steer(playback: Playback, press: Press) -> None:
+    """A button of the replay."""
+    if press.word == "replay_pause":
+        playback.pause(bool(press.value))
+    elif press.word == "replay_loop":
+        playback.loop(bool(press.value))
+    elif press.word == "replay_seek":
+        playback.seek(press.value / 1e3)
+    elif press.word == "replay_speed":
+        playback.pace(press.value / 1e3)
+
+
 def picture(frame: Frame) -> bytes:
     """JPEG of a frame: as it came, or made for those that came raw; empty for one that cannot be shown."""
     if frame.jpeg is not None:
         return frame.jpeg
+    if frame.image is None:  # a recording of dots alone
+        return b""
     try:
         return cv2.imencode(".jpg", decode_bgr(frame), [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()
     except EndcapError:

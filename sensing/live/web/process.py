@@ -2,8 +2,9 @@
 
     python -m sensing.live.web.process LISTENING LINK      # inherited sockets, by number; see sensing.live.web.page
 
-It knows nothing of the run but what comes over the link (:mod:`sensing.live.web.link`), and can ask for nothing but a
-look, a zero and a recording. It ends when the link does, whatever became of the run, and yields the processor to it.
+It knows nothing of the run but what comes over the link (:mod:`sensing.live.web.link`), and can ask for nothing but
+what the buttons do. Recordings that have ended are handed out by their number; of files it opens no others. It ends
+when the link does, whatever became of the run, and yields the processor to it.
 """
 
 from __future__ import annotations
@@ -16,21 +17,22 @@ import os
 import secrets
 import socket
 import sys
-from typing import Any
+from collections.abc import Awaitable, Callable
 from urllib.parse import urlsplit
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from sensing.live.web.link import DETAIL, HEAD, PICTURE, STATE, is_loopback, parse_request
+from sensing.live.web.domes import dome_curves
+from sensing.live.web.link import DETAIL, FILES, HEAD, PICTURE, STATE, Press, is_loopback, parse_request
 
 MOST_VIEWERS = 8
 FASTEST_S = 0.04  # between looks at the run, of all viewers together
-MESSAGE_BYTES = 1024  # largest message from a viewer
+MESSAGE_BYTES = 4096  # largest message from a viewer
 NICE = 5  # the loop goes first
 COOKIE = "endcap_token_{}"  # a browser sends a cookie to all ports of a host
 HEADERS = {
@@ -50,8 +52,11 @@ LOCKED = """\
 """
 STATIC = {
     "/": ("index.html", "text/html"),
-    "/page.js": ("page.js", "text/javascript"),
-    "/scene.js": ("scene.js", "text/javascript"),
+    "/style.css": ("style.css", "text/css"),
+    "/favicon.svg": ("favicon.svg", "image/svg+xml"),
+    **{
+        f"/{name}.js": (f"{name}.js", "text/javascript") for name in ("draw", "words", "plots", "scene", "dome", "page")
+    },
 }
 
 
@@ -87,13 +92,15 @@ class Link:
 
     Attributes:
         hello: what every viewer gets first. token: it must know; empty for none. endcaps: their number.
-        pictures: by endcap, (count of its changes, JPEG).
+        pictures: by endcap, (count of its changes, JPEG). files: recordings that have ended.
     """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
         self.hello, self.token, self.endcaps = "", "", 0
         self.pictures: dict[int, tuple[int, bytes]] = {}
+        self.files: list[str] = []
+        self.designs: list[tuple[float, float, str]] = []
         self._details: dict[int, str] = {}
         self._state = "{}"
         self._wanted: set[int] = set()
@@ -104,16 +111,12 @@ class Link:
         """Hear what does not change."""
         _, self.endcaps, data = await self._receive()
         reported = json.loads(data)
+        self.designs = [(each["diameter_mm"], each["wall_mm"], each["silicone"]) for each in reported["hello"]]
         self.token, self.hello = reported.pop("token"), json.dumps(reported)
 
-    def ask(self, word: str, endcap: int, seen_ms: int) -> None:
-        """Press a button.
-
-        Args:
-            word: one of :data:`sensing.live.web.link.WORDS`. endcap: its number. seen_ms: time of the state that the
-                viewer saw.
-        """
-        self._writer.write(f"{word} {endcap} {seen_ms}\n".encode())
+    def ask(self, press: Press) -> None:
+        """Press a button."""
+        self._writer.write(press.line())
 
     async def look(self, endcap: int) -> str:
         """The newest state as JSON, with the details of one endcap; all viewers that wait get the same look."""
@@ -131,6 +134,8 @@ class Link:
                 if kind == STATE:
                     self._state = data.decode()
                     self._answered.set()
+                elif kind == FILES:
+                    self.files = json.loads(data)
                 elif kind == DETAIL:
                     self._details[endcap] = data.decode()
                 elif kind == PICTURE:
@@ -160,23 +165,6 @@ def build_app(run: Link, port: int) -> Starlette:
     """The application, as it is served on a port."""
     viewers, cookie = _Viewers(), COOKIE.format(port)
 
-    async def file(request: Request) -> Response:
-        refusal = _refusal(request, run.token, cookie)
-        if refusal:
-            return HTMLResponse(LOCKED.format(refusal), 403, HEADERS)
-        name, kind = STATIC[request.url.path]
-        text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
-        response = Response(text, media_type=kind, headers=HEADERS)
-        if run.token:
-            response.set_cookie(cookie, run.token, httponly=True, samesite="strict")
-        return response
-
-    async def reported(request: Request) -> Response:
-        refusal = _refusal(request, run.token, cookie)
-        if refusal:
-            return PlainTextResponse(refusal, 403, HEADERS)
-        return Response(await run.look(0), media_type="application/json", headers=HEADERS)
-
     async def socket_(websocket: WebSocket) -> None:
         if _refusal(websocket, run.token, cookie) or not _same_origin(websocket) or viewers.count >= MOST_VIEWERS:
             await websocket.close(1008)
@@ -190,8 +178,54 @@ def build_app(run: Link, port: int) -> Starlette:
         finally:
             viewers.count -= 1
 
-    routes: list[Any] = [Route(path, file) for path in STATIC]
-    return Starlette(routes=[*routes, Route("/state.json", reported), WebSocketRoute("/ws", socket_)])
+    return Starlette(routes=[*_files(run, cookie), *_answers(run, cookie), WebSocketRoute("/ws", socket_)])
+
+
+def _files(run: Link, cookie: str) -> list[Route]:
+    """The page itself."""
+
+    async def file(request: Request) -> Response:
+        refusal = _refusal(request, run.token, cookie)
+        if refusal:
+            return HTMLResponse(LOCKED.format(refusal), 403, HEADERS)
+        name, kind = STATIC[request.url.path]
+        text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
+        response = Response(text, media_type=kind, headers=HEADERS)
+        if run.token:
+            response.set_cookie(cookie, run.token, httponly=True, samesite="strict")
+        return response
+
+    return [Route(path, file) for path in STATIC]
+
+
+def _answers(run: Link, cookie: str) -> list[Route]:
+    """What else may be fetched: the state, the curves of pressed domes, recordings that have ended."""
+
+    async def reported(_: Request) -> Response:
+        return Response(await run.look(0), media_type="application/json", headers=HEADERS)
+
+    async def domes(_: Request) -> Response:
+        curves = await asyncio.to_thread(dome_curves, run.designs)
+        return Response(json.dumps(curves), media_type="application/json", headers=HEADERS)
+
+    async def recording(request: Request) -> Response:
+        number = request.path_params["number"]
+        if number >= len(run.files) or not os.path.isfile(run.files[number]):
+            return PlainTextResponse("There is no such recording.", 404, HEADERS)
+        name = os.path.basename(run.files[number])
+        return FileResponse(run.files[number], media_type="application/octet-stream", filename=name, headers=HEADERS)
+
+    def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
+        async def checked(request: Request) -> Response:
+            refusal = _refusal(request, run.token, cookie)
+            if refusal or not _same_origin(request):
+                return PlainTextResponse(refusal or "Asked for by another page.", 403, HEADERS)
+            return await answer(request)
+
+        return checked
+
+    paths = {"/state.json": reported, "/domes.json": domes, "/recording/{number:int}": recording}
+    return [Route(path, guarded(answer)) for path, answer in paths.items()]
 
 
 class _Viewers:
@@ -207,13 +241,12 @@ async def _answer(websocket: WebSocket, run: Link) -> None:
         if request is None:
             await websocket.close(1003)
             return
-        word, endcap, seen_ms = request
-        if word != "show":
-            run.ask(word, endcap, seen_ms)
-        await websocket.send_text(await run.look(endcap))
-        count, jpeg = run.pictures.get(endcap, (0, b""))
-        if jpeg and (endcap, count) != seen:
-            seen = (endcap, count)
+        if request.word != "show":
+            run.ask(request)
+        await websocket.send_text(await run.look(request.endcap))
+        count, jpeg = run.pictures.get(request.endcap, (0, b""))
+        if jpeg and (request.endcap, count) != seen:
+            seen = (request.endcap, count)
             await websocket.send_bytes(jpeg)
 
 

@@ -11,6 +11,7 @@ from sensing.live.core.reading import EndcapReading, nothing, plain, rounded
 from sensing.live.core.stats import EndcapHealth
 
 if TYPE_CHECKING:
+    from sensing.live.outputs.recording import Recording
     from sensing.live.run import LiveRun
 
 ARROWS = 16  # across the field that is drawn
@@ -26,18 +27,17 @@ def hello(run: LiveRun) -> dict[str, Any]:
             "centre_mm": endcap.params.centre_height_mm,
             "T_robot_endcap": endcap.T_robot_endcap.tolist(),
             "weighed": endcap.weighed,
+            "diameter_mm": endcap.diameter_mm,
+            "wall_mm": endcap.wall_mm,
+            "silicone": endcap.silicone,
         }
         for endcap in run.config.endcaps
     ]
     return {"hello": endcaps, "weight_n": run.config.weight_n, "model": run.config.model}
 
 
-def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
-    """The newest numbers of all endcaps.
-
-    Args:
-        run: the run. note: of the recording, one line. recording: whether frames are being written.
-    """
+def state(run: LiveRun, recording: Recording) -> dict[str, Any]:
+    """The newest numbers of all endcaps, and how recording and replay go."""
     readings, robot = run.latest.all(), run.robot()
     endcaps = [_endcap(health, readings.get(health.endcap)) for health in run.engine.health()]
     return {
@@ -47,8 +47,8 @@ def state(run: LiveRun, note: str, recording: bool) -> dict[str, Any]:
         "touching": list(robot.touching),
         "force_sum_n": rounded(float(np.linalg.norm(robot.force_n)), 2),
         "consistent": robot.consistent,
-        "recording": recording,
-        "note": note,
+        "recording": recording.state(),
+        "replay": None if run.playback is None else run.playback.state(),
     }
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from cad.dots import DENT_DEPTH_MM, DOT_RADIUS_MM
 from cad.params import EndcapParams
+from cad.pattern import DENT_DEPTH_MM
 from sensing.simulator.render.canvas import Array, Canvas, mix
 from sensing.simulator.render.settings import Paint
 
@@ -23,22 +23,27 @@ SPILL_EDGE_MM = 0.6  # E
 OUTWARD = 0.7  # E: how much likelier ink runs over at the rim, where the hand reaches badly, than at the tip
 
 
-def dent(canvas: Canvas, at: Array) -> None:
-    """The faint outline of a dent: its flank turns away from the light."""
-    window, a, b, texel = canvas.patch(at, DOT_RADIUS_MM + 0.5)
+def dent(canvas: Canvas, at: Array, radius_mm: float) -> None:
+    """The faint outline of a dent: its flank turns away from the light.
+
+    Args:
+        canvas: painted on. at: centre of the dent on the sphere (3,), mm. radius_mm: of the dent.
+    """
+    window, a, b, texel = canvas.patch(at, radius_mm + 0.5)
     width = max(0.5 * DENT_DEPTH_MM, texel)
-    ring = np.exp(-(((np.hypot(a, b) - DOT_RADIUS_MM + width / 2) / width) ** 2))
+    ring = np.exp(-(((np.hypot(a, b) - radius_mm + width / 2) / width) ** 2))
     window[..., :3] *= (1 - 0.10 * ring)[..., None]
 
 
-def ink_dot(canvas: Canvas, at: Array, paint: Paint, rng: np.random.Generator, smeared: bool) -> None:
+def ink_dot(canvas: Canvas, at: Array, radius_mm: float, paint: Paint, rng: np.random.Generator, smeared: bool) -> None:
     """Fill a dent, with what ran over its edge and what a sleeve dragged along.
 
     Args:
-        canvas: painted on. at: centre of the ink on the sphere (3,), mm. paint: look of the ink.
+        canvas: painted on. at: centre of the ink on the sphere (3,), mm. radius_mm: of its dent.
+        paint: look of the ink.
         rng: this dot's own random numbers. smeared: whether a sleeve dragged ink along.
     """
-    radius = DOT_RADIUS_MM * paint.radius_scale * (1 + paint.size_spread * rng.standard_normal())
+    radius = radius_mm * paint.radius_scale * (1 + paint.size_spread * rng.standard_normal())
     away = np.arccos(np.clip((at[2] - canvas.centre[2]) / canvas.radius, -1, 1)) / (np.pi / 2)
     spilt = rng.random() < paint.overflow * (1 + OUTWARD * (2 * away - 1))
     streak, spill, fill = rng.spawn(3)
@@ -108,7 +113,7 @@ def dirt(canvas: Canvas, params: EndcapParams, paint: Paint, seed: int) -> None:
         side = np.sqrt(1 - height**2)
         at = canvas.centre + canvas.radius * np.array([side * np.cos(azimuth), side * np.sin(azimuth), height])
         if number < paint.extra:
-            ink_dot(canvas, at, paint, rng, False)
+            ink_dot(canvas, at, params.dot_radius_mm, paint, rng, False)
         else:
             window, a, b, texel = canvas.patch(at, 1.5)
             size, lean, thin = rng.uniform(0.1, 0.3), rng.random() * np.pi, rng.uniform(1, 3)

@@ -86,9 +86,9 @@ def paint_skin(params: EndcapParams, paint: Paint, texels: int, seed: int) -> Sk
     for index, place in enumerate(dents):
         own = np.random.default_rng([seed, 2, index])
         if not missing[index]:
-            dent(canvas, place)
+            dent(canvas, place, params.dot_radius_mm)
             if not unpainted[index]:
-                ink_dot(canvas, ink[index], paint, own, bool(smeared[index]))
+                ink_dot(canvas, ink[index], params.dot_radius_mm, paint, own, bool(smeared[index]))
     dirt(canvas, params, paint, seed)
     painted = ~(missing | unpainted)
     return Skin(canvas.texture, canvas.extent, np.where(painted[:, None], ink, dents), painted)

@@ -9,8 +9,9 @@ import pytest
 import trimesh
 from build123d import Plane, Solid
 
-from cad.dots import DENT_DEPTH_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.mold_core import REMOVAL_ORDER, bump, core_profile
+from cad.pattern import DENT_DEPTH_MM
 from cad.solids import one_solid, revolved
 from fab.checks.bumps import bump_checks
 from fab.checks.extraction import (

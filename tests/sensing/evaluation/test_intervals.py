@@ -30,7 +30,7 @@ def made_answers(rng: np.random.Generator, paths: int = PATHS, name: str = "p") 
     own = np.tile(0.1 * eye, (count, 1, 1))
     return LiveAnswers(
         error, np.zeros((count, 6)), own + CAMERA * eye, own, np.zeros(count, bool), np.zeros(count),
-        np.ones(count, bool), path,
+        np.full((count, 4), np.nan), np.ones(count, bool), path,
     )  # fmt: skip
 
 

@@ -1,10 +1,58 @@
-"""The dot tracker is compiled before the first test, so that no test's patience is spent on that."""
+"""The dot tracker is compiled before the first test, which spends no test's patience on that; one browser for all."""
 
+import sys
+from pathlib import Path
+
+import numpy as np
 import pytest
+from live_stage import Stage
+from live_stand_in import Shown
 
+from sensing.live.core import camera_check
 from sensing.live.core.warm_up import warm_up
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "scripts"))
+from live_picture import CHROMIUM, SIZE, Browser
 
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
     warm_up(lambda _: None)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fitted_once():
+    """All drawn references are the same picture: the camera is fitted to it once, half a second, not once a test."""
+    fit, known = camera_check.camera_misfit, {}
+
+    def remembered(dots_px, size, params, camera=None):
+        key = (np.asarray(dots_px).tobytes(), tuple(size), params)
+        if camera is not None:
+            return fit(dots_px, size, params, camera)
+        if key not in known:
+            known[key] = fit(dots_px, size, params, camera)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(camera_check, "camera_misfit", remembered)
+        yield
+
+
+@pytest.fixture(scope="session")
+def tab(tmp_path_factory):
+    """The page of a headless browser; a test that changes its size or colours sets them back."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this computer")
+    browser = Browser(tmp_path_factory.mktemp("chromium"), SIZE)
+    try:
+        with browser.tab() as tab:
+            yield tab
+    finally:
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def stage(tab, tmp_path_factory):
+    """One running program for all tests of the page; each begins with ``stage.free()``."""
+    with Stage(tmp_path_factory.mktemp("run"), tab, Shown()) as stage:
+        yield stage

@@ -28,7 +28,9 @@ from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.outputs.recording import OTHERS_S
-from sensing.live.replay import read_config, replay_endcaps, verify
+from sensing.live.playback import Playback
+from sensing.live.recorded_feed import replay_endcaps
+from sensing.live.replay import read_config, verify
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame
 from sensing.tracking.zero import ZeroError
@@ -205,7 +207,7 @@ def test_a_replay_keeps_no_frames_and_is_not_zeroing(recording):
             seen.add(endcaps[0].health.status)
             most = max(most, sum(type(each) is Frame for each in gc.get_objects()))
 
-    endcaps = replay_endcaps(recording, read_config(recording), 0, lambda _: stand_in())
+    endcaps = replay_endcaps(recording, read_config(recording), Playback(recording, 0), lambda _: stand_in())
     before = sum(type(each) is Frame for each in gc.get_objects())
     with Engine(endcaps, [Sink()]) as engine:
         assert engine.wait(PATIENCE_S)

@@ -358,6 +358,10 @@ def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
         reported[15]["force_n"] == pytest.approx(found[15].wrench.force_n, abs=1e-5) and reported[15]["contact"] is True
     )
     assert reported[0]["centre_mm"] == [None] * 3  # no force, no place: null, not NaN
+    assert reported[0]["place_mm"] == reported[0]["normal"] == [None] * 3 and reported[0]["normal_sd_deg"] is None
+    pushed = reported[15]
+    assert pushed["normal"] == pytest.approx(found[15].place.normal, abs=1e-5) and pushed["friction_use_sd"] > 0
+    assert np.linalg.norm(pushed["normal"]) == pytest.approx(1, abs=1e-4) and 0 < pushed["normal_sd_deg"] < 90
 
     class Gone(io.StringIO):
         def write(self, _):

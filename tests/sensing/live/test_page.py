@@ -7,7 +7,6 @@ import random
 import re
 import signal
 import socket
-import sys
 import time
 import urllib.error
 import urllib.parse
@@ -28,13 +27,10 @@ from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun
 from sensing.live.web.access import page_address, page_token, qr_code
-from sensing.live.web.link import is_fresh, parse_line, parse_request
+from sensing.live.web.link import LONGEST_LINE, Press, is_fresh, parse_line, parse_request
 from sensing.live.web.page import PageServer
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "scripts"))
-from live_picture import CHROMIUM, Browser  # noqa: E402
-
 STATIC = ROOT / "sensing/live/web/static"
 
 
@@ -135,10 +131,10 @@ def test_a_button_acts_on_what_was_seen_lately_and_never_on_what_is_old():
 
 
 def test_the_page_needs_nothing_but_this_server():
-    text = "".join((STATIC / name).read_text() for name in ("index.html", "page.js", "scene.js"))
-    assert re.findall(r"""(?:https?|wss?)://[\w.]+|//cdn|@import|url\(""", text) == []
-    named = set(re.findall(r'src="([^"]+)"', text))
-    assert named == {"scene.js", "page.js"}
+    text = "".join(path.read_text() for path in STATIC.iterdir())
+    assert set(re.findall(r"""(?:https?|wss?)://[\w./]+|//cdn|@import|url\(""", text)) == {"http://www.w3.org/2000/svg"}
+    named = set(re.findall(r'(?:src|href)="([^"]+)"', text))
+    assert named == {path.name for path in STATIC.iterdir()} - {"index.html"}
 
 
 # --- who may see it --------------------------------------------------------------------------------------------
@@ -228,9 +224,15 @@ def test_no_path_reaches_a_file(site):
 # --- fuzz ------------------------------------------------------------------------------------------------------
 def test_what_is_no_request_is_none():
     good = {("show", 0, 0), ("zero", 2, 7), ("record_start", 0, 1), ("zero_all", 1, 2), ("undo", 1, 3)}
-    assert {parse_request(json.dumps({"do": d, "endcap": c, "seen": s}), 3) for d, c, s in good} == good
+    assert {parse_request(json.dumps({"do": d, "endcap": c, "seen": s}), 3) for d, c, s in good} == {
+        Press(*each) for each in good
+    }
     for seen in (-1, True, 1.5, "1", None, 10**20):
         assert parse_request(json.dumps({"do": "zero", "endcap": 0, "seen": seen}), 3) is None
+    for word, value in (("zero", 1), ("record_start", 3), ("replay_pause", 2), ("replay_seek", -1), ("note", "1")):
+        assert parse_request(json.dumps({"do": word, "value": value}), 3) is None, word
+    for word, text in (("note", "x" * 201), ("note", "\x1b[2J"), ("note", "a\nb"), ("note", 3), ("zero", "x")):
+        assert parse_request(json.dumps({"do": word, "text": text}), 3) is None, word
     rng = random.Random(0)
     values = [None, True, -1, 3, 1.0, "0", "../../x", [], {}, 10**30, float("nan"), "show", "zero\n", "record "]
     for do, endcap in itertools.product(values, values):
@@ -246,11 +248,16 @@ def test_what_is_no_request_is_none():
     assert parse_request("[" * 100_000, 3) is None
 
 
-def test_what_the_pages_process_may_say_is_four_words_and_numbers_of_endcaps():
-    assert parse_line(b"look 0 2\n", 3) == ("look", [0, 2], 0) and parse_line(b"zero 1 55\n", 3) == ("zero", [1], 55)
-    assert parse_line(b"zero 1\n", 3) is None and parse_line(b"zero 1 2 3\n", 3) is None
+def test_what_the_pages_process_may_say_are_known_words_and_numbers_within_limits():
+    assert parse_line(b"look 0 2\n", 3) == [0, 2] and parse_line(b"zero 1 55 0 \n", 3) == Press("zero", 1, 55)
+    for press in (Press("replay_seek", 0, 9, 12_500), Press("note", 2, 7, 0, "\u00e4 %20 'x' 50 %"), Press("note")):
+        assert parse_line(press.line(), 3) == press
+    longest = Press("note", 0, 10**15 - 1, 0, "\U0001f600" * 200).line()
+    assert len(longest) <= LONGEST_LINE and parse_line(longest, 3) is not None
     for line in (b"", b"\n", b"look\n", b"look 3\n", b"look -1\n", b"erase 0\n", b"zero 0x1\n", b"zero \xb2\n",
-                 b"record ../x\n", b"\xff\xfe 0\n", b"look 1.0\n", b"look 00000000001\n"):  # fmt: skip
+                 b"record ../x\n", b"\xff\xfe 0\n", b"look 1.0\n", b"look 00000000001x\n", b"zero 1\n", b"zero 1 2\n",
+                 b"zero 1 2 3\n", b"zero 1 2 0 x\n", b"note 0 1 0 a b\n", b"note 0 1 0 %1B%5B2J\n", b"show 0 1 0\n",
+                 b"note 0 1 0 " + b"x" * 201):  # fmt: skip
         assert parse_line(line, 3) is None, line
 
 
@@ -372,18 +379,14 @@ LOOK = """JSON.stringify({
 })"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this computer")
 @pytest.mark.parametrize("size", [(1400, 1150), (390, 844)], ids=["desk", "phone"])
-def test_the_page_draws_everything_in_a_browser(site, tmp_path, size):
-    browser = Browser(tmp_path, size)
-    try:
+def test_the_page_draws_everything_in_a_browser(site, tab, size):
+    with tab.sized(*size):
+        tab.open(site.url)
         touching = "window.drawn > 5 && document.querySelectorAll('.lamp.touch').length > 0"
-        reported, png = browser.look(site.url, touching, LOOK)
-    finally:
-        browser.close()
-    reported = json.loads(reported)
+        reported = json.loads(tab.until(touching, LOOK))
+        image = cv2.imdecode(np.frombuffer(tab.picture(), np.uint8), cv2.IMREAD_COLOR)
     assert reported["endcaps"] == 3 and reported["lamps"] >= 1 and reported["others"] == []
-    assert len(reported["colours"]) == 8 and min(reported["colours"]) > 3  # image, scene and six plots are not blank
+    assert len(reported["colours"]) == 10 and min(reported["colours"]) > 3  # picture, scene, dome, plots are not blank
     assert f"{dots()} of {dots()}" in reported["health"] and reported["wide"] <= reported["inner"]
-    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     assert image.shape[:2] == (size[1], size[0]) and len(np.unique(image.reshape(-1, 3)[::53], axis=0)) > 100

@@ -18,7 +18,9 @@ from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorder import TOPICS, Recorder
 from sensing.live.outputs.recording import Recording
-from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, replay_endcaps, verify
+from sensing.live.playback import Playback
+from sensing.live.recorded_feed import replay_endcaps
+from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, verify
 from sensing.live.run import LiveRun
 from sensing.sources.newest import SourceError
 
@@ -87,7 +89,7 @@ def test_the_check_sees_a_bit_that_differs(recorded, monkeypatch):
     reported = recorded_wrenches(recorded, ENDCAPS[0])
     reported[7] = np.nextafter(reported[7], 9)
     monkeypatch.setattr(
-        "sensing.live.replay.recorded_wrenches", lambda path, endcap: reported if endcap == ENDCAPS[0] else []
+        "sensing.live.replay.recorded_wrenches", lambda path, endcap, _: reported if endcap == ENDCAPS[0] else []
     )
     assert verify(recorded, read_config(recorded), lambda _: stand_in()).different == 1
 
@@ -99,7 +101,7 @@ def test_replay_through_the_engine_gives_the_recorded_wrenches(recorded):
         def put(self, reading):
             got[reading.endcap].append(np.concatenate([reading.wrench.force_n, reading.wrench.torque_nm]))
 
-    endcaps = replay_endcaps(recorded, found, 0, lambda _: stand_in())
+    endcaps = replay_endcaps(recorded, found, Playback(recorded, 0), lambda _: stand_in())
     with Engine(endcaps, [Sink()]) as engine:
         assert engine.wait(PATIENCE_S)
     for endcap in ENDCAPS:
@@ -137,7 +139,8 @@ def test_an_independent_reader_opens_the_recording(recorded):
         summary = reader.get_summary()
         topics = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
         assert topics == {f"/{endcap}/{t}": kind for endcap in ENDCAPS for t, kind in TOPICS.items()} | {
-            "/diagnostics": ros.DIAGNOSTICS
+            "/diagnostics": ros.DIAGNOSTICS,
+            "/notes": ros.STRING,
         }
         seen = {}
         for _, channel, message, decoded in reader.iter_decoded_messages():

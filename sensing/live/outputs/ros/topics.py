@@ -51,6 +51,7 @@ TOPICS: dict[str, str] = {  # below an endcap's name
     "wrench/force_norm": ros.FLOAT64,
     "array/shear_vector": ros.ARRAY,
     "contact": ros.BOOL,
+    "contact_place": ros.POSE,
     "valid": ros.BOOL,
     "flags": ros.STRING,
     IMAGE_TOPIC: ros.IMAGE,
@@ -143,8 +144,11 @@ class RosTopics(QueuedSink):
         yield "flags", ros.string(", ".join(sorted(wrench.flags)))
         if reading.contact.known:
             yield "contact", ros.boolean(reading.contact.touching)
+        if reading.place.known:
+            yield "contact_place", ros.pose_stamped(reading.place, stamp, name)
         yield "array/shear_vector", ros.shear_vector(reading.field)
-        if self._looked_at[name]:
+        pictured = reading.frame.jpeg is not None or reading.frame.image is not None  # not so of dots alone
+        if self._looked_at[name] and pictured:
             picture, form = ros.picture_bytes(reading.frame)
             yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, camera_frame(name))
         height, width = reading.zero.image.shape[:2]

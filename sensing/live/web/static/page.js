@@ -1,11 +1,10 @@
 "use strict";
 // Asks for the newest state, draws it, asks again: a slow browser only sees fewer of them.
 const $ = (id) => document.getElementById(id);
-const AXES = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"], UNITS = ["N", "N", "N", "N m", "N m", "N m"];
-const LEAST = [2, 2, 2, 0.1, 0.1, 0.1], WINDOW_S = 10;
 const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
 const QUIET_MS = 1000; // no answer for so long: what is shown is old
-let socket = null, chosen = 0, history = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [];
+const KEPT = "endcap chosen"; // in the browser's storage, so that a reload shows the same endcap
+let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], sought = null, kinds = null;
 const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
@@ -20,29 +19,29 @@ function connect() {
     }
     const news = JSON.parse(event.data);
     if (news.hello) begin(news);
-    else { unanswered -= 1; latest = news; answeredAt = performance.now(); remember(news); watch(); requestAnimationFrame(() => draw(news)); }
+    else { unanswered -= 1; latest = news; answeredAt = performance.now(); Plots.remember(news); watch(); requestAnimationFrame(() => draw(news)); }
     if (unanswered <= 0) send("show");
   };
   socket.onclose = () => { watch(); setTimeout(connect, 1000); };
 }
 
-function send(word) {
+function send(word, more = {}) {
   if (socket.readyState !== 1) return;
   unanswered += 1;
-  socket.send(JSON.stringify({ do: word, endcap: chosen, seen: latest ? latest.seen : 0 }));
+  socket.send(JSON.stringify({ do: word, endcap: chosen, seen: latest ? latest.seen : 0, ...more }));
 }
 
 // Whether what is shown is of now: it is not when the run is stopped, or the server or the connection gone.
 function live() { return latest !== null && socket.readyState === 1 && performance.now() - answeredAt < QUIET_MS; }
 
 // A button acts now or never: nothing is kept for later.
-function press(word) {
+function press(word, more) {
   watch();
   if (!live()) return;
   close_question();
   const endcap = latest.endcaps[chosen];
   if (word === "zero" && endcap.contact) question(`${endcap.name} is touched (${endcap.force_norm_n.toFixed(1)} N): a reference taken now makes every later number wrong by that.`);
-  else send(word);
+  else send(word, more);
 }
 
 function question(text) { asked = chosen; $("question").textContent = text; $("ask").classList.add("open"); }
@@ -52,13 +51,14 @@ function close_question() { asked = null; $("ask").classList.remove("open"); }
 function watch() {
   const good = live(), age = Math.round((performance.now() - answeredAt) / 1000);
   document.body.classList.toggle("stale", !good);
-  $("lost").textContent = latest === null ? "No connection to sensing.live; trying again." : `No answer from sensing.live for ${age} s: everything below is as old as that.`;
+  write("lost", good ? "" : latest === null ? "No connection to sensing.live; trying again." : `No answer from sensing.live for ${age} s: everything below is as old as that.`);
   if (!good) close_question();
-  const endcap = good ? latest.endcaps[chosen] : null;
-  for (const id of ["zero", "zero_all", "record", "confirm"]) $(id).disabled = !good;
+  const endcap = good ? latest.endcaps[chosen] : null, fixed = good && latest.replay !== null; // references of a replay are the recording's
+  for (const id of ["zero", "zero_all", "confirm"]) $(id).disabled = !good || fixed;
+  for (const id of ["record", "play", "seek", "loop", "speed", "note_add"]) $(id).disabled = !good;
   $("undo").disabled = !(endcap && endcap.undoable);
   if (!good && latest) {
-    $("robot").textContent = `unknown; touching ${age} s ago: ${latest.touching.join(", ") || "none"}`;
+    write("robot", `unknown; touching ${age} s ago: ${latest.touching.join(", ") || "none"}`);
     if ($("health").rows.length) $("health").rows[0].cells[1].textContent = `unknown; ${latest.endcaps[chosen].status} ${age} s ago`;
     [...$("endcaps").children].forEach((card, k) => {
       const force = latest.endcaps[k].force_norm_n;
@@ -70,59 +70,56 @@ function watch() {
 
 function begin(shown) {
   Scene.set(shown.hello);
+  Dome.set(shown.hello);
   weighed = shown.hello.map((endcap) => endcap.weighed);
-  history = shown.hello.map(() => ({ rows: [], gap: false, behind: 0 }));
-  chosen = Math.min(chosen, shown.hello.length - 1);
+  names = shown.hello.map((endcap) => endcap.name);
+  chosen = Math.max(0, names.indexOf(stored()));
   $("endcaps").replaceChildren(...shown.hello.map((endcap, k) => {
     const card = document.createElement("button");
     card.className = "endcap";
     card.innerHTML = '<div class="top"><span class="lamp"></span><b></b></div><div class="n"></div><div class="h"></div>';
     card.querySelector("b").textContent = endcap.name;
-    card.onclick = () => { chosen = k; bitmap = null; close_question(); };
+    card.onclick = () => choose(k);
     return card;
   }));
-  $("plots").replaceChildren(...AXES.map(() => Object.assign(document.createElement("canvas"), { width: 420, height: 190, role: "img" })));
+  Plots.set($("plots"), names.length);
 }
 
-// Rows of the plots; behind: from the frames' clock to the run's, so that plots move on while no number comes.
-function remember(shown) {
-  shown.endcaps.forEach((endcap, k) => {
-    const kept = history[k], rows = kept.rows, last = rows[rows.length - 1];
-    if (!endcap.valid) kept.gap = true;
-    else {
-      if (last && endcap.time_s < last.t) rows.length = 0;
-      if (!last || endcap.time_s > last.t) {
-        rows.push({ t: endcap.time_s, w: endcap.force_n.concat(endcap.torque_nm), sd: endcap.sd, first: kept.gap || !last });
-        kept.gap = false;
-      }
-      kept.behind = shown.time_s - endcap.time_s;
-    }
-    while (rows.length && rows[0].t < shown.time_s - kept.behind - WINDOW_S) rows.shift();
-  });
+function choose(k) {
+  chosen = k; bitmap = null; close_question();
+  try { localStorage.setItem(KEPT, names[k]); } catch { /* a browser that keeps nothing */ }
 }
+function stored() { try { return localStorage.getItem(KEPT); } catch { return null; } }
+
+// Text is written where it changed: a screen reader does not say the same 25 times a second.
+function write(id, text) { if ($(id).textContent !== text) $(id).textContent = text; }
 
 function draw(shown) {
   if (!live()) return;
   if (asked !== null && asked !== chosen) close_question();
-  const refused = shown.endcaps[chosen];
-  if (!refused.confirmable) declined.delete(chosen);
-  else if (asked === null && !declined.has(chosen)) question(refused.message || `${refused.name} looked pressed when it was zeroed.`);
-  shown.endcaps.forEach((endcap, k) => card($("endcaps").children[k], endcap, k));
+  const endcap = shown.endcaps[chosen];
+  if (!endcap.confirmable) declined.delete(chosen);
+  else if (asked === null && !declined.has(chosen) && shown.replay === null) question(endcap.message || `${endcap.name} looked pressed when it was zeroed.`);
+  shown.endcaps.forEach((each, k) => card($("endcaps").children[k], each, k));
   const sum = shown.touching.length ? `; force sum ${shown.force_sum_n} N` : "";
   const judged = shown.consistent === null ? "" : shown.consistent ? ", carries the weight" : ", does NOT carry the weight";
-  $("robot").textContent = "touching: " + (shown.touching.join(", ") || "none") + sum + judged;
-  $("record").classList.toggle("on", shown.recording);
-  $("record").textContent = shown.recording ? "Stop recording" : "Start recording";
-  $("record_note").textContent = shown.note;
-  image(shown.selected, shown.endcaps[chosen]);
+  write("robot", "touching: " + (shown.touching.join(", ") || "none") + sum + judged);
+  recording(shown.recording);
+  replay(shown.replay);
+  image(shown.selected, endcap);
   Scene.draw($("scene"), shown.endcaps, chosen);
-  AXES.forEach((_, k) => plot($("plots").children[k], k, shown.time_s, shown.endcaps[chosen]));
-  health(shown.endcaps[chosen]);
+  write("dome_note", Dome.draw($("dome"), endcap, chosen));
+  const at = Plots.draw(shown, chosen);
+  write("cursor_note", at ? `cursor ${Plots.cursor().toFixed(2)} s ago` : "");
+  health(endcap);
   window.drawn += 1; window.shown = shown;
 }
 
+function again() { if (window.shown && live()) draw(window.shown); }
+
 function card(element, endcap, k) {
   element.classList.toggle("chosen", k === chosen);
+  element.setAttribute("aria-pressed", k === chosen);
   element.querySelector(".lamp").classList.toggle("touch", !!endcap.contact);
   const number = element.querySelector(".n"), line = element.querySelector(".h"), flags = endcap.flags.join(", ");
   number.textContent = endcap.valid ? endcap.force_norm_n.toFixed(1) + " N" : "–";
@@ -133,12 +130,46 @@ function card(element, endcap, k) {
   line.classList.toggle("warn", endcap.level === 1);
 }
 
+function recording(now) {
+  $("record").classList.toggle("on", now.on);
+  write("record", now.on ? "Stop recording" : "Start recording");
+  $("pictures").disabled = now.on;
+  if (kinds !== now.pictures) { kinds = now.pictures; $("pictures").value = ["full", "half", "none"].indexOf(kinds); }
+  $("note_form").hidden = !now.on;
+  const left = now.minutes_left > 120 ? `${Math.round(now.minutes_left / 60)} h` : `${now.minutes_left} min`;
+  const size = now.on && now.name ? `${now.name}: ${clock(now.seconds)}, ${now.size_mb} MB, ${now.mb_per_min} MB/min, ${gigabytes(now.free_mb)} free (${left}), ${now.frames} frames${now.lost ? `, ${now.lost} lost to a slow disk` : ""}` : now.note;
+  write("record_note", size);
+  $("recording").hidden = !now.note && !now.files.length;
+  if ($("files").children.length !== now.files.length) $("files").replaceChildren(...now.files.map((name, k) => Object.assign(document.createElement("a"), { href: `recording/${k}`, download: name, textContent: `Download ${name}` })));
+}
+const gigabytes = (mb) => (mb > 2000 ? `${(mb / 1000).toFixed(0)} GB` : `${mb} MB`);
+const clock = (s) => `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`;
+
+function replay(now) {
+  $("replay").hidden = now === null;
+  if (now === null) return;
+  write("play", now.paused ? "Play" : "Pause");
+  if ($("seek").max !== String(now.span_s)) $("seek").max = now.span_s;
+  if (sought === null) $("seek").value = now.position_s;
+  $("seek").setAttribute("aria-valuetext", `${now.position_s.toFixed(1)} s of ${now.span_s.toFixed(1)} s`);
+  write("moment", `${now.position_s.toFixed(1)} of ${now.span_s.toFixed(1)} s`);
+  if (document.activeElement !== $("loop")) $("loop").checked = now.loop;
+  write("whole", now.whole ? "from its begin: the recording's own numbers" : "sent here: started anew a second before, not to the bit");
+}
+
+// While the slider is drawn along, the newest moment goes out five times a second at most.
+function seek() {
+  if (sought === null) setTimeout(() => { const moment = sought; sought = null; press("replay_seek", { value: Math.round(1000 * moment) }); }, 200);
+  sought = +$("seek").value;
+}
+
 function image(detail, endcap) {
   const canvas = $("image"), g = canvas.getContext("2d");
   if (!detail || detail.number !== chosen) { g.fillStyle = "#000"; g.fillRect(0, 0, canvas.width, canvas.height); return; }
   const [w, h] = detail.size, s = canvas.width / w;
   if (Math.abs(canvas.height - h * s) > 1) canvas.height = Math.round(h * s);
   if (bitmap) g.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  else { g.fillStyle = "#000"; g.fillRect(0, 0, canvas.width, canvas.height); }
   g.fillStyle = "rgba(8,14,18,.25)"; g.fillRect(0, 0, canvas.width, canvas.height);
   for (const [x, y, quality] of detail.dots) {
     g.beginPath(); g.lineWidth = 2;
@@ -147,7 +178,9 @@ function image(detail, endcap) {
     g.stroke();
   }
   if (detail.field.length) arrows(g, detail, s);
-  $("image_note").textContent = detail.preview !== undefined ? detail.preview : detail.dots.length ? `${endcap.dots} of ${endcap.dots_known} dots` : "";
+  const words = detail.preview !== undefined ? detail.preview : detail.dots.length ? `${endcap.dots} of ${endcap.dots_known} dots` : "";
+  write("image_note", words);
+  if (canvas.getAttribute("aria-label") !== `picture of ${endcap.name}: ${words}`) canvas.setAttribute("aria-label", `picture of ${endcap.name}: ${words}`);
 }
 
 function arrows(g, detail, s) {
@@ -169,47 +202,21 @@ function arrows(g, detail, s) {
   }));
 }
 
-function plot(canvas, axis, now_s, endcap) {
-  const g = canvas.getContext("2d"), W = canvas.width, H = canvas.height, { rows, behind } = history[chosen];
-  g.fillStyle = "#11181d"; g.fillRect(0, 0, W, H);
-  let top = LEAST[axis];
-  rows.forEach((r) => (top = Math.max(top, Math.abs(r.w[axis]) * 1.15)));
-  const X = (t) => W * (1 - (now_s - behind - t) / WINDOW_S), Y = (v) => H / 2 - (v / top) * (H / 2 - 8);
-  g.strokeStyle = "#34424c"; g.beginPath(); g.moveTo(0, H / 2); g.lineTo(W, H / 2); g.stroke();
-  const pieces = [];
-  rows.forEach((r) => { if (r.first || !pieces.length) pieces.push([]); pieces[pieces.length - 1].push(r); });
-  for (const piece of pieces) { // nothing is drawn where there was no number
-    const known = piece.filter((r) => r.sd[axis] !== null);
-    g.fillStyle = "rgba(87,182,255,.28)"; g.beginPath();
-    known.forEach((r, k) => g[k ? "lineTo" : "moveTo"](X(r.t), Y(r.w[axis] + 2 * r.sd[axis])));
-    known.slice().reverse().forEach((r) => g.lineTo(X(r.t), Y(r.w[axis] - 2 * r.sd[axis])));
-    g.closePath(); g.fill();
-    g.strokeStyle = "#57b6ff"; g.lineWidth = 2; g.beginPath();
-    piece.forEach((r, k) => g[k ? "lineTo" : "moveTo"](X(r.t), Y(r.w[axis])));
-    g.stroke();
-  }
-  const digits = axis < 3 ? 1 : 2, value = endcap.valid ? endcap.force_n.concat(endcap.torque_nm)[axis] : null;
-  const text = `${AXES[axis]} ${value === null ? "–" : value.toFixed(digits)} ${UNITS[axis]}`;
-  canvas.setAttribute("aria-label", text);
-  g.fillStyle = "#e4ebef"; g.font = "22px system-ui,sans-serif"; g.textAlign = "left";
-  g.fillText(text, 8, 24);
-  g.fillStyle = "#8fa1ad"; g.font = "17px system-ui,sans-serif"; g.textAlign = "right";
-  g.fillText("±" + top.toFixed(digits), W - 8, 22);
-}
-
 function health(endcap) {
   const stages = Object.entries(endcap.stage_ms).map(([name, ms]) => `${name} ${ms}`).join(", ");
   const rows = [
     ["state", endcap.message ? `${endcap.status}: ${endcap.message}` : endcap.status], ["zeroed", zeroed(endcap)], ["stiffness", weighed[chosen] || "not calibrated by weight"], ["rate", `${endcap.rate_hz} Hz`], ["age of the picture", `${endcap.age_ms ?? "–"} ms`],
     ["image to wrench", `${endcap.p50_ms ?? "–"} ms median, ${endcap.p99_ms ?? "–"} ms at 99 %`], ["stages, ms", stages],
     ["dropped, unusable, reopened", `${endcap.dropped}, ${endcap.faults}, ${endcap.reopened}`], ["dots", endcap.dots_known ? `${endcap.dots} of ${endcap.dots_known}` : "not used"],
-    ["drift since zero", endcap.drift || "unknown"], ["warnings", (endcap.flags || []).join(", ") || "none"],
+    ["drift since zero", endcap.drift || "unknown"], ["warnings", Words.plain(endcap.flags) || "none"],
   ];
-  $("health").replaceChildren(...rows.map(([name, value]) => {
-    const row = document.createElement("tr");
-    for (const text of [name, value]) row.appendChild(document.createElement("td")).textContent = text;
+  if ($("health").rows.length !== rows.length) $("health").replaceChildren(...rows.map(([name]) => {
+    const row = document.createElement("tr"), head = document.createElement("th");
+    head.scope = "row"; head.textContent = name;
+    row.append(head, document.createElement("td"));
     return row;
   }));
+  rows.forEach(([, value], k) => { const cell = $("health").rows[k].cells[1]; if (cell.textContent !== value) cell.textContent = value; });
 }
 
 function zeroed(endcap) {
@@ -220,9 +227,19 @@ function zeroed(endcap) {
 }
 
 for (const id of ["zero", "zero_all", "undo"]) $(id).onclick = () => press(id);
-$("record").onclick = () => press(latest && latest.recording ? "record_stop" : "record_start");
+$("record").onclick = () => (latest && latest.recording.on ? press("record_stop") : press("record_start", { value: +$("pictures").value }));
 $("confirm").onclick = () => press("zero_confirmed");
 $("cancel").onclick = () => { declined.add(chosen); close_question(); };
+$("note_form").onsubmit = (event) => { event.preventDefault(); press("note", { text: $("note").value.trim() }); $("note").value = ""; };
+$("play").onclick = () => press("replay_pause", { value: latest.replay.paused ? 0 : 1 });
+$("seek").oninput = seek;
+$("loop").onchange = () => press("replay_loop", { value: $("loop").checked ? 1 : 0 });
+$("speed").onchange = () => press("replay_speed", { value: +$("speed").value });
+$("window").onchange = () => { Plots.length(+$("window").value); again(); };
+$("hold").onclick = () => { const on = Plots.hold($("hold").textContent === "Pause plots", chosen, window.shown ? window.shown.time_s : 0); $("hold").textContent = on ? "Run plots" : "Pause plots"; $("hold").setAttribute("aria-pressed", on); again(); };
+Plots.listen($("plots"), again);
+Draw.hand($("scene"), Scene.view, again);
+Draw.hand($("dome"), Dome.view, again);
+Words.show($("words"));
 setInterval(watch, 250);
-Scene.drag($("scene"));
 connect();

@@ -1,16 +1,13 @@
 "use strict";
-// Endcaps of the robot and their forces in perspective on a plain canvas. Robot frame, mm; z up.
+// Endcaps of the robot, its bars and the forces and torques on it, in perspective on a plain canvas. Robot frame, mm; z up.
 const Scene = (() => {
-  const view = { turn: 0.7, tilt: 0.38, zoom: 1 };
-  const MM_PER_N = 5;
-  let endcaps = [];
+  const view = { turn: 0.7, tilt: 0.38, zoom: 1 }, SPAN = 0.42; // longest arrow, of the half size of what is seen
+  const LEAST = { force: [0.3, 5], torque: [0.03, 0.5] }; // drawn from; never a scale finer than that of
+  let endcaps = [], bars = [], middle = [0, 0, 0], size = 150, base = 0, full = { force: 5, torque: 0.5 };
 
-  function place(T, p) {
-    return [0, 1, 2].map((i) => T[i][0] * p[0] + T[i][1] * p[1] + T[i][2] * p[2] + T[i][3]);
-  }
-  function turned(T, v) {
-    return [0, 1, 2].map((i) => T[i][0] * v[0] + T[i][1] * v[1] + T[i][2] * v[2]);
-  }
+  const place = (T, p) => [0, 1, 2].map((i) => T[i][0] * p[0] + T[i][1] * p[1] + T[i][2] * p[2] + T[i][3]);
+  const turned = (T, v) => [0, 1, 2].map((i) => T[i][0] * v[0] + T[i][1] * v[1] + T[i][2] * v[2]);
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
   function set(hello) {
     const same = hello.every((c) => JSON.stringify(c.T_robot_endcap) === JSON.stringify(hello[0].T_robot_endcap));
@@ -20,95 +17,88 @@ const Scene = (() => {
       return { ...c, T };
     });
     const centres = endcaps.map((c) => place(c.T, [0, 0, c.centre_mm]));
-    const mean = [0, 1, 2].map((i) => centres.reduce((s, p) => s + p[i], 0) / centres.length);
-    view.mean = mean;
-    view.size = Math.max(150, ...centres.map((p, k) => Math.hypot(p[0] - mean[0], p[1] - mean[1], p[2] - mean[2]) + endcaps[k].radius_mm * 1.4));
-    view.floor = Math.min(...centres.map((p, k) => p[2] - endcaps[k].radius_mm));
+    middle = [0, 1, 2].map((i) => centres.reduce((s, p) => s + p[i], 0) / centres.length);
+    size = Math.max(150, ...centres.map((p, k) => Math.hypot(p[0] - middle[0], p[1] - middle[1], p[2] - middle[2]) + endcaps[k].radius_mm * 1.4));
+    base = Math.min(...centres.map((p, k) => p[2] - endcaps[k].radius_mm));
+    bars = same ? [] : pairs();
   }
 
-  function camera(w, h) {
-    const ct = Math.cos(view.turn), st = Math.sin(view.turn), cp = Math.cos(view.tilt), sp = Math.sin(view.tilt);
-    const far = view.size * 4.2, scale = (Math.min(w, h) / 2 / view.size) * 0.82 * view.zoom * far;
-    return (p) => {
-      const [x, y, z] = [0, 1, 2].map((i) => p[i] - view.mean[i]);
-      const a = ct * x + st * y, b = -st * x + ct * y;
-      const depth = far + cp * b - sp * z, up = cp * z + sp * b;
-      return [w / 2 + (scale * a) / depth, h * 0.46 - (scale * up) / depth, depth];
-    };
+  // Endcaps that look away from each other along one line are the ends of a bar.
+  function pairs() {
+    const found = [];
+    endcaps.forEach((a, i) => endcaps.slice(i + 1).forEach((b) => {
+      const p = place(a.T, [0, 0, 0]), q = place(b.T, [0, 0, 0]), apart = [0, 1, 2].map((k) => q[k] - p[k]), length = Math.hypot(...apart);
+      const za = turned(a.T, [0, 0, 1]), zb = turned(b.T, [0, 0, 1]);
+      if (length > 0 && dot(za, apart) < -0.97 * length && dot(zb, apart) > 0.97 * length) found.push([p, q]);
+    }));
+    return found;
   }
 
-  function floor(g, eye) {
-    g.strokeStyle = "#26323b";
-    g.lineWidth = 1;
-    const n = 6, step = (view.size * 1.3) / n;
-    for (let k = -n; k <= n; k++) {
-      for (const ends of [[[k, -n], [k, n]], [[-n, k], [n, k]]]) {
-        const [p, q] = ends.map((e) => eye([view.mean[0] + e[0] * step, view.mean[1] + e[1] * step, view.floor]));
-        g.beginPath(); g.moveTo(p[0], p[1]); g.lineTo(q[0], q[1]); g.stroke();
-      }
-    }
+  function ground(g, eye) {
+    g.strokeStyle = Draw.colour.grid; g.lineWidth = 1;
+    const n = 6, step = (size * 1.3) / n;
+    for (let k = -n; k <= n; k++) for (const ends of [[[k, -n], [k, n]], [[-n, k], [n, k]]]) Draw.line(g, ...ends.map((e) => eye([middle[0] + e[0] * step, middle[1] + e[1] * step, base])));
   }
 
   function dome(g, eye, endcap, state, chosen) {
     const known = state && state.valid, touching = known && state.contact; // gray: no number
     const T = endcap.T, R = endcap.radius_mm, c = endcap.centre_mm, rim = -Math.asin(Math.min(1, c / R));
     const at = (lat, lon) => eye(place(T, [R * Math.cos(lat) * Math.cos(lon), R * Math.cos(lat) * Math.sin(lon), c + R * Math.sin(lat)]));
-    const middle = eye(place(T, [0, 0, c])), edge = eye(place(T, [0, 0, c + R]));
-    const radius = (Math.min(g.canvas.width, g.canvas.height) / 2 / view.size) * 0.82 * view.zoom * R * ((view.size * 4.2) / middle[2]);
-    const glow = g.createRadialGradient(middle[0] - radius / 3, middle[1] - radius / 3, radius / 8, middle[0], middle[1], radius);
-    glow.addColorStop(0, !known ? "rgba(120,130,136,.6)" : touching ? "rgba(255,196,92,.95)" : "rgba(125,190,180,.85)");
-    glow.addColorStop(1, !known ? "rgba(48,54,58,.6)" : touching ? "rgba(140,84,10,.9)" : "rgba(30,72,76,.85)");
-    g.fillStyle = glow;
-    g.beginPath(); g.arc(middle[0], middle[1], radius, 0, 7); g.fill();
-    g.strokeStyle = chosen ? "#57b6ff" : "rgba(220,240,240,.30)";
-    g.lineWidth = chosen ? 2 : 1;
+    const centre = eye(place(T, [0, 0, c])), radius = (R * eye.px_per_mm * size * 4.2) / centre[2];
+    g.globalAlpha = 0.8; g.fillStyle = Draw.colour[!known ? "none" : touching ? "force" : "free"];
+    g.beginPath(); g.arc(centre[0], centre[1], radius, 0, 7); g.fill(); g.globalAlpha = 1;
+    g.strokeStyle = chosen ? Draw.colour.accent : Draw.colour.edge; g.lineWidth = chosen ? 2 : 0.7;
     for (const lat of [rim, 0, 0.55, 1.05]) {
       g.beginPath();
       for (let k = 0; k <= 36; k++) { const p = at(lat, (k * Math.PI) / 18); k ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1]); }
       g.stroke();
     }
-    g.fillStyle = "#e4ebef"; g.font = "22px system-ui,sans-serif"; g.textAlign = "center";
-    g.fillText(endcap.name.replace(/^endcap_/, ""), middle[0], middle[1] - radius - 8);
-    return edge;
+    Draw.text(g, endcap.name.replace(/^endcap_/, ""), centre[0], centre[1] - radius - 5, 13, Draw.colour.text, "center");
   }
 
-  function arrow(g, eye, endcap, state) {
-    const f = state.force_n, norm = Math.hypot(...f);
-    if (!(norm > 0.3)) return;
-    const centre = state.centre_mm[0] === null ? [0, 0, endcap.centre_mm + endcap.radius_mm] : state.centre_mm;
-    const tip = place(endcap.T, centre), way = turned(endcap.T, f);
-    const tail = tip.map((x, i) => x - way[i] * MM_PER_N);
-    const p = eye(tail), q = eye(tip), turn = Math.atan2(q[1] - p[1], q[0] - p[0]);
-    g.strokeStyle = g.fillStyle = "#ffb02e"; g.lineWidth = 5; g.lineEndcap = "round";
-    g.beginPath(); g.moveTo(p[0], p[1]); g.lineTo(q[0], q[1]); g.stroke();
-    g.beginPath(); g.moveTo(q[0] + 4 * Math.cos(turn), q[1] + 4 * Math.sin(turn));
-    for (const s of [-1, 1]) g.lineTo(q[0] - 20 * Math.cos(turn + s * 0.42), q[1] - 20 * Math.sin(turn + s * 0.42));
-    g.closePath(); g.fill();
-    g.font = "20px system-ui,sans-serif"; g.textAlign = "left";
-    g.fillText(norm.toFixed(1) + " N", p[0] + 10, p[1] + 6);
+  function arrows(g, eye, endcap, state) {
+    const f = state.force_n, t = state.torque_nm, force = Math.hypot(...f), torque = Math.hypot(...t);
+    if (force > LEAST.force[0]) {
+      const centre = state.centre_mm[0] === null ? [0, 0, endcap.centre_mm + endcap.radius_mm] : state.centre_mm;
+      const tip = place(endcap.T, centre), way = turned(endcap.T, f), tail = eye(tip.map((x, i) => x - (way[i] * SPAN * size) / full.force));
+      Draw.arrow(g, tail, eye(tip), 3, Draw.colour.force);
+      Draw.text(g, force.toFixed(1) + " N", tail[0] + 6, tail[1] + 4, 12.5, Draw.colour.text);
+    }
+    if (torque > LEAST.torque[0]) {
+      const origin = place(endcap.T, [0, 0, 0]), way = turned(endcap.T, t), tip = eye(origin.map((x, i) => x + (way[i] * SPAN * size) / full.torque));
+      Draw.arrow(g, eye(origin), tip, 2, Draw.colour.torque, 2);
+      Draw.text(g, torque.toFixed(2) + " N m", tip[0] + 6, tip[1] + 4, 12.5, Draw.colour.text);
+    }
+  }
+
+  // Newtons and newton metres of the longest arrow: grows at once, shrinks when it is three times too large.
+  function fit(states) {
+    for (const [kind, key] of [["force", "force_n"], ["torque", "torque_nm"]]) {
+      const most = Math.max(LEAST[kind][1], ...states.filter((s) => s.valid).map((s) => Math.hypot(...s[key])));
+      if (most > full[kind] || most < full[kind] / 3) full[kind] = Draw.nice(most);
+    }
+  }
+
+  function scales(g, eye, w, h) {
+    [["force", "N"], ["torque", "N m"]].forEach(([kind, unit], k) => {
+      const part = Draw.nice(full[kind] / 4), length = (part / full[kind]) * SPAN * size * eye.px_per_mm, y = h - 12 - 16 * k;
+      Draw.arrow(g, [w - 70 - length, y - 4], [w - 70, y - 4], 2, Draw.colour[kind], k + 1);
+      Draw.text(g, `${part} ${unit}`, w - 64, y, 12, Draw.colour.text);
+    });
   }
 
   function draw(canvas, states, chosen) {
     if (!endcaps.length) return;
-    const g = canvas.getContext("2d"), eye = camera(canvas.width, canvas.height);
-    g.fillStyle = "#11181d"; g.fillRect(0, 0, canvas.width, canvas.height);
-    floor(g, eye);
+    const [g, w, h] = Draw.begin(canvas), eye = Draw.camera(view, middle, size, w, h);
+    fit(states);
+    ground(g, eye);
+    g.strokeStyle = Draw.colour.edge; g.lineWidth = 4;
+    for (const bar of bars) Draw.line(g, ...bar.map(eye));
     const order = endcaps.map((c, k) => [eye(place(c.T, [0, 0, c.centre_mm]))[2], k]).sort((a, b) => b[0] - a[0]);
     for (const [, k] of order) dome(g, eye, endcaps[k], states[k], k === chosen);
-    for (const [, k] of order) if (states[k] && states[k].valid) arrow(g, eye, endcaps[k], states[k]);
+    for (const [, k] of order) if (states[k] && states[k].valid) arrows(g, eye, endcaps[k], states[k]);
+    Draw.axes(g, eye, middle, h, [[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
+    scales(g, eye, w, h);
   }
-
-  function drag(canvas) {
-    let last = null;
-    canvas.addEventListener("pointerdown", (e) => { last = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); });
-    canvas.addEventListener("pointermove", (e) => {
-      if (!last) return;
-      view.turn += (e.clientX - last[0]) / 150;
-      view.tilt = Math.max(-0.3, Math.min(1.5, view.tilt + (e.clientY - last[1]) / 150));
-      last = [e.clientX, e.clientY];
-    });
-    canvas.addEventListener("pointerup", () => (last = null));
-    canvas.addEventListener("wheel", (e) => { view.zoom = Math.max(0.4, Math.min(4, view.zoom * Math.exp(-e.deltaY / 600))); e.preventDefault(); }, { passive: false });
-  }
-  return { set, draw, drag };
+  return { set, draw, view, bars: () => bars.length, full };
 })();

@@ -1,0 +1,180 @@
+"""What a plane's contact leaves in the wrench and in the dots: constants of the place's law, slip, curvature.
+
+    PYTHONPATH=. python bench/bench_contact.py law STATES...          # sets written with --render off
+    PYTHONPATH=. python bench/bench_contact.py slip STATES...         # needs torch
+    PYTHONPATH=. python bench/bench_contact.py curvature              # solves some twenty states
+
+``law`` fits the constants of :mod:`sensing.wrench.plane_contact` to three quarters of the paths and prints what they
+leave on the others. ``slip`` asks a perceptron for the share of slipping contact, from the true displacements of all
+dots with the tracker's noise, of paths never seen. ``curvature`` gives the least standard deviation of the curvature of
+the ground (Cramer-Rao) where tilt, forces and azimuth are unknown, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from cad.dots import dot_pattern, dot_position_mm
+from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_mount
+from sensing.design.bound import BORDER_PX, MOVING_PX, SHARE, SIZE_PX, STILL_PX, smallest_covariance
+from sensing.frames import T_sphere_endcap, wrench_adjoint
+from sensing.records_labelled import LabelledSet
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Target
+from sensing.simulator.scene import Scene
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.wrench.plane_contact import pressure_point
+
+Array = np.ndarray
+PARAMS = EndcapParams(130, 8)
+LOADS_N, STEEPEST_DEG = (1.0, 40.0), 52.0  # of the states that count
+NOISE_MM = 0.01  # E: the tracker's, on the dome
+CURVED_MM = 200.0  # radius of the slightly curved ground whose difference from a plane gives the slope
+EPOCHS, HIDDEN, COMPONENTS = 25, 96, 80
+
+
+def main() -> int:
+    """Run the study asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("study", choices=("law", "slip", "curvature"))
+    parser.add_argument("states", type=Path, nargs="*")
+    options = parser.parse_args()
+    if options.study == "curvature":
+        curvature()
+    else:
+        {"law": law, "slip": slip}[options.study](pushed(options.states))
+    return 0
+
+
+def pushed(folders: list[Path]) -> dict[str, Array]:
+    """Columns of all states under load: forces in the contact's axes, place beside the normal, depth, slip, dots."""
+    rows = []
+    for number, folder in enumerate(folders):
+        data = LabelledSet(folder)
+        to_sphere = wrench_adjoint(T_sphere_endcap(data.params))
+        names = ("path", "tilt_deg", "azimuth_deg", "depth_mm", "friction", "slip_share", "dots_mm", "contact")
+        table = {name: data.column(name) for name in names}
+        wrenches = np.concatenate([data.column("force_n"), data.column("torque_nm")], axis=1) @ to_sphere.T
+        for k in np.flatnonzero(table["contact"] & (table["tilt_deg"] < STEEPEST_DEG)):
+            c, s = np.cos(np.radians(table["azimuth_deg"][k])), np.sin(np.radians(table["azimuth_deg"][k]))
+            axes = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ Indenter(float(table["tilt_deg"][k])).frame()
+            force, height = wrenches[k, :3], data.params.outer_radius_mm - table["depth_mm"][k]
+            push, along, across = force @ axes * [-1, 1, 1]
+            if LOADS_N[0] < push < LOADS_N[1]:
+                point = pressure_point(force, 1000 * wrenches[k, 3:], axes[:, 0], height) @ axes
+                path = 10_000 * number + table["path"][k]
+                rows.append((path, table["tilt_deg"][k], push, along, across, *point[1:], table["depth_mm"][k],
+                             table["friction"][k], table["slip_share"][k], table["dots_mm"][k].ravel()))  # fmt: skip
+    named = ("path", "tilt", "push", "along", "across", "x", "y", "depth", "friction", "slip", "dots")
+    return {name: np.array(column) for name, column in zip(named, zip(*rows, strict=True), strict=True)}
+
+
+def held_out(path: Array, share: float = 0.25) -> Array:
+    """(n,) True on whole paths drawn at random."""
+    names = np.unique(path)
+    return np.isin(path, np.random.default_rng(1).permutation(names)[: round(share * len(names))])
+
+
+def law(found: dict[str, Array]) -> None:
+    """Constants of the law and what it leaves, by axis, mm."""
+    wall, unit = PARAMS.wall_mm, silicone().neo_hooke().shear_mpa * PARAMS.wall_mm**2
+    n, along, across = (found[name] / unit for name in ("push", "along", "across"))
+    tilt, zero, test = np.radians(found["tilt"]), np.zeros(len(n)), held_out(found["path"])
+    columns = [  # of x and of y
+        (along, across), (np.sqrt(n) * along, np.sqrt(n) * across), (np.sin(tilt) ** 2 * along, zero),
+        (zero, np.sin(tilt) ** 2 * across), (np.sin(2 * tilt) * n, zero), (np.sin(tilt) * n, zero),
+    ]  # fmt: skip
+    table = np.concatenate([np.stack(part, axis=1) for part in zip(*columns, strict=True)])
+    values = np.concatenate([found["x"], found["y"]]) / wall
+    fit = np.linalg.lstsq(table[np.tile(~test, 2)], values[np.tile(~test, 2)], rcond=None)[0]
+    deep = np.stack([n, n**1.5, np.sqrt(n)], axis=1)
+    sink = np.linalg.lstsq(deep[~test], found["depth"][~test] / wall, rcond=None)[0]
+    print(f"{len(n)} states; c0 c1 c2 c3 c4 c8:", *fit.round(4), "depth:", *sink.round(3))
+    left = wall * (values - table @ fit).reshape(2, -1)
+    for name, of_axis in zip("xy", left, strict=True):
+        for low, high in ((1, 9), (9, 40)):
+            part = of_axis[test & (found["push"] >= low) & (found["push"] < high)]
+            print(f"{name} left, {low} to {high} N: rms {np.sqrt((part**2).mean()):.3f}, "
+                  f"median {np.median(np.abs(part)):.3f} mm")  # fmt: skip
+        print(f"{name}: rms {np.sqrt((of_axis[test] ** 2).mean()) / wall:.4f} walls")
+
+
+def slip(found: dict[str, Array]) -> None:
+    """Error of the slipping share, of paths never seen, against its scatter."""
+    import torch
+
+    torch.manual_seed(0)
+    test, rng = held_out(found["path"]), np.random.default_rng(0)
+    dots = found["dots"] + NOISE_MM * rng.standard_normal(found["dots"].shape)
+    mean = dots[~test].mean(axis=0)
+    _, size, axes = np.linalg.svd(dots[~test] - mean, full_matrices=False)
+    fields = (dots - mean) @ (axes[:COMPONENTS] / size[:COMPONENTS, None]).T * np.sqrt((~test).sum())
+    use = np.hypot(found["along"], found["across"]) / found["push"]
+    given = {
+        "dots": fields,
+        "tangential over normal force": use[:, None],
+        "and the coefficient of friction": np.stack([use, use / found["friction"], found["friction"]], axis=1),
+    }
+    print(f"{len(test)} states; standard deviation of the share: {found['slip'][test].std():.3f}")
+    for name, inputs in given.items():
+        x, y = (torch.tensor(v, dtype=torch.float32) for v in (inputs, found["slip"][:, None]))
+        layers = [torch.nn.Linear(x.shape[1], HIDDEN), torch.nn.SiLU(), torch.nn.Linear(HIDDEN, HIDDEN)]
+        net = torch.nn.Sequential(*layers, torch.nn.SiLU(), torch.nn.Linear(HIDDEN, 1))
+        steps = torch.optim.AdamW(net.parameters(), 2e-3, weight_decay=1e-2)
+        known = torch.tensor(np.flatnonzero(~test))
+        for _ in range(EPOCHS):
+            for batch in known[torch.randperm(len(known))].split(128):
+                steps.zero_grad()
+                ((net(x[batch]) - y[batch]) ** 2).mean().backward()
+                steps.step()
+        with torch.no_grad():
+            error = (net(x) - y).numpy()[test, 0]
+        print(f"from {name}: rms {np.sqrt((error**2).mean()):.3f}, median {np.median(np.abs(error)):.3f}")
+
+
+def curvature(tilt_deg: float = 25.0, loads_n: tuple[float, ...] = (5.0, 15.0, 30.0)) -> None:
+    """Least standard deviation of the curvature, and the radius that lies three of them from a plane."""
+    simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke())
+    rest = np.array([dot_position_mm(PARAMS, dot) for dot in dot_pattern(PARAMS)])
+    camera = nominal_mount(PARAMS, *SIZE_PX)
+
+    def pixels(
+        body: Indenter, friction: float = 0.6, load: float = 1.0, shift: float = 0.0, turn: float = 0.0
+    ) -> Array:
+        ends = [Target(normal_n=load * n, shift_mm=(shift * n / loads_n[-1], 0.0)) for n in loads_n]
+        states = simulator.follow(Scene(body, friction), ends)
+        return np.array([camera.project(rest + simulator.markers(state, turn)) for state in states])
+
+    plane = Indenter(tilt_deg)
+    base, still = pixels(plane), camera.project(rest)
+    moved = [
+        pixels(Indenter(tilt_deg + 1)),
+        pixels(plane, load=1.04),
+        pixels(plane, shift=0.3),
+        pixels(plane, turn=1.0),
+    ]
+    histories = [pixels(plane, friction=0.3), pixels(plane, friction=1.2)]
+    curved = pixels(Indenter(tilt_deg, kind="sphere", radius_mm=CURVED_MM))
+    for k, load in enumerate(loads_n):
+        seen = ((np.minimum(still, base[k]) > BORDER_PX) & (np.maximum(still, base[k]) < SIZE_PX - BORDER_PX)).all(
+            axis=1
+        )
+        slopes = np.array([(each[k] - base[k])[seen].ravel() for each in (*moved, *histories, curved)])
+        far = np.linalg.norm(base[k] - still, axis=1)[seen]
+        variance = STILL_PX**2 + (MOVING_PX * far / (1 + far)) ** 2 + (SHARE * far) ** 2
+        known = np.diag([0.0] * len(moved) + [1.0] * len(histories) + [0.0])
+        answer = np.zeros((len(slopes), 1))
+        answer[-1] = 1000 / CURVED_MM
+        sd = float(np.sqrt(smallest_covariance(slopes, np.repeat(variance, 2), answer, known)[0, 0]))
+        print(f"{load:g} N: {sd:.2f} per m; three deviations: a radius of {1000 / (3 * sd):.0f} mm")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""The live pipeline on a world that is not ours: shells solved by CalculiX, pictures by Blender, ink of another hand.
+
+    sudo apt-get install calculix-ccx
+    python -m pip install --target exports/blender bpy==4.2.0        # 500 MB, GPL: for this bench alone
+    PYTHONPATH=. python bench/bench_foreign.py --blender exports/blender
+
+Solves two paths of the plane and renders them as two sensors see them: one with another lens, one whose camera is
+turned and shifted, too, with another lens law and shiny ink (six minutes of one core; what is
+there is kept). Then each is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs;
+``python -m sensing.evaluate exports/foreign/*/`` reads the same sets. Writes bench/foreign.csv and bench/foreign.jpg.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.foreign.ink import Hand
+from bench.foreign.mesh import Shell
+from bench.foreign.press import PlanePath, Pressed, Silicone, pressed
+from bench.foreign.world import Look, write_set
+from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing.evaluation.live_answers import LiveAnswers, live_answers
+from sensing.learning.found_camera import found_camera
+from sensing.live.core.model import load_model
+from sensing.records_labelled import LabelledSet
+
+HERE = Path(__file__).parent
+NORMAL_95 = 1.959964
+PATHS = (  # tilt, friction, (depth, travel) of the plane; the last state is on the way back
+    PlanePath(24, 0.8, ((1.2, 0.0), (2.8, -0.5), (4.6, 0.6), (6.6, 0.6), (4.0, 0.9))),
+    PlanePath(42, 0.35, ((2.0, 0.0), (3.8, 1.0), (5.6, 0.3), (7.2, -0.5), (3.4, -0.5))),
+)
+LOOKS = {
+    "other lens": Look("equisolid", 245.0, azimuth_deg=35.0),
+    "other law, turned": Look(
+        "equidistant", 236.0, (1.1, -0.9, 2.0), (0.4, -0.3, 0.3), 250.0, roughness=(0.5, 0.25), specular=0.6, lamps=7,
+        lamp_radius_mm=20.0, lamp_height_mm=13.0, uneven=0.25,
+        hand=Hand(2.0, 0.12, 0.25, 0.1, 0.03, 0.36, 0.03, 0.03), seed=2,
+    ),
+}  # fmt: skip
+
+
+def main() -> int:
+    """Solve and render what is missing, answer, write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--blender", type=Path, required=True, help="folder into which bpy was installed")
+    parser.add_argument("--sets", type=Path, default=Path("exports/foreign"), help="where states and pictures are put")
+    parser.add_argument("--weights", type=Path, help="of the model (those that ship)")
+    parser.add_argument("--samples", type=int, default=3, help="of the renderer, a pixel")
+    parser.add_argument("--threads", type=int, default=1, help="of the renderer")
+    parser.add_argument("--out", type=Path, default=HERE / "foreign.csv")
+    options = parser.parse_args()
+    states = [_solved(options.sets, number) for number in range(len(PATHS))]
+    rows = []
+    for name, look in LOOKS.items():
+        folder = options.sets / name.replace(",", "").replace(" ", "_")
+        if len(list((folder / "shards").glob("*.npz"))) < len(PATHS):
+            write_set(folder, list(PATHS), states, look, options.blender, options.samples, options.threads)
+        rows += _answered(name, LabelledSet(folder), options.weights)
+    with options.out.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    for row in rows:
+        print(*(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()), sep="  ")
+    return 0
+
+
+def _solved(folder: Path, number: int) -> Pressed:
+    """A path's states, solved once."""
+    file = folder / f"path_{number}.npz"
+    if not file.exists():
+        params, law = EndcapParams(130, 8), silicone().neo_hooke()
+        shell = Shell(
+            params.outer_radius_mm, params.inner_radius_mm, params.centre_height_mm, params.flange_thickness_mm
+        )
+        made = pressed(shell, Silicone(law.c10_mpa, law.bulk_mpa), PATHS[number], folder / f"ccx_{number}")
+        np.savez(folder / f"ccx_{number}" / "states.npz", **vars(made))
+        (folder / f"ccx_{number}" / "states.npz").rename(file)
+        print(f"path {number}: forces", *np.linalg.norm(made.wrench[:, :3], axis=1).round(1), flush=True)
+    with np.load(file) as found:
+        return Pressed(**{name: found[name] for name in found.files})
+
+
+def _answered(name: str, data: LabelledSet, weights: Path | None) -> list[dict[str, Any]]:
+    """Errors with the camera that calibration finds, without a calibration, and with the true one."""
+    model = load_model("default", data.params, weights)
+    with tempfile.TemporaryDirectory() as folder:
+        found = Path(folder) / "camera.json"
+        found_camera(data).save(found)
+        cameras = {"calibrated": found, "not calibrated": None, "true camera": data.folder / "camera.json"}
+        return [
+            row
+            for camera, file in cameras.items()
+            for row in _errors({"sensor": name, "camera": camera}, live_answers(data, model, file))
+        ]
+
+
+def _errors(row: dict[str, Any], answers: LiveAnswers) -> list[dict[str, Any]]:
+    """Over all frames, and tilt by tilt."""
+    load = np.linalg.norm(answers.truth[:, :3], axis=1)
+    within = (load >= 5) & (load <= 35)
+    groups = {"all": within} | {
+        f"{tilt:g}": within & (answers.tilt_deg == tilt) for tilt in np.unique(answers.tilt_deg)
+    }
+    found = []
+    for tilt, use in groups.items():
+        error = (answers.value - answers.truth)[use]
+        sd = np.sqrt(np.diagonal(answers.covariance, axis1=1, axis2=2)[use])
+        rmse = np.sqrt((error**2).mean(axis=0))
+        found.append(
+            row | {"tilt_deg": tilt, "frames": int(use.sum()), "fx_n": rmse[0], "fy_n": rmse[1], "fz_n": rmse[2],
+            "fz_bias_n": error[:, 2].mean(), "torque_nm": float(np.sqrt((rmse[3:] ** 2).mean())),
+            "covered": float((np.abs(error) <= NORMAL_95 * sd).mean()), "flagged": float(answers.flagged[use].mean())}
+        )  # fmt: skip
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

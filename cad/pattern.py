@@ -1,0 +1,156 @@
+"""Which dots and which gyroid an endcap may have: its named options beside D and T (standard library only).
+
+    dots    dots of each ring from the tip to the last ring before the equator, for example 1-6-10-12-16-18-20; n counts
+            stand at equal steps of 180 / (2 n - 1) degrees, and rings beyond the equator mirror them
+    dot_mm  diameter of a dot on the inner surface
+    gyroid  fraction of TPU in the gyroid zone
+
+Each limit is a closed form: chords between neighbours on the inner sphere for dots, the sheet's period for the gyroid.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cad.errors import ParameterError
+from cad.plain_numbers import plain
+
+RELEASED_RINGS = (1, 6, 10, 12, 16, 18, 20)  # M, CAM06
+RELEASED_DOT_MM = 4.0  # E: what a dot measures on the photos
+RELEASED_GYROID = 0.10  # P, GYR01
+DENT_DEPTH_MM = 0.6  # E: shallow enough to release (flank 33 degrees at 4 mm), deep enough to hold ink
+DOT_RANGE_MM = (2.9, 8.0)  # below: flanks over 45 degrees, 2 h / tan(22.5 degrees); above: no dent that holds ink (E)
+LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; less, and ink and blobs of neighbours run together
+MOST_RINGS = 12
+GYROID_RANGE = (
+    0.08,
+    0.12,
+)  # measured at the thinnest walls: at 0.12 a 2.5 mm ball covers 0.807 of the voids, gate 0.80
+GYROID_REASON = (
+    "a denser gyroid leaves voids that silicone does not fill at the thinnest walls (a 2.5 mm ball covers 0.75 of them "
+    "at 0.15), a sparser one has less than one and a half periods to hold by"
+)
+
+
+def parse_rings(text: str) -> tuple[int, ...]:
+    """Read counts joined by minus signs.
+
+    Raises:
+        ParameterError: anything else.
+    """
+    words = text.split("-")
+    if not all(word.isascii() and word.isdigit() for word in words):
+        raise ParameterError(
+            f"dots={text} is not of the form 1-6-10-12-16-18-20: dots of each ring, from the tip to the equator",
+            name="dots",
+            value=text,
+        )
+    return tuple(int(word) for word in words)
+
+
+def rings_text(rings: tuple[int, ...]) -> str:
+    """Counts as they are typed."""
+    return "-".join(map(str, rings))
+
+
+def step_deg(rings: tuple[int, ...]) -> float:
+    """Polar angle from ring to ring: the equator lies midway between the last ring and its mirror."""
+    return 180.0 / (2 * len(rings) - 1)
+
+
+def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> None:
+    """Refuse dots that do not fit beside each other on the inner surface.
+
+    Args:
+        inner_radius_mm: of the dome. rings: dots of each ring. dot_mm: diameter of a dot.
+
+    Raises:
+        ParameterError: with the accepted range.
+    """
+    low, high = DOT_RANGE_MM
+    if not low <= dot_mm <= high:
+        raise ParameterError(
+            f"dot_mm={dot_mm:g} outside {low:g}..{high:g}: a smaller dent has flanks over 45 degrees, a larger one "
+            f"holds no ink; nearest valid choice dot_mm={min(max(dot_mm, low), high):g}",
+            name="dot_mm",
+            value=dot_mm,
+        )
+    if not 3 <= len(rings) <= MOST_RINGS or rings[0] != 1 or min(rings[1:]) < 3:
+        raise ParameterError(
+            f"dots={rings_text(rings)}: give 3 to {MOST_RINGS} rings, the first of 1 dot (the tip), the others of 3 "
+            "or more",
+            name="dots",
+            value=rings,
+        )
+    pitch = dot_mm + LEAST_BRIDGE_MM
+    fitting = pitch_mm(inner_radius_mm, rings) - LEAST_BRIDGE_MM
+    if fitting >= dot_mm:
+        return
+    most = [most_dots(inner_radius_mm, rings, ring, pitch) for ring in range(1, len(rings))]
+    full = [f"ring {k} at most {n}" for k, n in enumerate(most, 1) if rings[k] > n]
+    rows = most_rings(inner_radius_mm, pitch)
+    remedy = f"at most {rows} rings" if len(rings) > rows else ", ".join(full)
+    smaller = math.floor(fitting * 10) / 10
+    choice = f", or dot_mm={smaller:g}" if smaller >= low else ""
+    raise ParameterError(
+        f"dots={rings_text(rings)} with dot_mm={dot_mm:g} on an inner radius of {inner_radius_mm:g} mm: neighbours lie "
+        f"{fitting + LEAST_BRIDGE_MM:.2f} mm apart, dots need {pitch:g} ({LEAST_BRIDGE_MM:g} between them); {remedy}"
+        f"{choice}",
+        name="dots",
+        value=rings,
+    )
+
+
+def pitch_mm(inner_radius_mm: float, rings: tuple[int, ...]) -> float:
+    """Least distance between the centres of two dots: along a ring, or from ring to ring on their common meridian."""
+    step, across = math.radians(step_deg(rings)), 2 * inner_radius_mm
+    along = [across * math.sin(k * step) * math.sin(math.pi / count) for k, count in enumerate(rings) if k]
+    return min(across * math.sin(step / 2), *along)
+
+
+def most_dots(inner_radius_mm: float, rings: tuple[int, ...], ring: int, pitch: float) -> int:
+    """Most dots that a ring takes at a pitch (mm).
+
+    Args:
+        inner_radius_mm: of the dome. rings: dots of each ring. ring: which. pitch: between centres, mm.
+    """
+    across = 2 * inner_radius_mm * math.sin(math.radians(ring * step_deg(rings)))
+    return math.floor(math.pi / math.asin(pitch / across)) if pitch < across else 1
+
+
+def most_rings(inner_radius_mm: float, pitch: float) -> int:
+    """Most rings to the equator whose step is a pitch (mm) or more."""
+    half_step = math.asin(min(1.0, pitch / (2 * inner_radius_mm)))
+    return math.floor((math.pi / (2 * half_step) + 1) / 2)
+
+
+def require_gyroid(fraction: float) -> None:
+    """Refuse a fraction of TPU that the gates of the gyroid do not hold for.
+
+    Raises:
+        ParameterError: with the accepted range.
+    """
+    low, high = GYROID_RANGE
+    if not low <= fraction <= high:
+        raise ParameterError(
+            f"gyroid={fraction:g} outside {low:g}..{high:g}: {GYROID_REASON}; nearest valid choice "
+            f"gyroid={min(max(fraction, low), high):g}",
+            name="gyroid",
+            value=fraction,
+        )
+
+
+def option_words(rings: tuple[int, ...], dot_mm: float, gyroid: float) -> dict[str, str]:
+    """Options that differ from the released ones, as they are typed.
+
+    Args:
+        rings: dots of each ring. dot_mm: diameter of a dot. gyroid: fraction of TPU.
+    """
+    words = {}
+    if rings != RELEASED_RINGS:
+        words["dots"] = rings_text(rings)
+    if dot_mm != RELEASED_DOT_MM:
+        words["dot_mm"] = plain(dot_mm)
+    if gyroid != RELEASED_GYROID:
+        words["gyroid"] = plain(gyroid)
+    return words

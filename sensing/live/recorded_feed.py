@@ -1,0 +1,139 @@
+"""Frames of a recording for the loop, as a playback asks for them, with the references that they need.
+
+for endcap in replay_endcaps(path, config, playback): ...      # as sensing.live.open_endcaps.open_endcaps
+"""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from cad.errors import FileError
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.engine import LiveEndcap
+from sensing.live.core.feed import ROOM, Captured, FileFeed
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.mcap_records import CutError, DamagedError
+from sensing.live.open_endcaps import Models, configured_models
+from sensing.live.playback import Playback, Turn
+from sensing.live.replay import RUN_UP_S, Recorded, recorded_frames
+from sensing.tracking.zero import Zero
+
+
+@dataclass(frozen=True)
+class _Item:
+    turn: Turn
+    recorded: Recorded
+    due_s: float
+
+
+class ReplayFeed(FileFeed):
+    """Frames of one endcap of a recording; hands over references when they are due.
+
+    Args:
+        path: recording. endcap: name. set_zero: takes a reference and starts anew, in the thread that takes the frames.
+        playback: shared.
+
+    Attributes:
+        damage: where the file is damaged; empty if it is not, so far.
+    """
+
+    def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero], None], playback: Playback) -> None:
+        super().__init__(lambda: iter(()))
+        self._path, self._endcap, self._set_zero, self._playback = path, endcap, set_zero, playback
+        self._items: queue.Queue[_Item] = queue.Queue(ROOM)
+        self.damage = ""
+        playback.join()
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last frame has been taken."""
+        return self._health.status in ("ended", "closed") and self._items.empty()
+
+    def take(self) -> Captured | None:
+        """The next frame that is due, after the reference it begins with."""
+        while True:
+            try:
+                item = self._items.get_nowait()
+            except queue.Empty:
+                return None
+            if item.turn.number >= self._playback.turn.since:
+                break
+        if item.recorded.zero is not None:
+            self._set_zero(item.recorded.zero)
+        return item.recorded.frame, item.due_s
+
+    def stop(self) -> None:
+        """Ask its thread to end; does not wait."""
+        super().stop()
+        self._playback.stop()
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Stop reading."""
+        self._playback.stop()
+        super().close(wait_s)
+
+    def _pump(self) -> None:
+        problem: FileError | None = None
+        try:
+            while True:
+                turn = self._playback.turn
+                try:
+                    self._play(turn)
+                except (CutError, DamagedError) as error:  # that far it can be read, again and again
+                    problem, self.damage = error, str(error) if isinstance(error, DamagedError) else ""
+                if self._playback.finished(turn):
+                    break
+        except Exception:
+            self._playback.leave()
+            raise
+        if problem is not None:
+            raise problem
+
+    def _play(self, turn: Turn) -> None:
+        timeline, shown = self._playback.timeline, False
+        for recorded in recorded_frames(self._path, self._endcap, timeline.start(self._endcap, turn.from_s - RUN_UP_S)):
+            moment_s = timeline.at_s(recorded.stamp_ns)
+            counts = moment_s >= turn.from_s
+            due_s = self._playback.due_s(moment_s, turn, at_once=counts and not shown)
+            if due_s is None or not self._offer(_Item(turn, recorded, due_s)):
+                return
+            shown |= counts
+            self._running()
+
+    def _offer(self, item: _Item) -> bool:
+        while not self._stop.is_set() and item.turn is self._playback.turn:
+            try:
+                self._items.put(item, timeout=0.1)
+                return True
+            except queue.Full:
+                self._notify()
+        return False
+
+
+def replay_endcaps(
+    path: Path, config: LiveConfig, playback: Playback, models: Models | None = None
+) -> list[LiveEndcap]:
+    """Endcaps that read from a recording, keeping step with one another.
+
+    Args:
+        path: of the recording. config: what is to run. playback: of that file, for these endcaps alone. models: model
+            of an endcap; None for those of the configuration.
+    """
+    models, endcaps = models or configured_models(config), []
+    for number, endcap in enumerate(config.endcaps):
+        pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
+        feed = ReplayFeed(path, endcap.name, partial(_begin, pipeline), playback)
+        endcaps.append(LiveEndcap(feed, pipeline))
+    return endcaps
+
+
+def _begin(pipeline: EndcapPipeline, zero: Zero) -> None:
+    """Start anew with a reference; one that is in use already need not be made ready again, which takes a second."""
+    if pipeline.zero is not None and pipeline.zero.digest == zero.digest:
+        pipeline.restart()
+    else:
+        pipeline.set_zero(zero)

@@ -1,0 +1,103 @@
+"""Where the moments of a recording lie in its file: what is needed to begin a replay elsewhere than at its start.
+
+    timeline = Timeline(path)
+    start = timeline.start("endcap_0", 12.0)          # byte, reference and channels; recorded_frames(path, name, start)
+
+Moments are seconds since the first message. Only the heads of the file's records are read for this, and the chunks
+that hold a reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.records import Channel, Message
+
+from sensing.live.mcap_records import chunk_places, read_chunk, read_records
+
+NS = 1e-9
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where to begin with one endcap.
+
+    Attributes:
+        byte: of the chunk; 0 for the file's own begin. from_ns: stamp of the first message that counts.
+        zero: message with the reference in use there; None where the first is yet to come.
+        topics: of the file's channels, by number.
+    """
+
+    byte: int = 0
+    from_ns: int = 0
+    zero: Message | None = None
+    topics: dict[int, str] = field(default_factory=dict)
+
+
+WHOLE = Start()
+
+
+class Timeline:
+    """Of one recording.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        span_s: from the first message to the last.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._chunks = path, chunk_places(path)
+        self._topics: dict[int, str] = {}
+        self.begin_ns = min((chunk.begin_ns for chunk in self._chunks), default=0)
+        self.span_s = NS * (max((chunk.end_ns for chunk in self._chunks), default=0) - self.begin_ns)
+
+    def at_s(self, stamp_ns: int) -> float:
+        """Moment of a message."""
+        return NS * (stamp_ns - self.begin_ns)
+
+    def start(self, endcap: str, moment_s: float) -> Start:
+        """Where to begin so that the first picture is that of a moment.
+
+        Args:
+            endcap: its name. moment_s: 0 or less for the begin.
+
+        Raises:
+            FileError: the file is damaged before the moment.
+        """
+        if moment_s <= 0 or not self._chunks:
+            return WHOLE
+        self._topics = self._topics or _topics(self._path)
+        from_ns = self.begin_ns + round(moment_s / NS)
+        first = next((chunk for chunk in self._chunks if chunk.end_ns >= from_ns), self._chunks[-1])
+        numbers = {number for number, topic in self._topics.items() if topic == f"/{endcap}/zero"}
+        return Start(first.byte, from_ns, self._last(numbers, from_ns), self._topics)
+
+    def _last(self, channels: set[int], before_ns: int) -> Message | None:
+        """The last message of some channels before a stamp."""
+        for chunk in reversed(self._chunks):
+            if chunk.begin_ns < before_ns and (not chunk.channels or chunk.channels & channels):
+                found = [
+                    record
+                    for record in read_chunk(self._path, chunk.byte)
+                    if isinstance(record, Message) and record.channel_id in channels and record.log_time < before_ns
+                ]
+                if found:
+                    return found[-1]
+        return None
+
+
+def _topics(path: Path) -> dict[int, str]:
+    """Of the channels that are named before the first message, as a recorder does with all of them."""
+    found: dict[int, str] = {}
+    for record in read_records(path):
+        if isinstance(record, Message):
+            break
+        if isinstance(record, Channel):
+            found[record.id] = record.topic
+    return found

@@ -1,0 +1,134 @@
+"""Where a plane touches an endcap, which way it faces, and how much friction is in use; with covariances.
+
+    place = PlaneContactLaw(params, shear_mpa=0.68).of(wrench)           # wrench about the sphere's centre
+
+Notes:
+    The forces of a plane can be replaced by one force at the centre of pressure p, on the plane, and a torque about
+    its normal n. About the sphere's centre, p x F + t n = T: with the plane's distance H from that centre, p follows
+    from F, T and n. The shell yields under the force, so p lies beside H n. In axes away from the tip (x) and across
+    (y), at a polar angle a of n, with forces in units of shear modulus times wall^2 and lengths of the wall,
+
+        x = (k + c2 sin^2 a) Fx + (c4 sin 2a + c8 sin a) N,    y = (k + c3 sin^2 a) Fy,    k = c0 + c1 sqrt(N)
+
+    which n must satisfy. Constants are fitted to the simulator (python bench/bench_contact.py): D=130 T=8, 1 to 40 N,
+    tilts to 51 degrees; what they leave counts in the covariance. Spheres and edges have no such normal.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.params import EndcapParams
+from sensing.frames import MM_PER_M
+from sensing.records import Wrench
+from sensing.wrench.plane_kernels import plane_solution
+
+Array = NDArray[np.float64]
+LEAST_FORCE_N = 1.0  # E: below it neither place nor direction is more than noise
+# M (bench/bench_contact.py): c0 c1 of the yield, c2 c3 of its tilt, c4 of sin 2a, three of the depth, c8 of sin a
+LAW = np.array([-0.0666, 1.0718, -0.3733, -0.1528, -0.2485, 1.446, -0.344, 0.034, 0.2768])
+LEFT = 0.066, 0.0090  # M: standard deviations of x and y that the law leaves, walls
+ANY_ANGLE = math.pi**2 / 3  # variance of an angle of which nothing is known
+STEPS = np.array([1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05, 1e-3, 1e-3])  # N, N mm, mm
+
+
+@dataclass(frozen=True)
+class PlaneContact:
+    """A plane's contact; NaN where there is none.
+
+    Attributes:
+        position_mm: (3,) centre of pressure, endcap frame. normal: (3,) unit, out of the endcap.
+        position_covariance: (3, 3) mm^2. normal_covariance: (3, 3), radians^2.
+        friction_use: tangential over normal force: no coefficient of friction is smaller. friction_use_sd: of it.
+    """
+
+    position_mm: Array
+    normal: Array
+    position_covariance: Array
+    normal_covariance: Array
+    friction_use: float
+    friction_use_sd: float
+
+    @property
+    def known(self) -> bool:
+        """Whether there is one."""
+        return math.isfinite(self.friction_use)
+
+    @property
+    def position_sd_mm(self) -> float:
+        """Root mean square of the standard deviations along the surface's two directions."""
+        return _spread(self.position_covariance)
+
+    @property
+    def normal_sd_deg(self) -> float:
+        """Root mean square of the normal's standard deviations about its two directions."""
+        return math.degrees(_spread(self.normal_covariance))
+
+    def pose(self) -> tuple[Array, Array, Array]:
+        """(position (3,) in m, quaternion x y z w that turns z to the normal, covariance (6, 6) in m and radians).
+
+        The turn about the normal says nothing: its variance is that of any angle.
+        """
+        x, y, z = self.normal
+        quaternion = np.array([-y, x, 0.0, 1.0 + z])
+        length = float(np.linalg.norm(quaternion))
+        quaternion = np.array([1.0, 0, 0, 0]) if length < 1e-9 else quaternion / length
+        across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])  # a turn r moves the normal by r x n
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = self.position_covariance / MM_PER_M**2
+        covariance[3:, 3:] = across @ self.normal_covariance @ across.T
+        covariance[3:, 3:] += ANY_ANGLE * np.outer(self.normal, self.normal)
+        return self.position_mm / MM_PER_M, quaternion, covariance
+
+
+def _spread(covariance: Array) -> float:
+    trace = float(np.trace(covariance))
+    return math.sqrt(trace / 2) if trace >= 0 else math.nan
+
+
+NO_CONTACT = PlaneContact(*(np.full(shape, np.nan) for shape in ((3,), (3,), (3, 3), (3, 3))), math.nan, math.nan)
+
+
+class PlaneContactLaw:
+    """The law for one design and silicone.
+
+    Args:
+        params: the design. shear_mpa: shear modulus of its silicone.
+    """
+
+    def __init__(self, params: EndcapParams, shear_mpa: float) -> None:
+        self._centre = np.array([0.0, 0.0, params.centre_height_mm])
+        self._size = params.outer_radius_mm, params.wall_mm, shear_mpa * params.wall_mm**2
+        self._left = (params.wall_mm * np.array(LEFT)) ** 2
+
+    def of(self, wrench: Wrench) -> PlaneContact:
+        """Contact of a wrench about the sphere's centre, on the endcap; NaN below 1 N or without a push."""
+        if not float(wrench.force_n @ wrench.force_n) >= LEAST_FORCE_N**2:
+            return NO_CONTACT
+        torque = MM_PER_M * wrench.torque_nm
+        value, slopes = plane_solution(np.concatenate([wrench.force_n, torque]), STEPS, self._size, LAW)
+        if not np.isfinite(value).all():
+            return NO_CONTACT
+        unit = np.repeat([1.0, MM_PER_M], 3)
+        by_wrench, by_law = slopes[:, :6] * unit, slopes[:, 6:]
+        covariance = by_wrench @ wrench.covariance @ by_wrench.T + (by_law * self._left) @ by_law.T
+        return PlaneContact(
+            value[:3] + self._centre, value[3:6], covariance[:3, :3], covariance[3:6, 3:6], float(value[6]),
+            math.sqrt(covariance[6, 6]) if covariance[6, 6] >= 0 else math.nan,
+        )  # fmt: skip
+
+
+def pressure_point(force: Array, torque: Array, normal: Array, height_mm: float) -> Array:
+    """(3,) centre of pressure on a plane, from the sphere's centre.
+
+    Args:
+        force: (3,) N. torque: (3,) N mm about the sphere's centre. normal: (3,) of the plane, out of the endcap.
+        height_mm: of the plane over the sphere's centre.
+    """
+    push = -float(force @ normal)
+    # with p = H n + q, q in the plane: n x (p x F) = p (n F) - F (n p), so q = (H F' - n x T) / push, F' across n
+    return np.asarray(height_mm * normal - (np.cross(normal, torque) + height_mm * (force + push * normal)) / push)

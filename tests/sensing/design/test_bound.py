@@ -1,0 +1,46 @@
+"""The Cramer-Rao bound against linear Gaussian toys, whose best estimator is known in closed form."""
+
+import numpy as np
+import pytest
+
+from sensing.design.bound import smallest_covariance
+
+RNG = np.random.default_rng(5)
+SLOPES = RNG.normal(size=(3, 40)) * np.array([[1.0], [20.0], [0.01]])  # parameters of very different units
+BY_ANSWER = RNG.normal(size=(3, 2))
+ROOT = RNG.normal(size=(40, 40)) / 8 + np.eye(40)
+NOISE = ROOT @ ROOT.T
+
+
+def test_it_is_the_inverse_of_the_information():
+    exact = BY_ANSWER.T @ np.linalg.inv(SLOPES @ np.linalg.inv(NOISE) @ SLOPES.T) @ BY_ANSWER
+    assert np.allclose(smallest_covariance(SLOPES, NOISE, BY_ANSWER), exact, rtol=1e-9)
+    variances = np.diag(NOISE)
+    alone = BY_ANSWER.T @ np.linalg.inv((SLOPES / variances) @ SLOPES.T) @ BY_ANSWER
+    assert np.allclose(smallest_covariance(SLOPES, variances, BY_ANSWER), alone, rtol=1e-9)
+
+
+def test_generalised_least_squares_reaches_it():
+    truth = np.array([1.0, -0.2, 30.0])
+    weighted = SLOPES @ np.linalg.inv(NOISE)
+    seen = truth @ SLOPES + RNG.normal(size=(20000, 40)) @ ROOT.T
+    answers = np.linalg.solve(weighted @ SLOPES.T, weighted @ seen.T).T @ BY_ANSWER
+    bound = smallest_covariance(SLOPES, NOISE, BY_ANSWER)
+    assert np.allclose(np.cov(answers.T), bound, rtol=0.05, atol=0.03 * np.sqrt(np.outer(*[np.diag(bound)] * 2)))
+
+
+def test_a_nuisance_with_a_prior_is_as_much_noise():
+    """A history that moves the dots, and not the answers, is the same as noise of that covariance."""
+    histories = RNG.normal(size=(5, 40))
+    stacked, known = np.vstack([SLOPES, histories]), np.diag([0.0] * 3 + [1.0] * 5)
+    asked = np.vstack([BY_ANSWER, np.zeros((5, 2))])
+    found = smallest_covariance(stacked, NOISE, asked, known)
+    assert np.allclose(found, smallest_covariance(SLOPES, NOISE + histories.T @ histories, BY_ANSWER), rtol=1e-9)
+    assert (np.diag(found) > np.diag(smallest_covariance(SLOPES, NOISE, BY_ANSWER))).all()
+
+
+def test_what_nothing_shows_keeps_its_prior():
+    blind = np.vstack([SLOPES, np.zeros(40)])
+    answer = np.vstack([np.zeros((3, 1)), [[2.0]]])
+    known = np.diag([0.0, 0.0, 0.0, 4.0])
+    assert smallest_covariance(blind, NOISE, answer, known)[0, 0] == pytest.approx(2.0**2 / 4.0)

@@ -1,0 +1,71 @@
+"""The mesh, the ink and the planes of the foreign world against closed forms; solving and rendering are its bench's."""
+
+import numpy as np
+import pytest
+
+from bench.foreign.ink import TEXELS, Hand, map_places, texture
+from bench.foreign.mesh import Shell, wedge_mesh
+from bench.foreign.press import PlanePath, Pressed
+from bench.foreign.world import Look, _plane, turn, whole_surface
+from cad.params import EndcapParams
+
+SHELL = Shell(65, 57, 38.37, 6)
+
+
+def below(radius):
+    """Volume of a ball above the clamp."""
+    height = radius - (SHELL.clamp_mm - SHELL.centre_mm)
+    return np.pi * height**2 * (3 * radius - height) / 3
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return wedge_mesh(SHELL, 25, layers=1)
+
+
+def test_the_mesh_fills_half_the_shell_and_lies_on_it(mesh):
+    a, b, c, d, e, f = (mesh.points[mesh.wedges[:, k]] for k in range(6))
+    tetrahedra = ((a, b, c, d), (b, e, f, d), (b, f, c, d))
+    volume = np.array([np.einsum("ij,ij->i", np.cross(q - p, r - p), s - p) / 6 for p, q, r, s in tetrahedra]).sum(
+        axis=0
+    )
+    assert volume.min() > 0
+    assert volume.sum() == pytest.approx((below(65) - below(57)) / 2, rel=0.03)  # straight edges
+    radius = np.linalg.norm(mesh.points - [0, 0, SHELL.centre_mm], axis=1)
+    assert np.allclose(radius[mesh.inner], 57, atol=1e-9) and np.allclose(radius[mesh.wedges[mesh.top][:, 3]], 65)
+    assert np.allclose(mesh.points[mesh.clamp, 2], SHELL.clamp_mm, atol=1e-9)
+    assert (mesh.points[:, 1] > -1e-9).all() and np.abs(mesh.points[mesh.mirror, 1]).max() < 1e-9
+
+
+def test_a_field_on_the_half_is_seen_on_the_whole(mesh):
+    nodes, back = np.unique(mesh.inner, return_inverse=True)
+    rest = mesh.points[nodes]
+    linear = np.array([[0.02, 0, 0.01], [0, -0.03, 0], [0.005, 0, 0.04]])  # keeps y = 0
+    state = Pressed(back.reshape(mesh.inner.shape), rest, (rest @ linear)[None], np.zeros((1, 6)))
+    surface = whole_surface(state, SHELL.centre_mm, 57)
+    assert np.abs(surface.moved[0] - surface.rest @ linear).max() < 0.02  # the rest lies on the sphere, not on chords
+    assert surface.rest[:, 1].min() < -50 and len(np.unique(surface.rest.round(3), axis=0)) == len(surface.rest)
+
+
+def test_a_dot_lies_where_the_map_says():
+    direction = np.array([[np.sin(1.2) * np.cos(2.0), np.sin(1.2) * np.sin(2.0), np.cos(1.2)]])
+    _, ink = texture(direction, 57.0, Hand(beside_mm=0, missing=0, ragged=0, radius_sd=0), 0)
+    row, column = np.nonzero(ink > 0.5)
+    assert np.allclose(map_places(direction)[0] * TEXELS - 0.5, [column.mean(), row.mean()], atol=0.6)
+    across = np.sqrt(len(row) * np.sin(1.2) / 1.2 / np.pi) * 2 * 2.05 * 57 / TEXELS  # area, the map's stretch undone
+    assert across == pytest.approx(1.9, rel=0.02)
+
+
+def test_the_plane_touches_where_it_is_said_to():
+    params, R = EndcapParams(130, 8), turn(70.0)
+    pose = _plane(PlanePath(30, 0.5, ((2.0, 0.0),)), 0, R, params)
+    outward = R @ [0.5, 0, np.sqrt(0.75)]
+    deepest = np.array([0, 0, params.centre_height_mm]) + 63 * outward
+    assert (pose @ [*deepest, 1])[2] == pytest.approx(0) and np.allclose(pose[:3, :3] @ outward, [0, 0, -1])
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
+
+
+def test_the_true_camera_has_the_lens_of_the_renderer():
+    camera = Look("equisolid", 245.0).camera(EndcapParams(130, 8)).camera
+    angle = np.radians([10, 50, 85])
+    assert np.allclose(camera.radius(angle), 2 * np.sin(angle / 2), atol=2e-5)

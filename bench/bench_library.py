@@ -164,44 +164,56 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def plot() -> None:
-    """The studies side by side."""
+    """The studies that have rows, side by side."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with (HERE / "library.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    figure = Figure(figsize=(15, 3.8), layout="constrained")
+    panels = {"nodes": _plot_nodes, "nodes and paths": _plot_paths, "mesh": _plot_mesh, "study": _plot_study}
+    parts = {name: [row for row in rows if row["study"].split(": ")[0] == name] for name in panels}
+    shown = [name for name in panels if parts[name]]
+    figure = Figure(figsize=(1 + 4 * len(shown), 3.8), layout="constrained")
     FigureCanvasAgg(figure)
-    nodes, paths, mesh, study = figure.subplots(1, 4)
-    own = [row for row in rows if row["study"] == "nodes"]
-    for design in dict.fromkeys((row["diameter_mm"], row["wall_mm"]) for row in own):
-        line = [row for row in own if (row["diameter_mm"], row["wall_mm"]) == design]
-        nodes.plot([int(r["nodes"]) for r in line], [float(r["surface_percent"]) for r in line], "o-",
-                   label=f"D={design[0]} T={design[1]}")  # fmt: skip
-    nodes.set(xlabel="nodes, itself left out", ylabel="surface off by, %", yscale="log")
-    nodes.legend(fontsize=7)
-    two = [row for row in rows if row["study"] == "nodes and paths"]
-    served = [row for row in two if row["nodes"] != "0"]
-    most = max((int(row["nodes"]) for row in served), default=0)
+    for axis, name in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+        panels[name](axis, parts[name])
+    figure.savefig(HERE / "library.png", dpi=110)
+
+
+def _plot_nodes(axis, rows) -> None:
+    for design in dict.fromkeys((row["diameter_mm"], row["wall_mm"]) for row in rows):
+        line = [row for row in rows if (row["diameter_mm"], row["wall_mm"]) == design]
+        place = [int(row["nodes"]) for row in line], [float(row["surface_percent"]) for row in line]
+        axis.plot(*place, "o-", label=f"D={design[0]} T={design[1]}")
+    axis.set(xlabel="nodes, itself left out", ylabel="surface off by, %", ylim=(0, None))
+    axis.legend(fontsize=7)
+
+
+def _plot_paths(axis, rows) -> None:
+    served = [row for row in rows if row["nodes"] != "0"]
+    most = max(int(row["nodes"]) for row in served)
     by_node = [(int(r["nodes"]), float(r["force_percent"])) for r in served if r["paths"] == "16"]
     by_path = [(int(r["paths"]), float(r["force_percent"])) for r in served if int(r["nodes"]) == most]
-    paths.plot(*np.array(sorted(by_node)).reshape(-1, 2).T, "o-", label="nodes, 16 paths")
-    paths.plot(*np.array(sorted(by_path)).reshape(-1, 2).T, "s-", label=f"paths, {most} nodes")
-    for row in two:
+    axis.plot(*np.array(sorted(by_node)).T, "o-", label="nodes, 16 paths")
+    axis.plot(*np.array(sorted(by_path)).T, "s-", label=f"paths, {most} nodes")
+    for row in rows:
         if row["nodes"] == "0":
-            paths.axhline(float(row["force_percent"]), ls="--", c="k", label="own full simulation")
-    paths.set(xlabel="nodes; paths", ylabel="force error an axis, % of the range", ylim=(0, None))
-    paths.legend(fontsize=7)
-    meshes = [row for row in rows if row["study"] == "mesh"]
-    mesh.bar([row["mesh"] for row in meshes], [float(row["force_percent"]) for row in meshes])
-    mesh.set(xlabel="mesh of the tested states", ylabel="force error an axis, % of the range")
-    quick = [row for row in rows if row["study"].startswith("study: ")]
-    names = list(dict.fromkeys(row["study"].removeprefix("study: ") for row in quick))
-    for row in quick:
-        study.plot(float(row["off_percent"]), names.index(row["study"].removeprefix("study: ")), "b.", alpha=0.6)
-    study.set(yticks=range(len(names)), yticklabels=names, xlabel="study's figure off the solved shell's, %")
-    study.axvline(0, c="k", lw=0.5)
-    figure.savefig(HERE / "library.png", dpi=110)
+            axis.axhline(float(row["force_percent"]), ls="--", c="k", label="own full simulation")
+    axis.set(xlabel="nodes; paths", ylabel="force error an axis, % of the range", ylim=(0, None))
+    axis.legend(fontsize=7)
+
+
+def _plot_mesh(axis, rows) -> None:
+    axis.bar([row["mesh"] for row in rows], [float(row["force_percent"]) for row in rows])
+    axis.set(xlabel="mesh of the tested states", ylabel="force error an axis, % of the range")
+
+
+def _plot_study(axis, rows) -> None:
+    names = list(dict.fromkeys(row["study"].removeprefix("study: ") for row in rows))
+    for row in rows:
+        axis.plot(float(row["off_percent"]), names.index(row["study"].removeprefix("study: ")), "b.", alpha=0.6)
+    axis.set(yticks=range(len(names)), yticklabels=names, xlabel="study's figure off the solved shell's, %")
+    axis.axvline(0, c="k", lw=0.5)
 
 
 if __name__ == "__main__":

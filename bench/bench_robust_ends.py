@@ -34,10 +34,11 @@ COLUMNS = ("kind", "cases", "bad", "median_end_s", "largest_end_s", "most_mb")
 
 
 def arguments_of(
-    rng: random.Random, urls: dict[str, str], inputs: Path, file: Path
+    rng: random.Random, urls: dict[str, str], inputs: Path, file: Path, only: str = ""
 ) -> tuple[str, list[str], str | None]:
-    """(kind, options, path for standard output) of a case."""
+    """(kind, options, path for standard output) of a case; ``only`` names its kind."""
     kind = rng.choice(("camera", "camera", "cameras", "hung", "photos", "replay", "json", "full"))
+    kind = only or kind
     named = {"cameras": ("good", "good", "good"), "hung": ("good", "silent", "slow", "silent")}
     if kind == "photos":
         options = ["--photos", str(inputs / "photos"), "--rate", "30", "--speed", rng.choice(("0", "1"))]
@@ -55,10 +56,10 @@ def arguments_of(
     return kind, options, "/dev/full" if kind == "full" else None
 
 
-def one_case(seed: int, urls: dict[str, str], inputs: Path, folder: Path) -> tuple[str, Outcome, str]:
-    """(kind, outcome, fault) of a case."""
+def one_case(seed: int, urls: dict[str, str], folder: Path, only: str = "") -> tuple[str, Outcome, str]:
+    """(kind, outcome, fault) of a case; ``only`` names its kind."""
     rng, file = random.Random(seed), folder / f"{seed}.mcap"
-    kind, options, stdout = arguments_of(rng, urls, inputs, file)
+    kind, options, stdout = arguments_of(rng, urls, folder, file, only)
     end = rng.choice(SIGNALS), rng.uniform(0.0, 2.0), rng.random() < 0.7
     outcome = run_case(lambda: live(options), LIMIT_S, end, stdout)
     early = tuple(128 + number for number in SIGNALS)
@@ -73,15 +74,19 @@ def one_case(seed: int, urls: dict[str, str], inputs: Path, folder: Path) -> tup
     return kind, outcome, fault
 
 
-def ends(cases: int, workers: int, seed: int = 0) -> Iterator[tuple[str, Outcome, str]]:
-    """All cases, as they end."""
+def ends(cases: int, workers: int, seed: int = 0, only: str = "") -> Iterator[tuple[str, Outcome, str]]:
+    """All cases, as they end.
+
+    Args:
+        cases: how many. workers: at a time. seed: of the first. only: kind; empty for all.
+    """
     prepare()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_inputs(folder)
         with cameras() as urls, ThreadPoolExecutor(workers) as pool:
             seeds = range(seed, seed + cases)
-            yield from pool.map(lambda each: one_case(each, urls, folder, folder), seeds)
+            yield from pool.map(lambda each: one_case(each, urls, folder, only), seeds)
 
 
 def main() -> int:
@@ -90,13 +95,15 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=1000, metavar="N", help="(1000)")
     parser.add_argument("--workers", type=int, default=4, metavar="N", help="at a time (4)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the first case (0)")
+    parser.add_argument("--kind", default="", help="only this one, as hung: cameras that never answer or drip")
+    parser.add_argument("--out", type=Path, default=HERE / "robust_ends.csv", help="(bench/robust_ends.csv)")
     options = parser.parse_args()
     rows: dict[str, list[tuple[Outcome, str]]] = defaultdict(list)
-    for number, (kind, outcome, fault) in enumerate(ends(options.cases, options.workers, options.seed)):
+    for number, (kind, outcome, fault) in enumerate(ends(options.cases, options.workers, options.seed, options.kind)):
         rows[kind].append((outcome, fault))
         if fault:
             print(f"seed {options.seed + number}, {kind}: {fault}\n{outcome.text[-2000:]}", file=sys.stderr, flush=True)
-    with (HERE / "robust_ends.csv").open("w", newline="") as stream:
+    with options.out.open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(COLUMNS)
         for kind, found in sorted(rows.items()):

@@ -27,6 +27,7 @@ from sensing.live.cli import main as live
 
 HERE = Path(__file__).resolve().parent
 LIMIT_S = 60.0
+SAY_EVERY = 20
 COLUMNS = ("kind", "cases", "bad", "status_0", "status_1", "status_2", "longest_s", "most_mb")
 CONFIG = """\
 model = "default"
@@ -95,6 +96,14 @@ def cases(kind: str, count: int, workers: int, seed: int = 0) -> Iterator[tuple[
             yield outcome, fault_of(outcome)
 
 
+def row_of(kind: str, found: list[tuple[Outcome, str]]) -> list[object]:
+    """A line of the table."""
+    status = Counter(outcome.status for outcome, _ in found)
+    longest, most = max(outcome.seconds for outcome, _ in found), max(outcome.most_mb for outcome, _ in found)
+    bad = sum(bool(fault) for _, fault in found)
+    return [kind, len(found), bad, *(status[k] for k in range(3)), f"{longest:.1f}", f"{most:.0f}"]
+
+
 def main() -> int:
     """Runs and writes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -110,10 +119,9 @@ def main() -> int:
             found.append((outcome, fault))
             if fault:
                 print(f"{kind} {options.seed + number}: {fault}\n{outcome.text[-3000:]}", file=sys.stderr, flush=True)
-        status = Counter(outcome.status for outcome, _ in found)
-        worst = max(outcome.seconds for outcome, _ in found), max(outcome.most_mb for outcome, _ in found)
-        bad = sum(bool(fault) for _, fault in found)
-        rows.append([kind, len(found), bad, *(status[k] for k in range(3)), f"{worst[0]:.1f}", f"{worst[1]:.0f}"])
+            if len(found) % SAY_EVERY == 0:
+                print(*row_of(kind, found), flush=True)
+        rows.append(row_of(kind, found))
         print(*rows[-1])
     with (HERE / "robust_files.csv").open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])

@@ -213,7 +213,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
     parser.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
     parser.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of everything drawn (0)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (0)")
     parser.add_argument("--device", default="cpu", help="torch's device (cpu)")
     return parser
 

@@ -143,7 +143,8 @@ def _collect(
     pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
     pictures["ring_light"] = draw_ring_light(export.params, folder)
     records = [check.record(FIGURES) for check in checks]
-    every = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
+    listed = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
+    every = list({check["name"]: check for check in listed}.values())  # screws gate both export and sheet
     beds, fitting = _beds(export, shop)
     data = SheetData(
         shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures, beds, fitting

@@ -106,6 +106,16 @@ def light_check(data: SheetData) -> list[Block]:
             ),
             (1.4, 2.2, 2),
         ),
+        *_first_run(data),
+    ]  # fmt: skip
+
+
+def _first_run(data: SheetData) -> list[Block]:
+    """Calibration and live; none for dots of one's own, which sensing does not read."""
+    params = data.layout.params
+    if params.has_own_dots:
+        return [Paragraph("Dots of your own: calibration, weights and live read the released pattern only.")]
+    return [
         Paragraph(
             "Then save the frame as a.jpg in the toolkit's folder, open a terminal there, and run: "
             + program_command(

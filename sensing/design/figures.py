@@ -10,7 +10,7 @@ from enum import Enum
 
 import numpy as np
 
-from sensing.design.pressed import EXPECTED_SHARE, TILTS_DEG, Study
+from sensing.design.pressed import TILTS_DEG, Study, expected_share
 from sensing.design.prints import Prints, estimated_prints
 from sensing.design.region import SILICONE_USD_KG
 
@@ -109,6 +109,7 @@ def _dots(study: Study) -> list[Figure]:
 
 
 def _errors(study: Study) -> list[Figure]:
+    share = 100 * expected_share(study.params.diameter_mm)
     lines = [
         Figure(
             f"bound_{tilt:g}_n", f"bound on the force error at {tilt:g} degrees",
@@ -130,7 +131,7 @@ def _errors(study: Study) -> list[Figure]:
         ),
         Figure(
             "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED,
-            f"{100 * EXPECTED_SHARE:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
+            f"{share:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
         ),
     ]  # fmt: skip
 

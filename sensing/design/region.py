@@ -18,7 +18,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
-from sensing.design.pressed import EXPECTED_SHARE, Study
+from sensing.design.pressed import Study, expected_share
 
 Progress = Callable[[int, int], None]
 DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike
@@ -53,7 +53,7 @@ class Place:
     @property
     def error_n(self) -> float:
         """Force error an axis that trained weights are expected to have."""
-        return max(self.bound_n, EXPECTED_SHARE * self.range_n)
+        return max(self.bound_n, expected_share(self.diameter_mm) * self.range_n)
 
     @property
     def label(self) -> str:

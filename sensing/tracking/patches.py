@@ -10,7 +10,7 @@ Units: pixels of the working (reduced) picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
@@ -55,6 +55,13 @@ class Patches:
     shear: NDArray[np.float32]
     plain: NDArray[np.float32]
     energy: NDArray[np.float32]
+
+    def only(self, kept: NDArray[np.bool_]) -> Patches:
+        """Some of the windows; each was cut for itself."""
+        return Patches(half=self.half, **{
+            field.name: np.ascontiguousarray(getattr(self, field.name)[kept])
+            for field in fields(self) if field.name != "half"
+        })  # fmt: skip
 
     @property
     def uncertainty_px(self) -> NDArray[np.float64]:

@@ -97,10 +97,10 @@ class DotTracker:
         found = find_dots(gray, source=reference.source) if dots is None else dots
         largest = max(12, round(12 * min(gray.shape) / FULL_SIZE_PX))
         half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, largest))
-        self.dots = (
-            found if dots is not None else _without_vague(found, cut_patches(self._image, found.position_px, half))
-        )
-        self._patches = cut_patches(self._image, self.dots.position_px, half)
+        patches = cut_patches(self._image, found.position_px, half)
+        kept = np.ones(len(found), bool) if dots is not None else _steady(found, patches)
+        self.dots = Dots(found.position_px[kept], found.diameter_px[kept], found.cut[kept])
+        self._patches = patches.only(kept)
         self.reference_px = to_full_px(self.dots.position_px, self.reduction)
         self.operator: FieldOperator = field_operator(
             self.reference_px, self.size, self.config.shape, self.config.length_px, self.config.noise
@@ -224,14 +224,14 @@ class _Fit:
     live: NDArray[np.bool_]
 
 
-def _without_vague(dots: Dots, patches: Patches) -> Dots:
-    """Dots without those whose window slides along an edge, and without those that the frame's edge cuts: what is seen
-    of them moves otherwise than their centre, by up to 0.7 px, and the field's global bias hangs on the outermost dots.
+def _steady(dots: Dots, patches: Patches) -> NDArray[np.bool_]:
+    """All but dots whose window slides along an edge, and those that the frame's edge cuts: what is seen of them moves
+    otherwise than their centre, by up to 0.7 px, and the field's global bias hangs on the outermost dots.
     """
     steady = patches.uncertainty_px <= VAGUE * np.median(patches.uncertainty_px)
     if np.count_nonzero(steady & ~dots.cut) >= FEWEST_WHOLE:
         steady &= ~dots.cut
-    return Dots(dots.position_px[steady], dots.diameter_px[steady], dots.cut[steady])
+    return np.asarray(steady)
 
 
 def _merged(fit: _Fit, trial: _Fit, better: NDArray[np.bool_]) -> _Fit:

@@ -24,8 +24,6 @@ from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import put_file
-from sensing.simulator.render.dome import DomeRenderer
-from sensing.simulator.render.settings import Paint, RenderSettings
 from sensing.simulator.robot.scene import ENDCAPS, FILE, PARAMS, RobotScene, load_scene
 from sensing.simulator.robot.statics import WEIGHT_N
 
@@ -157,6 +155,9 @@ def _key(scene: RobotScene, endcap: int, moment: Moment, tick: int) -> Key:
 def _render(
     scene: RobotScene, params: EndcapParams, keys: list[Key], progress: Callable[[int, int], None]
 ) -> dict[Key, bytes]:
+    from sensing.simulator.render.dome import DomeRenderer  # half a second that kept pictures do not need
+    from sensing.simulator.render.settings import Paint, RenderSettings
+
     pictures: dict[Key, bytes] = {}
     for endcap in range(ENDCAPS):
         settings = RenderSettings(seed=endcap, paint=Paint(digit=str(endcap))).at_level("draft")

@@ -136,7 +136,6 @@ def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[flo
     error = answers.value - answers.truth
     sigma = np.sqrt(np.diagonal(answers.covariance, axis1=1, axis2=2))
     far = np.abs(error[:, 2]) > FAR_N
-    far = np.abs(error[:, 2]) > FAR_N
     known = answers.place[np.isfinite(answers.place).all(axis=1), :2]
     place = np.median(known, axis=0) if len(known) else np.full(2, np.nan)
     return Cell(

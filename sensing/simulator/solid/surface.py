@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from cad.dots import DOT_RADIUS_MM, dot_pattern
+from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.simulator.solid.element import INNER_FACE, Array, shape_quad
@@ -119,7 +119,7 @@ def inner_surface(model: ShellModel) -> InnerSurface:
 def dot_directions(geometry: ShellGeometry) -> Array:
     """Directions (m, 3) of the painted dots, in the order of :func:`cad.dots.dot_pattern`.
 
-    The pattern asks only for inner radius and view rim, which a shell of any wall has.
+    The pattern asks only for inner radius, view rim, rings and size, which a shell of any wall has.
     """
     return np.array([dot.direction for dot in dot_pattern(cast(EndcapParams, geometry))])
 
@@ -132,7 +132,7 @@ def outline_directions(geometry: ShellGeometry) -> Array:
     east /= np.linalg.norm(east, axis=1, keepdims=True)
     angle = 2 * np.pi * np.arange(OUTLINE_POINTS)[:, None] / OUTLINE_POINTS
     ring = np.cos(angle) * east[:, None] + np.sin(angle) * np.cross(outward, east)[:, None]
-    found = outward[:, None] + OUTLINE_RADII * DOT_RADIUS_MM / geometry.inner_radius_mm * ring
+    found = outward[:, None] + OUTLINE_RADII * geometry.dot_radius_mm / geometry.inner_radius_mm * ring
     return np.asarray((found / np.linalg.norm(found, axis=2, keepdims=True)).reshape(-1, 3))
 
 

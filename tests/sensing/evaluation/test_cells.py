@@ -18,7 +18,7 @@ def answers(loads_n: np.ndarray, off_n: float = 0.5) -> LiveAnswers:
     truth[:, 2] = -loads_n
     value = truth + np.array([0, 0, off_n, 0, 0, 0])
     covariance = np.tile(np.eye(6), (count, 1, 1))
-    here = np.full(count, 30.0), np.full(count, True), np.full(count, "p")
+    here = np.full(count, 30.0), np.full((count, 4), np.nan), np.full(count, True), np.full(count, "p")
     return LiveAnswers(value, truth, covariance, covariance, np.full(count, False), *here)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cad.dots import DOT_RADIUS_MM
 from cad.errors import ParameterError
 from cad.materials import silicone
 from sensing.simulator.contact.indenter import Indenter
@@ -66,7 +65,7 @@ def test_an_outline_moves_as_the_skin_does_round_its_dot(simulator: Simulator) -
     gap = simulator.outlines(straight) - simulator.markers(straight)
     assert np.abs(gap[tip]).max() < 2e-3  # the ring lies on the sphere, a little behind its centre
     risen = (simulator.outlines(bowl) - simulator.markers(bowl))[tip, 2]
-    assert risen == pytest.approx(0.005 * (OUTLINE_RADII * DOT_RADIUS_MM) ** 2, rel=0.1)  # of a draft mesh
+    assert risen == pytest.approx(0.005 * (OUTLINE_RADII * GEOMETRY.dot_radius_mm) ** 2, rel=0.1)  # of a draft mesh
 
 
 def test_levels_agree_and_say_which_answered(simulator: Simulator) -> None:

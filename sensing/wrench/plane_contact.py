@@ -90,8 +90,8 @@ def _spread(covariance: Array) -> float:
     return math.sqrt(trace / 2) if trace >= 0 else math.nan
 
 
-_NOWHERE, _SPREAD = np.full(3, np.nan), np.full((3, 3), np.nan)
-NO_CONTACT = PlaneContact(_NOWHERE, _NOWHERE, _SPREAD, _SPREAD, math.nan, math.nan)
+_NAN_3, _NAN_33 = np.full(3, np.nan), np.full((3, 3), np.nan)
+NO_CONTACT = PlaneContact(_NAN_3, _NAN_3, _NAN_33, _NAN_33, math.nan, math.nan)
 
 
 class PlaneContactLaw:

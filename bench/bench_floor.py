@@ -3,7 +3,7 @@
     W="python -m sensing.simulator data --protocol wide --azimuths 1"
     $W --seed 901 --frames 470 --out exports/floor_frames                  # judged
     $W --seed 831 --frames 2150 --render off --workers 2 --out exports/floor_states
-    PYTHONPATH=. python bench/bench_floor.py exports/floor_frames --states exports/floor_states
+    PYTHONPATH=. python bench/bench_floor.py exports/floor_frames --states exports/floor_states --every 3
 
 Around each judged frame a quadratic is fitted to the solved states near it in tilt and forces: its slopes say how the
 dots move with the plane, and what it leaves is the loading history, which no single picture shows. The tracker's error
@@ -90,7 +90,7 @@ def main() -> int:
         writer.writeheader()
         writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     for row in rows:
-        if row["axis"] in ("fz", "fx"):
+        if row["axis"] in ("fz_n", "fx_n"):
             print(*(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()))
     plot(rows, options.out.with_suffix(".png"))
     return 0

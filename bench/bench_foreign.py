@@ -5,9 +5,9 @@
     PYTHONPATH=. python bench/bench_foreign.py --blender exports/blender
 
 Solves two paths of the plane and renders them as two sensors see them: one with another lens, one whose camera is
-turned and shifted, too, with another lens law and shiny ink (six minutes of one core; what is
-there is kept). Then each is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs;
-``python -m sensing.evaluate exports/foreign/*/`` reads the same sets. Writes bench/foreign.csv and bench/foreign.jpg.
+turned and shifted, too, with another lens law and shiny ink (six minutes of one core; what is there is kept). Then each
+is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs; ``python -m
+sensing.evaluate exports/foreign/other*/`` reads the same sets. Writes bench/foreign.csv and bench/foreign.jpg.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+from scipy.interpolate import RBFInterpolator
 
 from bench.foreign.ink import Hand
 from bench.foreign.mesh import Shell
@@ -31,8 +33,14 @@ from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import found_camera
 from sensing.live.core.model import load_model
 from sensing.records_labelled import LabelledSet
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Target
+from sensing.simulator.scene import Scene
+from sensing.simulator.solid.geometry import shell_geometry
 
 HERE = Path(__file__).parent
+SEEN_MM = 20.0  # height above which the inner surface is compared
 NORMAL_95 = 1.959964
 PATHS = (  # tilt, friction, (depth, travel) of the plane; the last state is on the way back
     PlanePath(24, 0.8, ((1.2, 0.0), (2.8, -0.5), (4.6, 0.6), (6.6, 0.6), (4.0, 0.9))),
@@ -56,9 +64,12 @@ def main() -> int:
     parser.add_argument("--weights", type=Path, help="of the model (those that ship)")
     parser.add_argument("--samples", type=int, default=3, help="of the renderer, a pixel")
     parser.add_argument("--threads", type=int, default=1, help="of the renderer")
+    parser.add_argument("--compare", nargs="*", default=[], metavar="DENSITY", help="our own meshes on the same paths")
     parser.add_argument("--out", type=Path, default=HERE / "foreign.csv")
     options = parser.parse_args()
     states = [_solved(options.sets, number) for number in range(len(PATHS))]
+    for density in options.compare:
+        compare(states, density)
     rows = []
     for name, look in LOOKS.items():
         folder = options.sets / name.replace(",", "").replace(" ", "_")
@@ -69,9 +80,31 @@ def main() -> int:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    picture = options.sets / "other_law_turned" / "pictures" / "00" / "00004.png"
+    cv2.imwrite(str(options.out.with_suffix(".jpg")), cv2.imread(str(picture)), [cv2.IMWRITE_JPEG_QUALITY, 80])
     for row in rows:
         print(*(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()), sep="  ")
     return 0
+
+
+def compare(states: list[Pressed], density: str) -> None:
+    """Our simulator's force over theirs with the plane in the same place, and their displacements over ours.
+
+    Args:
+        states: theirs, of every path. density: of our mesh.
+    """
+    simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), density)
+    rest = simulator.surface.position
+    use = (rest[:, 1] >= 0) & (rest[:, 2] > SEEN_MM)
+    for path, theirs in zip(PATHS, states, strict=True):
+        targets = [Target(depth_mm=depth, shift_mm=(shift, 0.0)) for depth, shift in path.places]
+        ours = simulator.follow(Scene(Indenter(path.tilt_deg), path.friction), targets)
+        for state, moved, wrench in zip(ours, theirs.moved, theirs.wrench, strict=True):
+            force = np.linalg.norm(state.force_n) / np.linalg.norm(wrench[:3])
+            surface, other = state.surface_mm[use], RBFInterpolator(theirs.rest, moved, neighbors=30)(rest[use])
+            scale = (surface * other).sum() / (surface**2).sum()
+            where = f"{density}, {path.tilt_deg:g} degrees, {np.linalg.norm(wrench[:3]):.1f} N"
+            print(f"{where}: our force {force:.3f} of theirs, their displacement {scale:.3f} of ours", flush=True)
 
 
 def _solved(folder: Path, number: int) -> Pressed:

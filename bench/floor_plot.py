@@ -15,8 +15,8 @@ from matplotlib import pyplot
 def plot(rows: list[dict[str, Any]], path: Path) -> None:
     """Bound and error of fz, and of fx and fy, by load at each tilt."""
     tilts = sorted({(row["tilt_from_deg"], row["tilt_to_deg"]) for row in rows})
-    figure, axes = pyplot.subplots(2, len(tilts), figsize=(3 * len(tilts), 6), sharex=True, squeeze=False)
-    for line, wanted in zip(axes, (("fz",), ("fx", "fy")), strict=True):
+    figure, axes = pyplot.subplots(2, len(tilts), figsize=(3 * len(tilts), 6), sharex=True, sharey="row", squeeze=False)
+    for line, wanted in zip(axes, (("fz_n",), ("fx_n", "fy_n")), strict=True):
         for axis, (low, high) in zip(line, tilts, strict=True):
             part = [row for row in rows if row["tilt_from_deg"] == low and row["axis"] in wanted]
             loads = sorted({(row["load_from_n"], row["load_to_n"]) for row in part})
@@ -28,7 +28,7 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
                 at = [np.sqrt(np.mean(np.square(values))) for values in of_load]
                 color = "tab:red" if name == "rmse" else "black"
                 axis.plot(np.mean(loads, axis=1), at, style, color=color, label=label)
-            axis.set(title=f"{', '.join(wanted)}, {low:g} to {high:g} degrees", yscale="log")
+            axis.set(title=f"{', '.join(name[:2] for name in wanted)}, {low:g} to {high:g} degrees", yscale="log")
             axis.grid(alpha=0.3, which="both")
     axes[0, 0].legend(fontsize=7)
     for axis in axes[:, 0]:

@@ -18,7 +18,7 @@ class FitConfig:
         seconds: stop the mean after so long, if sooner; the covariance after a third of it.
         rate: AdamW's first, falling to zero. batch: samples in a step. decay: AdamW's weight decay.
         symmetric: use the eight symmetries of the square.
-        seed: of everything drawn. device: torch's, for example ``cpu`` or ``cuda``.
+        seed: of the random numbers. device: torch's, for example ``cpu`` or ``cuda``.
 
     Raises:
         ParameterError: a number out of range.

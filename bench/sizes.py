@@ -23,7 +23,7 @@ RANDOM_SIZES = 1000
 # What decides whether a size comes out: solids, meshes, gates and the sweeps of the steps.
 CODE = (
     *("cad/*.py", "cad/*.csv", "fab/design.py", "fab/meshing/*.py", "fab/checks/*.py", "fab/steps/*.py"),
-    *("fab/packed.py", "fab/exports/writer.py"),
+    *("fab/packed.py", "fab/bom.py", "fab/exports/writer.py"),
 )
 
 

@@ -51,7 +51,7 @@ def _run(options: argparse.Namespace) -> int:
 
     config = FitConfig(
         components=options.components, hidden=options.hidden, epochs=options.epochs, seconds=options.seconds,
-        seed=options.seed, device=options.device,
+        seed=options.seed, device=options.device, rate=options.rate,
     )  # fmt: skip
     rescale = bool(options.start and options.intervals)
     if options.design is not None or not (options.data or rescale):
@@ -77,7 +77,8 @@ def _run(options: argparse.Namespace) -> int:
         transient(f"{part}: {spent:.0f} s, {error:.4f}")
 
     kept = options.out.with_name(f".{options.out.name}.checkpoint")
-    model = fit(samples, config, start, progress, kept, pictures)
+    others = read_all(options.others, options.method, shape) if options.others else None
+    model = fit(samples, config, start, progress, kept, pictures, others)
     if options.intervals:
         from sensing.evaluation.intervals import with_intervals
 
@@ -181,8 +182,19 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument("--unless-there", action="store_true", help="with --design: only where live finds none yet")
     parser.add_argument("--copy-to", type=Path, metavar="DIR", help="with --design: leave a copy in this folder, too")
+    parser.add_argument(
+        "--others", type=Path, nargs="+", default=[], metavar="DATA",
+        help="contacts of other kinds: the covariance alone learns from them, and they come out flagged",
+    )  # fmt: skip
     parser.add_argument("--start", type=Path, metavar="FILE", help=f"weights to fine-tune; {DEFAULT}: those that ship")
     parser.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
+    parser.add_argument(
+        "--rate",
+        type=float,
+        default=plain.rate,
+        metavar="R",
+        help=f"of learning, at first; less to fine-tune ({plain.rate:g})",
+    )
     parser.add_argument(
         "--seconds", type=float, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
     )

@@ -16,6 +16,7 @@ from sensing.learning.scores import AXES
 
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
 LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, for a range of 35 N
+FAR_N = 1.0  # error of fz from which an answer without a flag misleads
 RANGE_N = 35.0  # P, NET22: of the released weights
 
 
@@ -27,6 +28,7 @@ class Cell:
         tilt_deg, load_n: (from, to); NaN tilts where the set does not state them.
         frames: how many. rmse, bias: (6,) by axis, N and N m.
         coverage: fraction of axes within 1.96 standard deviations. flagged: fraction of frames with a flag.
+        far, far_flagged: frames whose fz is off by more than :data:`FAR_N`, and how many of them have a flag.
         centre_deg, normal_deg: medians by which contact centre and normal are off; NaN where the plane is not known.
     """
 
@@ -37,6 +39,8 @@ class Cell:
     bias: NDArray[np.float64]
     coverage: float
     flagged: float
+    far: int
+    far_flagged: int
     centre_deg: float
     normal_deg: float
 
@@ -47,6 +51,7 @@ class Cell:
         flat |= {f"rmse_{axis}": float(v) for axis, v in zip(AXES, self.rmse, strict=True)}
         flat |= {f"bias_{axis}": float(v) for axis, v in zip(AXES, self.bias, strict=True)}
         flat |= {"coverage": self.coverage, "flagged": self.flagged}
+        flat |= {"far": self.far, "far_flagged": self.far_flagged}
         return flat | {"centre_deg": self.centre_deg, "normal_deg": self.normal_deg}
 
 
@@ -100,6 +105,7 @@ QUANTITIES: dict[str, Callable[[Cell], str]] = {
     "contact centre off deg": lambda cell: _median(cell.centre_deg),
     "normal off deg": lambda cell: _median(cell.normal_deg),
     "flagged": lambda cell: f"{100 * cell.flagged:.1f} %",
+    f"off by {FAR_N:g} N, flagged": lambda cell: f"{cell.far_flagged} of {cell.far}" if cell.far else "-",
     "frames": lambda cell: f"{cell.frames}",
 }
 
@@ -129,10 +135,11 @@ def _tilts(tilt_deg: NDArray[np.float64]) -> Iterator[tuple[tuple[float, float],
 def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[float, float]) -> Cell:
     error = answers.value - answers.truth
     sigma = np.sqrt(np.diagonal(answers.covariance, axis1=1, axis2=2))
+    far = np.abs(error[:, 2]) > FAR_N
     known = answers.place[np.isfinite(answers.place).all(axis=1), :2]
     place = np.median(known, axis=0) if len(known) else np.full(2, np.nan)
     return Cell(
         tilt_deg, load_n, len(error), np.sqrt((error**2).mean(axis=0)), error.mean(axis=0),
         float((np.abs(error) <= 1.959964 * sigma).mean()), float(answers.flagged.mean()),
-        float(place[0]), float(place[1]),
+        int(far.sum()), int((far & answers.flagged).sum()), float(place[0]), float(place[1]),
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 Paths are parted three ways: training, validation (which epoch is best, and more data for the covariance), calibration
 (how wide the covariance must be), so that nothing is judged on what it was fitted to. Each axis counts in its own unit
-(:data:`sensing.learning.ridge.UNITS`).
+(:data:`sensing.learning.ridge.UNITS`), and errors under load count less (:func:`sensing.wrench.model.tolerance`).
 Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
 
 Notes:
@@ -16,7 +16,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,21 +27,19 @@ from torch import Tensor
 
 from cad.errors import ParameterError
 from sensing.learning.checkpoint import Checkpoint, Descent
+from sensing.learning.covered_range import covered_range, usual_doubt
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.net import WrenchNet, negative_log_likelihood
 from sensing.learning.path_quantile import path_quantile
 from sensing.learning.ridge import UNITS, fit_ridge
 from sensing.learning.samples import Samples
-from sensing.learning.symmetry import COUNT, disc_cells, moved_inputs, moved_wrenches, symmetric_moments
-from sensing.wrench.model import Range, WrenchModel, contact_angle_deg, range_measures
+from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_moments
+from sensing.wrench.model import WrenchModel, tolerance
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
-RANGE_MARGIN = 1.3  # E: over the largest of the training data
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
-OFTEN_ENOUGH = 0.999  # E: share of the samples up to the largest force that counts as learnt
-USUALLY = 0.9  # share of the samples in which a usual cell is valid
 
 
 def fit(
@@ -51,17 +49,20 @@ def fit(
     progress: Progress | None = None,
     checkpoint: Path | None = None,
     pictures: Samples | None = None,
+    others: Samples | None = None,
 ) -> WrenchModel:
     """Train on samples of one design.
 
     Args:
         samples: at least three loading paths.
         start: weights to go on from (fine-tuning): the answers are first mapped onto
-            the new labels, then the perceptrons learn on.
+            the new labels, then the perceptrons learn on, with more principal fields where ``config`` has more.
         progress: called after each epoch with (part, seconds, error).
         checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
         pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
             those of its calibration paths: domain-randomised sensors are not wrong in every way in which a real one is.
+        others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and
+            ``out_of_range`` fires where it doubts more than on the samples.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -72,13 +73,15 @@ def fit(
     rest, calibration = samples.split(0.15, config.seed)
     train, validation = rest.split(0.18, config.seed + 1)
     torch.manual_seed(config.seed)
-    net = _prepared(train, config, height) if start is None else _started(start, train)
+    net = _prepared(train, config, height) if start is None else _started(start, train, config.components)
     net.to(config.device)
-    kept = Checkpoint(checkpoint, f"{asdict(config)} {samples.digest} {start.about if start else None}")
+    kept = Checkpoint(
+        checkpoint, f"{asdict(config)} {samples.digest} {start.about if start else None} {others and others.digest}"
+    )
     parts = _parts(net, train, config)
     _fit_mean(net, parts, _parts(net, validation, config, 1), config, progress, kept)
-    more = _parts(net, validation, config)
-    _fit_spread(net, [torch.cat(pair) for pair in zip(parts, more, strict=True)], config, progress, kept)
+    seen = [parts, _parts(net, validation, config), *([] if others is None else [_parts(net, others, config)])]
+    _fit_spread(net, [torch.cat(part) for part in zip(*seen, strict=True)], config, progress, kept)
     net.cpu().eval()
     kept.remove()
     views = [view.take(np.isin(view.path, calibration.path)) for view in (pictures, samples) if view is not None]
@@ -88,8 +91,9 @@ def fit(
         "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
     }
     weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
-    covered = _covered(weights["principal"].astype(float), rest, config, height, start)
-    return WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
+    covered = covered_range(weights["principal"].astype(float), rest, config, height, start)
+    model = WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
+    return model if others is None else replace(model, range=replace(covered, doubt=usual_doubt(model, rest)))
 
 
 def as_net(model: WrenchModel) -> WrenchNet:
@@ -128,7 +132,7 @@ def _prepared(train: Samples, config: FitConfig, side: int) -> WrenchNet:
     return net
 
 
-def _started(start: WrenchModel, samples: Samples) -> WrenchNet:
+def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet:
     if start.design.digest != samples.design.digest or start.shape != samples.fields.shape[2:]:
         raise ParameterError(
             f"start is for {start.design.label} {start.shape}, the data are {samples.design.label} "
@@ -141,7 +145,22 @@ def _started(start: WrenchModel, samples: Samples) -> WrenchNet:
     with torch.no_grad():
         net.linear.copy_(gain @ net.linear)
         net.mean.last.weight.copy_((gain * net.units / net.units[:, None]) @ net.mean.last.weight)
-    return net
+    return net if components <= len(net.principal) else _grown(net, samples, components)
+
+
+def _grown(net: WrenchNet, samples: Samples, components: int) -> WrenchNet:
+    """The same answers with more principal fields: the leading ones of what its own leave of new samples."""
+    old = net.principal.detach().numpy().astype(float)
+    left = samples.inputs - samples.inputs @ old.T @ np.linalg.pinv(old).T
+    left /= tolerance(samples.wrenches[:, :3])
+    more = principal_fields(left, components - len(old), samples.fields.shape[2])
+    grown = WrenchNet(old.shape[1], len(old) + len(more), len(net.mean.first.bias))
+    weights = net.state_dict()
+    weights["principal"] = torch.cat([net.principal, torch.from_numpy(more.astype(np.float32))])
+    for name in ("mean.first.weight", "spread.0.weight"):
+        weights[name] = torch.cat([weights[name], weights[name].new_zeros(len(weights[name]), len(more))], dim=1)
+    grown.load_state_dict(weights)
+    return grown
 
 
 def _gain(start: WrenchModel, samples: Samples) -> Array:
@@ -170,16 +189,17 @@ def _fit_mean(
     net: WrenchNet, train: list[Tensor], held: list[Tensor], config: FitConfig, progress: Progress | None,
     kept: Checkpoint,
 ) -> None:  # fmt: skip
-    """Huber loss in units; the best epoch on the validation paths stays, the linear part alone included."""
+    """Huber loss in units and tolerances; the best epoch on the validation paths stays, the linear part included."""
 
-    def loss(z: Tensor, rest: Tensor) -> Tensor:
-        return torch.nn.functional.smooth_l1_loss(net.mean(z), rest)
+    def loss(z: Tensor, rest: Tensor, allowed: Tensor) -> Tensor:
+        return torch.nn.functional.smooth_l1_loss(net.mean(z) / allowed, rest / allowed)
 
     def judge() -> float:
         with torch.inference_mode():
-            return float((net.mean(held[0]) - (held[2] - held[1]) / net.units).square().mean())
+            off = net.mean(held[0]) - (held[2] - held[1]) / net.units
+            return float((off / tolerance(held[2][:, :3])).square().mean())
 
-    data = train[0], (train[2] - train[1]) / net.units
+    data = train[0], (train[2] - train[1]) / net.units, tolerance(train[2][:, :3])
     _descend(("mean", net.mean), data, loss, judge, config, 1.0, progress, kept)
 
 
@@ -202,8 +222,8 @@ def _fit_spread(
 
 def _descend(
     stage: tuple[str, torch.nn.Module],
-    data: tuple[Tensor, Tensor],
-    loss: Callable[[Tensor, Tensor], Tensor],
+    data: tuple[Tensor, ...],
+    loss: Callable[..., Tensor],
     judge: Callable[[], float],
     config: FitConfig,
     effort: float,
@@ -225,7 +245,7 @@ def _descend(
         order = torch.Generator().manual_seed(config.seed * 1_000_003 + epoch)
         for rows in torch.randperm(len(data[0]), generator=order).to(data[0].device).split(config.batch):
             optimizer.zero_grad()
-            loss(data[0][rows], data[1][rows]).backward()
+            loss(*(part[rows] for part in data)).backward()
             torch.nn.utils.clip_grad_norm_(part.parameters(), 10.0)
             optimizer.step()
         error = judge()
@@ -247,22 +267,10 @@ def _calibrate(net: WrenchNet, held: Samples) -> None:
     net.calibration.copy_(torch.from_numpy(np.clip(scale, 1e-3, 1e3)))
 
 
-def _covered(principal: Array, samples: Samples, config: FitConfig, side: int, start: WrenchModel | None) -> Range:
-    back = np.linalg.pinv(principal).astype(np.float64)
-    measures = [range_measures(principal, back, moved_inputs(samples.inputs, k, side)) for k in config.symmetries]
-    distance, rest = (RANGE_MARGIN * float(max(m[k].max() for m in measures)) for k in (0, 1))
-    if start is not None:  # what it knew before, it still knows
-        distance, rest = max(distance, start.range.distance), max(rest, start.range.rest_px)
-    force = 1.05 * float(np.quantile(np.linalg.norm(samples.wrenches[:, :3], axis=1), OFTEN_ENOUGH))
-    tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, samples.design.outer_radius_mm), OFTEN_ENOUGH))
-    if start is not None:
-        force, tilt = max(force, start.range.force_n), max(tilt, start.range.tilt_deg)
-    return Range(distance, rest, (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side)), force, tilt)
-
-
 def _provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:
+    known = set() if start is None else set(start.about.get("training", {}).get("paths", ()))
     return {
-        "sources": [samples.source], "paths": sorted(map(str, set(samples.path))), "frames": len(samples),
+        "sources": [samples.source], "paths": sorted(known | set(map(str, samples.path))), "frames": len(samples),
         "config": asdict(config), "torch": str(torch.__version__), "data_digest": samples.digest,
         "start": start.about.get("training") if start is not None else None,
     }  # fmt: skip

@@ -6,6 +6,10 @@ camera mounting and focal length (:mod:`sensing.tracking.model_input` takes out 
 place or not at all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests
 use pictures and the real tracker.
 
+Displacements are those that windows show, where a set has them (``outline_mm``): a window sees its dot's outline, and
+where the skin bulges the outline moves 0.2 to 0.5 % less than the centre; taken for the centre, every force would come
+out too small by as much and more.
+
 Displacements in mm (endcap frame) and full-size pixels; fields in pixels of the 200 x 200 crop.
 """
 
@@ -36,7 +40,7 @@ class Scatter:
         tilt_deg, shift_mm, focal_share: what calibration leaves of the camera's (E).
         paint_px: of a painted dot from its place (M: docs/optics.md, 1.6 to 2 px). unseen: share of dots not found.
         still_px, moving_px, share: tracking error at rest, of a dot that moves by over a pixel, and as a share of its
-            displacement (M: bench/bench_wrench.py tracking).
+            displacement (M: bench/bench_wrench.py tracking, and half as much again: real ones repeat).
     """
 
     tilt_deg: float = 0.3
@@ -81,7 +85,7 @@ class MarkerSensor:
         self.operator: FieldOperator = field_operator(self._place + self._beside, FRAME_PX, shape)
 
     def fields(self, moved_mm: NDArray) -> NDArray[np.float32]:
-        """(N, 2, H, W) fields of displacements (N, d, 3) of all dots of the pattern."""
+        """(N, 2, H, W) fields of displacements (N, d, 3) of all dots of the pattern, as windows show them."""
         moved = self._pixels(self.rest_mm[self._seen] + moved_mm[:, self._seen]) - self._place
         slope = np.einsum("kd,ndc->nkc", self._gradient, moved, optimize=True)  # x, then y derivatives at the dots
         count = len(self._place)

@@ -165,7 +165,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     fix = "write the set again, or use the toolkit that wrote it"
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
-    stamp = f"9 {method} {shape} {here.digest} " + " ".join(
+    stamp = f"10 {method} {shape} {here.digest} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
@@ -208,15 +208,17 @@ def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[i
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     rng = np.random.default_rng(int(data.manifest["request"]["seed"]))
     sensors = [MarkerSensor(design, shape, Scatter(), rng) for _ in range(SENSORS)]
+    # What a window shows is in sets of this simulator; the dots' centres stand for it elsewhere.
+    shown = "outline_mm" if "outline_mm" in data.manifest.get("columns", ()) else "dots_mm"
     for file in data.shards:
-        arrays = read_shard(file, COLUMNS)
+        arrays = read_shard(file, {*COLUMNS, shown})
         if arrays["dots_mm"].shape[1:] != sensors[0].rest_mm.shape:
             raise ParameterError(f"{data.folder}: says nothing of its dots (a recording?): give --method dots")
         runs = arrays["path"] + 1j * arrays["azimuth_deg"]
         for run in np.unique(runs):
             rows = np.flatnonzero(runs == run)
             for number in rng.choice(SENSORS, VIEWS, replace=False):
-                fields = sensors[number].fields(arrays["dots_mm"][rows])
+                fields = sensors[number].fields(arrays[shown][rows])
                 for field, row in zip(fields, rows, strict=True):
                     labels = {name: arrays[name][row] for name in COLUMNS}
                     yield field, sensors[number].valid, *_label_row(data, labels, to_sphere)

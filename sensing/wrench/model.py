@@ -33,6 +33,7 @@ from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_
 Array = NDArray[np.float64]
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
+TWICE_N = 20.0  # E: force at which an error may be twice that of a light touch (goals: 0.1 N to 35 N, 1 % beyond)
 LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
@@ -50,10 +51,12 @@ class Range:
     """What the training data covered.
 
     Attributes:
-        distance: largest norm of the whitened principal part. rest_px: largest norm of what the principal fields leave.
+        distance: largest norm of the whitened principal part. rest_px, rest_px_per_n: norm of what the principal fields
+            leave, but for a few samples, without load and more for each newton of it.
         cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
         force_n, tilt_deg: largest force and polar angle of the contact, but for a few samples; infinite in weights that
-            do not say it.
+            do not say it. doubt: largest of :meth:`WrenchModel.doubt`, but for a few samples; infinite where no
+            contacts of other kinds taught it.
     """
 
     distance: float
@@ -61,6 +64,12 @@ class Range:
     cells: NDArray[np.bool_]
     force_n: float = math.inf
     tilt_deg: float = math.inf
+    rest_px_per_n: float = 0.0
+    doubt: float = math.inf
+
+    def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
+        """Whether the principal fields leave more of a field than of those of training under such a force."""
+        return rest_px > self.rest_px + self.rest_px_per_n * force_n
 
 
 @dataclass(frozen=True)
@@ -121,8 +130,9 @@ class WrenchModel:
             flags = frozenset({"missing", "out_of_range" if field.valid.any() else "dots_lost"})
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
         value, covariance, distance, rest = answer_one(x, *self._packed)
-        beyond = distance > self.range.distance or rest > self.range.rest_px
-        beyond = beyond or bool(self._beyond_contacts(value[None])[0])
+        strange = self.range.leaves_too_much(rest, math.sqrt(float(value[:3] @ value[:3])))
+        strange = strange or bool(self.doubt(value[None], covariance[None])[0] > self.range.doubt)
+        beyond = distance > self.range.distance or strange or bool(self._beyond_contacts(value[None])[0])
         flags = frozenset({"out_of_range"} if beyond else ())
         if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
             flags |= {"dots_lost"}
@@ -136,8 +146,18 @@ class WrenchModel:
         """(N,) True where a field, or the contact that it means, is unlike those of training."""
         seen = inputs * np.tile(self.range.cells.ravel(), 2)
         distance, rest = range_measures(self._doubles["principal"], self._back, seen)
-        beyond = self._beyond_contacts(self.predict(inputs)[0])
-        return (distance > self.range.distance) | (rest > self.range.rest_px) | beyond
+        value, covariance = self.predict(inputs)
+        strange = self.range.leaves_too_much(rest, np.linalg.norm(value[:, :3], axis=1))
+        strange |= self.doubt(value, covariance) > self.range.doubt
+        return (distance > self.range.distance) | strange | self._beyond_contacts(value)
+
+    def doubt(self, value: Array, covariance: Array) -> Array:
+        """(N,) largest standard deviation before calibration, in units and tolerances, of wrenches (N, 6) with
+        covariances (N, 6, 6): high where a field is like those of contacts that the mean was not fitted to.
+        """
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        unit = self._doubles["calibration"] * self._doubles["units"]
+        return np.asarray((sigma / unit).max(axis=1) / tolerance(value[:, :3])[:, 0])
 
     def _beyond_contacts(self, value: Array) -> NDArray[np.bool_]:
         """(N,) True where estimated wrenches (N, 6) are larger or further from the tip than those of training."""
@@ -235,6 +255,11 @@ def load_wrench_model(
     return model
 
 
+def tolerance(force: Any) -> Any:
+    """(N, 1) how large an error may be under forces (N, 3), relative to a light touch; numpy or torch."""
+    return 1 + (force**2).sum(1)[:, None] ** 0.5 / TWICE_N
+
+
 def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
     """(N,) polar angle from the tip at which the line of action of wrenches (N, 6) leaves the sphere; 0 below 1 N.
 
@@ -267,8 +292,9 @@ def _built(path: Path) -> WrenchModel:
         if made_for.digest != about["digest"]:
             raise ValueError("the digest is not that of its design")
         cells = tensors.pop("range_cells").astype(bool)
-        limits = {"force_n": math.inf, "tilt_deg": math.inf} | about["range"]
-        sizes = {name: float(limits[name]) for name in ("distance", "rest_px", "force_n", "tilt_deg")}
+        limits = {"force_n": math.inf, "tilt_deg": math.inf, "rest_px_per_n": 0.0, "doubt": math.inf} | about["range"]
+        names = ("distance", "rest_px", "rest_px_per_n", "force_n", "tilt_deg", "doubt")
+        sizes = {name: float(limits[name]) for name in names}
         covered = Range(cells=cells, **sizes)
         shape = (int(about["shape"][0]), int(about["shape"][1]))
         made_of = recorded(about.get("identity"), made_for)

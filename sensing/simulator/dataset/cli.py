@@ -57,6 +57,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option("silicone", str, "row of cad/materials.csv")
     option("indenter", str, "what presses", choices=tuple(KINDS))
     option("radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
+    option("axis_deg", plain_number, "direction of an edge from the meridian, degrees", "--axis")
     option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
     option("loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS)
     option("seed", int, "seed of the paths")

@@ -1,6 +1,6 @@
 """One shard: its paths solved, turned to their azimuths, rendered and labelled (units as the columns are named).
 
-The columns are :data:`sensing.records_labelled.COLUMNS`. A state is solved once, at azimuth 0, and serves every azimuth
+The columns are those of :data:`SIMULATED`. A state is solved once, at azimuth 0, and serves every azimuth
 by rotation. Without pictures ``surface_mm`` holds the displacement of the inner surface, at azimuth 0, so that they can
 be rendered later; its points at rest are in ``dots.npz``.
 """
@@ -31,6 +31,7 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.surface import dot_directions, turn_about_axis, turn_wrench
 
 Array = NDArray[np.float64]
+SIMULATED = COLUMNS | {"outline_mm": "(d, 3) mean displacement of a ring round each dot: what a tracked window shows"}
 STEPS_A_PATH = 1 << 14  # noise numbers kept apart for each path
 
 
@@ -99,7 +100,7 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
                 rows.append(row | dots)
                 pictures.append(picture)
                 surfaces.append(state.end.surface_mm.astype(np.float32))
-    arrays: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows]) for name in COLUMNS}
+    arrays: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows]) for name in SIMULATED}
     arrays["refusals"] = np.array(refusals, dtype=np.str_)
     if tools.renderer is None:
         return {**arrays, "surface_mm": np.array(surfaces)}
@@ -174,8 +175,10 @@ def _picture(
     begin, end = state.begin.surface_mm, state.end.surface_mm
     simulator = tools.simulator
     moved = simulator.markers(state.end, azimuth_deg)
+    shown = simulator.outlines(state.end, azimuth_deg)
     if state.begin is not state.end:
         moved = (simulator.markers(state.begin, azimuth_deg) + moved) / 2
+        shown = (simulator.outlines(state.begin, azimuth_deg) + shown) / 2
     if tools.renderer is None:
         pixels = request.mounted.project(rest_arrays(request)["dots_mm"] + moved)
         camera = request.mounted.camera
@@ -185,7 +188,12 @@ def _picture(
         moving = None if state.begin is state.end else begin
         frame = tools.renderer.render(end, start_mm=moving, azimuth_deg=azimuth_deg, frame=noise, settings=settings)
         pixels, seen, picture = frame.dots_px, frame.dots_visible, frame.jpeg
-    dots = {"dots_mm": moved.astype(np.float32), "dots_px": pixels.astype(np.float32), "dots_visible": seen}
+    dots = {
+        "dots_mm": moved.astype(np.float32),
+        "outline_mm": shown.astype(np.float32),
+        "dots_px": pixels.astype(np.float32),
+        "dots_visible": seen,
+    }
     return dots, picture
 
 

@@ -33,7 +33,14 @@ LAMPS = ("varied", "steady")
 RELEASED, DESIGN = "released", "design"
 LOADS = (RELEASED, DESIGN)
 # What a manifest written before these options means by its silence.
-ADDED_SINCE = {"rate_effects": False, "prony": [], "indenter": "plane", "radius_mm": 20.0, "loads": RELEASED}
+ADDED_SINCE = {
+    "rate_effects": False,
+    "prony": [],
+    "indenter": "plane",
+    "radius_mm": 20.0,
+    "axis_deg": 90.0,
+    "loads": RELEASED,
+}
 MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
 
 
@@ -47,8 +54,8 @@ class DataRequest:
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
-        indenter, radius_mm: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a sphere or
-            edge, ignored for the plane.
+        indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
+            sphere or edge, and the edge's direction from the meridian, each ignored where it means nothing.
         protocol, seed: loading paths. loads: of their set-points: ``released`` as they are, for D=130 T=8 in
             Smooth-Sil 950; ``design`` in proportion to the range of this design's weights.
         azimuths: labelled azimuths of every solved state.
@@ -71,6 +78,7 @@ class DataRequest:
     rate_effects: bool = False
     indenter: str = "plane"
     radius_mm: float = 20.0
+    axis_deg: float = 90.0
     protocol: str = "static"
     seed: int = 0
     loads: str = RELEASED
@@ -159,7 +167,7 @@ class DataRequest:
         Raises:
             ParameterError: a radius that is not positive, or a tilt that no indenter reaches.
         """
-        return Indenter(tilt_deg, self.indenter, self.radius_mm)
+        return Indenter(tilt_deg, self.indenter, self.radius_mm, self.axis_deg)
 
     @property
     def mounted(self) -> MountedCamera:

@@ -25,11 +25,11 @@ from cad.errors import FileError, ParameterError
 from cad.identity import require_same
 from cad.messages import LOG, transient
 from cad.whole_file import put_file
-from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest
+from sensing.records_labelled import FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.card import NAME as CARD
 from sensing.simulator.dataset.card import write_card
-from sensing.simulator.dataset.frames import rest_arrays, shard_bytes
+from sensing.simulator.dataset.frames import SIMULATED, rest_arrays, shard_bytes
 from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.protocols.loading import PHASES, LoadPath
@@ -152,7 +152,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 def _begin(request: DataRequest, folder: Path) -> None:
     """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left."""
-    wanted = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": request.record()}
+    wanted = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": request.record()}
     wanted |= {"shards": len(request.shards()), "identity": request.identity.record()}
     wanted = json.loads(json.dumps(wanted))
     if (folder / "manifest.json").exists():
@@ -162,6 +162,8 @@ def _begin(request: DataRequest, folder: Path) -> None:
         if other:
             said = ", ".join(f"{name}={found.get(name)}" for name in other)
             raise FileError(f"{folder}: holds a set made with {said}: choose an empty folder or the same options")
+        if manifest.get("columns", {}).keys() != SIMULATED.keys():
+            raise FileError(f"{folder}: holds a set of other columns, of an earlier version: choose an empty folder")
         require_same(folder, "holds a set", identity_of(folder, manifest), request.identity, "choose an empty folder")
     (folder / CARD).unlink(missing_ok=True)  # written anew when the set is whole
     for litter in folder.rglob("*.part"):

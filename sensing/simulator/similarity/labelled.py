@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.materials import silicone
 from cad.whole_file import put_file
-from sensing.records_labelled import COLUMNS, FORMAT
-from sensing.simulator.dataset.frames import world_pose
+from sensing.records_labelled import FORMAT
+from sensing.simulator.dataset.frames import SIMULATED, world_pose
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
@@ -150,7 +150,7 @@ def _renderer(request: DataRequest, simulator: Simulator) -> DomeRenderer | None
 
 def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int) -> None:
     record = request.record() | {"protocol": PROTOCOL, "level": LEVEL}
-    manifest = {"format": FORMAT, "phases": list(PHASES), "columns": COLUMNS, "request": record, "shards": shards}
+    manifest = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": record, "shards": shards}
     manifest["identity"] = request.identity.record()
     geometry = simulator.geometry
     dots = geometry.inner_radius_mm * dot_directions(geometry) + np.array(geometry.centre_mm)
@@ -172,7 +172,9 @@ def _shard(
     for azimuth in path.azimuths_deg[: request.azimuths]:
         for state in states:
             moved = simulator.markers(state.end, azimuth)
-            row = _labels(request, path, state, azimuth) | {"dots_mm": moved.astype(np.float32)}
+            shown = simulator.outlines(state.end, azimuth)
+            row = _labels(request, path, state, azimuth)
+            row |= {"dots_mm": moved.astype(np.float32), "outline_mm": shown.astype(np.float32)}
             if renderer is None:
                 pixels = np.full((len(moved), 2), np.nan)
                 seen = np.zeros(len(moved), dtype=bool)
@@ -184,7 +186,7 @@ def _shard(
                 pixels, seen = frame.dots_px, frame.dots_visible
                 pictures.append(frame.jpeg)
             rows.append(row | {"dots_px": pixels.astype(np.float32), "dots_visible": seen})
-    arrays: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows]) for name in COLUMNS}
+    arrays: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows]) for name in SIMULATED}
     arrays["refusals"] = np.array([], dtype=np.str_)
     if renderer is None:
         return arrays

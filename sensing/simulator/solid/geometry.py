@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from cad import scaling
 from cad.errors import ParameterError
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS
 
 MIN_WALL_RATIO, MAX_WALL_RATIO = 0.02, 0.4  # of R: thinner wants shell elements, thicker is no shell
 
@@ -28,6 +29,7 @@ class ShellGeometry:
         centre_height_mm: height of the spheres' centre in the endcap frame.
         clamp_height_mm: height of the plane on which the silicone is clamped.
         view_rim_polar_deg: polar angle at which the inner surface leaves the camera's view (for the dot pattern).
+        dot_rings, dot_mm: of the dot pattern, the released one where nothing is said.
 
     Raises:
         ParameterError: empty or crossing geometry.
@@ -38,6 +40,8 @@ class ShellGeometry:
     centre_height_mm: float
     clamp_height_mm: float
     view_rim_polar_deg: float
+    dot_rings: tuple[int, ...] = RELEASED_RINGS
+    dot_mm: float = RELEASED_DOT_MM
 
     def __post_init__(self) -> None:
         low, high = MIN_WALL_RATIO * self.outer_radius_mm, MAX_WALL_RATIO * self.outer_radius_mm
@@ -56,6 +60,11 @@ class ShellGeometry:
                 name="clamp_height_mm",
                 value=self.clamp_height_mm,
             )
+
+    @property
+    def dot_radius_mm(self) -> float:
+        """Of a painted dot."""
+        return self.dot_mm / 2
 
     @property
     def inner_radius_mm(self) -> float:

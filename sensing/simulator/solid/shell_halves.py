@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from cad.materials import HyperelasticLaw
+from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import MeshDensity
 from sensing.simulator.solid.shell import ShellModel, shell_model
-from sensing.simulator.solid.surface import InnerSurface, SurfaceSampler, dot_directions, inner_surface
+from sensing.simulator.solid.surface import (
+    InnerSurface,
+    SurfaceSampler,
+    dot_directions,
+    inner_surface,
+    outline_directions,
+)
 
 MAX_SAMPLERS = 64  # azimuths kept ready
 
@@ -27,6 +34,7 @@ class ShellHalves:
         self._models: dict[bool, ShellModel] = {}
         self._surfaces: dict[bool, InnerSurface] = {}
         self._samplers: dict[float, SurfaceSampler] = {}
+        self._outlines: dict[float, SurfaceSampler] = {}
         self.surface = self.surface_of(half=True)
         self.sampler(0.0)
 
@@ -45,8 +53,17 @@ class ShellHalves:
 
     def sampler(self, azimuth_deg: float) -> SurfaceSampler:
         """Sampler of the painted dots for a contact at an azimuth."""
-        if azimuth_deg not in self._samplers:
-            if len(self._samplers) > MAX_SAMPLERS:
-                self._samplers = {0.0: self._samplers[0.0]}
-            self._samplers[azimuth_deg] = self.surface.sampler(dot_directions(self.geometry), azimuth_deg)
-        return self._samplers[azimuth_deg]
+        return self._kept(self._samplers, dot_directions(self.geometry), azimuth_deg)
+
+    def outlines(self, azimuth_deg: float) -> SurfaceSampler:
+        """Sampler of the rings round the dots for a contact at an azimuth."""
+        return self._kept(self._outlines, outline_directions(self.geometry), azimuth_deg)
+
+    def _kept(self, samplers: dict[float, SurfaceSampler], directions: Array, azimuth_deg: float) -> SurfaceSampler:
+        if azimuth_deg not in samplers:
+            if len(samplers) > MAX_SAMPLERS:
+                kept = {azimuth: sampler for azimuth, sampler in samplers.items() if azimuth == 0.0}
+                samplers.clear()
+                samplers.update(kept)
+            samplers[azimuth_deg] = self.surface.sampler(directions, azimuth_deg)
+        return samplers[azimuth_deg]

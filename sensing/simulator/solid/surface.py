@@ -23,6 +23,10 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import HexMesh, Index
 from sensing.simulator.solid.shell import ShellModel
 
+# What a tracked window shows of a dot is the mean displacement of this ring round its centre, in radii of the dot (M:
+# bench/bench_wrench.py tracking). It is that wide because a window weighs what lies outside the ink, and because a
+# round outline shows only the motion across it: of a bulge, one and a half times what its mean would.
+OUTLINE_RADII, OUTLINE_POINTS = 1.65, 8
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
 ON_RAY = 1e-9  # relative miss of the ray
@@ -115,9 +119,21 @@ def inner_surface(model: ShellModel) -> InnerSurface:
 def dot_directions(geometry: ShellGeometry) -> Array:
     """Directions (m, 3) of the painted dots, in the order of :func:`cad.dots.dot_pattern`.
 
-    The pattern asks only for inner radius and view rim, which a shell of any wall has.
+    The pattern asks only for inner radius, view rim, rings and size, which a shell of any wall has.
     """
     return np.array([dot.direction for dot in dot_pattern(cast(EndcapParams, geometry))])
+
+
+def outline_directions(geometry: ShellGeometry) -> Array:
+    """Directions (m * OUTLINE_POINTS, 3) of a ring of points round every painted dot, dot by dot."""
+    outward = dot_directions(geometry)
+    aside = np.where(np.abs(outward[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    east = np.cross(outward, aside)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    angle = 2 * np.pi * np.arange(OUTLINE_POINTS)[:, None] / OUTLINE_POINTS
+    ring = np.cos(angle) * east[:, None] + np.sin(angle) * np.cross(outward, east)[:, None]
+    found = outward[:, None] + OUTLINE_RADII * geometry.dot_radius_mm / geometry.inner_radius_mm * ring
+    return np.asarray((found / np.linalg.norm(found, axis=2, keepdims=True)).reshape(-1, 3))
 
 
 def turn_about_axis(azimuth_deg: float) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ def answers(loads_n: np.ndarray, off_n: float = 0.5) -> LiveAnswers:
     truth[:, 2] = -loads_n
     value = truth + np.array([0, 0, off_n, 0, 0, 0])
     covariance = np.tile(np.eye(6), (count, 1, 1))
-    here = np.full(count, 30.0), np.full(count, True), np.full(count, "p")
+    here = np.full(count, 30.0), np.full((count, 4), np.nan), np.full(count, True), np.full(count, "p")
     return LiveAnswers(value, truth, covariance, covariance, np.full(count, False), *here)
 
 
@@ -32,3 +34,10 @@ def test_loads_are_parted_alike_in_every_range(scale):
 
 def test_a_frame_beyond_the_last_edge_is_counted():
     assert sum(cell.frames for cell in cells(answers(np.array([3.0, 59.0, 341.0])))) == 3
+
+
+def test_frames_far_off_are_counted_with_and_without_a_flag():
+    far = replace(answers(np.array([3.0, 3.5, 4.0, 4.5]), off_n=1.2), flagged=np.array([True, False, True, True]))
+    near = answers(np.array([3.0, 3.5]), off_n=0.9)
+    assert [(cell.far, cell.far_flagged) for cell in cells(far)] == [(4, 3)]
+    assert "3 of 4" in cell_tables(cells(far)) and cells(near)[0].far == 0

@@ -1,5 +1,7 @@
 """The one facade of the levels: same answers whatever mesh half or level gives them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import shell_geometry
-from sensing.simulator.solid.surface import turn_wrench
+from sensing.simulator.solid.surface import OUTLINE_RADII, turn_wrench
 
 GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()
 SCENE = Scene(Indenter(tilt_deg=25), friction=0.6)
@@ -51,6 +53,19 @@ def test_a_turned_contact_turns_markers_and_wrench(simulator: Simulator) -> None
     largest = [np.linalg.norm(field, axis=1).max() for field in (still, turned)]
     assert largest[0] == pytest.approx(largest[1], rel=0.1)  # dots lie elsewhere against the contact
     assert np.allclose(turn_wrench(state.wrench, 180.0)[:3], state.wrench[:3] * [-1, -1, 1], atol=1e-9)
+
+
+def test_an_outline_moves_as_the_skin_does_round_its_dot(simulator: Simulator) -> None:
+    """The mean of z = a |x|^2 over a ring is a r^2 above its centre; that of a linear motion is the same."""
+    state = list(simulator.follow(SCENE, [Target(normal_n=6.0)]))[-1]
+    place = simulator.surface.position
+    straight = replace(state, surface_mm=place @ np.array([[0.01, 0.02, 0.0], [0.0, 0.03, 0.01], [0.02, 0.0, 0.0]]))
+    bowl = replace(state, surface_mm=0.005 * (place[:, :1] ** 2 + place[:, 1:2] ** 2) * [[0.0, 0.0, 1.0]])
+    tip = 0  # where the ring is level
+    gap = simulator.outlines(straight) - simulator.markers(straight)
+    assert np.abs(gap[tip]).max() < 2e-3  # the ring lies on the sphere, a little behind its centre
+    risen = (simulator.outlines(bowl) - simulator.markers(bowl))[tip, 2]
+    assert risen == pytest.approx(0.005 * (OUTLINE_RADII * GEOMETRY.dot_radius_mm) ** 2, rel=0.1)  # of a draft mesh
 
 
 def test_levels_agree_and_say_which_answered(simulator: Simulator) -> None:

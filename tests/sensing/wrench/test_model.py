@@ -269,6 +269,49 @@ def test_training_repeats_and_fine_tuning_helps_on_a_changed_sensor(model):
     assert json.dumps(tuned.about["training"]["start"])
 
 
+def test_more_principal_fields_start_from_the_same_answers(model):
+    """Of other contacts the grown weights leave less; their limit is set anew, and the old paths stay known."""
+    other = made_samples(paths=20, seed=4)
+    other = replace(other, fields=other.fields + np.float32(0.1) * other.fields**2)
+    still = replace(QUICK, epochs=0)
+    same, grown = (fit(other, replace(still, components=count), start=model) for count in (12, 20))
+    assert len(grown.weights["principal"]) == 20
+    assert np.allclose(grown.predict(other.inputs)[0], same.predict(other.inputs)[0], atol=1e-4)
+    left = [
+        range_measures(m.weights["principal"].astype(float), m._back, other.inputs)[1].mean() for m in (same, grown)
+    ]
+    assert left[1] < 0.9 * left[0] and grown.range.rest_px < same.range.rest_px
+    assert set(model.about["training"]["paths"]) < set(grown.about["training"]["paths"])
+
+
+def test_what_a_field_may_leave_grows_with_the_load(model, data):
+    """A strange addition that would pass under the heaviest load is flagged under a light one."""
+    assert model.range.rest_px_per_n > 0
+    odd = np.random.default_rng(1).normal(size=72)
+    odd -= model._back @ (model.weights["principal"].astype(float) @ odd)
+    odd *= 2 * model.range.rest_px / np.linalg.norm(odd)
+    force = np.linalg.norm(data.wrenches[:, :3], axis=1)
+    light, heavy = data.inputs[np.abs(force - 2).argmin()], data.inputs[force.argmax()]
+    assert not model.out_of_range(np.array([light, heavy])).any()
+    assert model.out_of_range(np.array([light, heavy]) + odd).tolist() == [True, False]
+
+
+def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
+    """Fields bent otherwise by the same wrenches: unflagged without, flagged with others of their kind in training."""
+
+    def bent(paths, seed):
+        made = made_samples(paths=paths, seed=seed)
+        return replace(made, fields=made.fields * (1 + 0.5 * np.abs(made.fields) / np.abs(made.fields).max()))
+
+    fresh = bent(10, 21)
+    known, taught = fit(data, QUICK), fit(data, QUICK, others=bent(20, 22))
+    assert np.array_equal(known.predict(fresh.inputs)[0], taught.predict(fresh.inputs)[0])
+    off = np.abs(known.predict(fresh.inputs)[0] - fresh.wrenches)[:, 2] > 1.0
+    assert off.sum() > 10 and known.out_of_range(fresh.inputs)[off].mean() < 0.5
+    assert taught.out_of_range(fresh.inputs)[off].mean() > 0.8
+    assert taught.out_of_range(made_samples(seed=5).inputs).mean() < 0.15  # a few paths teach coarsely
+
+
 def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():
     small, fresh = made_samples(paths=16, seed=3), made_samples(paths=16, seed=5, noise=0.05)
     noisy = replace(made_samples(paths=16, seed=3, noise=0.05), path=small.path)

@@ -110,6 +110,24 @@ def test_another_indenter_presses_otherwise_and_is_never_mixed(tmp_path: Path) -
         write_dataset(sphere, tmp_path / "plane")
 
 
+def test_an_edge_presses_along_its_axis(tmp_path: Path) -> None:
+    """What an edge across the meridian moves reaches further across it than what one along it moves."""
+    request = replace(small_request(), render="off", frames=6, indenter="edge", radius_mm=15.0)
+    width = {}
+    for axis in (0.0, 90.0):
+        write_dataset(replace(request, axis_deg=axis), tmp_path / f"{axis:g}")
+        data = LabelledSet(tmp_path / f"{axis:g}")
+        loaded = np.flatnonzero(data.column("normal_n") > 5)[0]
+        turn = np.radians(data.column("azimuth_deg")[loaded] + 90.0)
+        lateral = np.array([np.cos(turn), np.sin(turn), 0.0])  # across the meridian, in the tangent plane
+        weight = np.linalg.norm(data.column("dots_mm")[loaded], axis=1) ** 2
+        place = np.load(tmp_path / f"{axis:g}" / "dots.npz")["dots_mm"] @ lateral
+        width[axis] = np.sqrt((weight * place**2).sum() / weight.sum())
+    assert width[90.0] > 1.02 * width[0.0]
+    with pytest.raises(FileError, match="axis_deg"):
+        write_dataset(request, tmp_path / "0")
+
+
 def test_sensors_and_lamps_differ_as_asked() -> None:
     request = small_request()
     other = replace(request, sensor=3)

@@ -1,0 +1,64 @@
+"""What a training covered: beyond it an answer is flagged ``out_of_range`` (px, N, degrees).
+
+A contact unlike those of training (a ball where planes were learned) bends the skin in ways that the principal fields
+do not hold. What they leave grows with the load, so the limit does, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.learning.fit_config import FitConfig
+from sensing.learning.samples import Samples
+from sensing.learning.symmetry import disc_cells, moved_inputs
+from sensing.wrench.model import Range, WrenchModel, contact_angle_deg, range_measures
+
+Array = NDArray[np.float64]
+RANGE_MARGIN = 1.3  # E: over what training shows
+LIGHT_N = 2.0  # E: under this force a field is little more than noise
+OFTEN_ENOUGH = 0.999  # E: share of the samples that counts as learnt
+DOUBTED = 0.01  # E: share of the samples, those far out with large errors, that may be doubted
+USUALLY = 0.9  # share of the samples in which a usual cell is valid
+
+
+def covered_range(principal: Array, samples: Samples, config: FitConfig, side: int, start: WrenchModel | None) -> Range:
+    """Range of weights, from the samples that they learned from.
+
+    Args:
+        principal: (K, D) fields of the weights. samples: learned from. config: says which symmetries were used.
+        side: cells along one side of the square grid. start: weights that were fine-tuned; what they knew stays known.
+    """
+    back = np.linalg.pinv(principal).astype(np.float64)
+    measures = [range_measures(principal, back, moved_inputs(samples.inputs, k, side)) for k in config.symmetries]
+    distance = RANGE_MARGIN * float(max(m[0].max() for m in measures))
+    size = np.linalg.norm(samples.wrenches[:, :3], axis=1)
+    least, slope = _left(np.max([m[1] for m in measures], axis=0), size)
+    force = 1.05 * float(np.quantile(size, OFTEN_ENOUGH))
+    tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, samples.design.outer_radius_mm), OFTEN_ENOUGH))
+    if start is not None:  # what it knew before, it still knows
+        known = start.range
+        distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
+        if len(principal) == len(start.weights["principal"]):  # more fields leave less
+            least, slope = max(least, known.rest_px), max(slope, known.rest_px_per_n)
+    cells = (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side))
+    return Range(distance, least, cells, force, tilt, slope)
+
+
+def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:
+    """What the principal fields leave of a field: limit without load, and more for each newton of it.
+
+    Args:
+        rest_px: (N,) of the samples. force_n: (N,) norms of their forces.
+    """
+    light = force_n < LIGHT_N
+    if light.all() or not light.any():
+        return RANGE_MARGIN * float(rest_px.max()), 0.0
+    least = float(np.quantile(rest_px[light], OFTEN_ENOUGH))
+    slope = float(np.quantile((rest_px[~light] - least) / force_n[~light], OFTEN_ENOUGH))
+    return RANGE_MARGIN * least, RANGE_MARGIN * max(slope, 0.0)
+
+
+def usual_doubt(model: WrenchModel, samples: Samples) -> float:
+    """Doubt that a model has on all but a few samples of those that it learned from."""
+    return float(np.quantile(model.doubt(*model.predict(samples.inputs)), 1 - DOUBTED))

@@ -5,9 +5,9 @@
     PYTHONPATH=. python bench/bench_foreign.py --blender exports/blender
 
 Solves two paths of the plane and renders them as two sensors see them: one with another lens, one whose camera is
-turned and shifted, too, with another lens law and shiny ink (six minutes of one core; what is
-there is kept). Then each is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs;
-``python -m sensing.evaluate exports/foreign/*/`` reads the same sets. Writes bench/foreign.csv and bench/foreign.jpg.
+turned and shifted, too, with another lens law and shiny ink (six minutes of one core; what is there is kept). Then each
+is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs; ``python -m
+sensing.evaluate exports/foreign/other*/`` reads the same sets. Writes bench/foreign.csv and bench/foreign.jpg.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from fab.slice.printers import DEFAULT_PRINTER, printers
 
     low, high = diameter_range_mm()
-    names = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
+    names: dict[str, Iterable[str]] = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
     command = Command(
         "make molds",
         "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION] "

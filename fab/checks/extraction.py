@@ -2,8 +2,7 @@
 
 A path is a sequence of straight legs (unit direction, length). Core pieces leave through the bore of the TPU interface
 in the order of :data:`cad.mold_core.REMOVAL_ORDER`; cup segments leave away from the equator. Silicone and TPU flange
-are closed forms here (sphere, ramp, bumps, bore), so depths are exact for the sampled points; other pieces are meshes.
-Millimetres, endcap frame.
+are closed forms (sphere, ramp, bumps, bore), exact at the sampled points; other pieces are meshes. Mm, endcap frame.
 """
 
 from __future__ import annotations
@@ -50,8 +49,8 @@ class Extraction:
     """How one piece leaves.
 
     Attributes:
-        piece: its name. legs: the path. penetration_mm: deepest that any of its points enters silicone or TPU (0
-            wanted). piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
+        piece: its name. legs: the path. penetration_mm: deepest that a point enters silicone or TPU (0 wanted).
+        piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
         draft_deg: least angle between the piece's molding surface and the first leg.
         rim_strain: how far the opening must stretch to let it pass (0 wanted).
     """

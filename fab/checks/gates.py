@@ -15,6 +15,7 @@ from cad.interface import build_zone
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
+from cad.robot_sides import DEFAULT_ROBOT
 from fab.bom import fit_joints
 from fab.cache import Cache
 from fab.checks.bumps import bump_checks
@@ -70,7 +71,7 @@ def run_gates(
     steps = all_steps(design.layout, paths)
     swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
     cast_mm3 = mesh_volume_mm3(design, SHELL)
-    sweeps = workers.submit(silicone_gates, design.layout, steps, swept, cast_mm3)  # the longest first
+    sweeps = workers.submit(silicone_gates, design.layout, steps, swept, cast_mm3, design.robot)  # the longest first
     gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     overlaps = [
         workers.submit(_overlap_check, label, [meshes[name] for name in names])
@@ -106,20 +107,26 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
 
 
 def silicone_gates(
-    layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float
+    layout: MoldLayout,
+    steps: Sequence[Step],
+    meshes: Mapping[str, trimesh.Trimesh],
+    cast_mm3: float,
+    robot: str = DEFAULT_ROBOT,
 ) -> list[Check]:
     """Sweeps of the steps and their screws, and the balance: what the closed mold encloses is made once for all.
 
     Args:
         layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
-        cast_mm3: volume of the silicone shell.
+        cast_mm3: volume of the silicone shell. robot: what the arm adapter fits.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     opened = opened_space(layout, pieces)
     bodies = step_bodies(layout, steps, meshes, opened)
     sweeps = sweep_checks(layout, steps, bodies)
     fits = fit_joints(layout, meshes)
-    sweeps += fastener_checks(layout.params, steps, bodies, fits) + [check for fit in fits for check in fit.checks]
+    sweeps += fastener_checks(layout.params, steps, bodies, fits, robot) + [
+        check for fit in fits for check in fit.checks
+    ]
     return [*sweeps, balance_check(layout, pieces, meshes["interface"], cast_mm3, opened)]
 
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cad.base import LUG_RADIUS_MM
 from cad.materials import Silicone
 from cad.mold_layout import MoldLayout
 from fab.design_page.outline import Profile, parts, shell_volume_mm3
 from fab.slice.filaments import filament
+from fab.slice.footprints import footprints
 from fab.slice.printers import printer
 
 MOLD = {  # part: skin (mm), infill, cut faces, each the size of the profile
@@ -81,16 +81,13 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
 
 
 def _bed(layout: MoldLayout, printer_name: str) -> str:
-    """The widest part, the adapter's five arms, against the bed in its best turn."""
-    where, params = printer(printer_name), layout.params
-    turn = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
-    rim = LUG_RADIUS_MM * np.column_stack([np.cos(turn), np.sin(turn)])
-    arms = np.radians(params.arm_azimuths_deg)
-    lugs = [params.arm_circle_radius_mm * np.array([np.cos(a), np.sin(a)]) + rim for a in arms]
-    points = np.column_stack([np.concatenate(lugs), np.zeros(len(lugs) * len(rim))])
-    verdict = "fits" if where.takes(points) else "too wide: make slice names a printer that takes it"
-    width, depth = np.ptp(points, axis=0)[:2]
-    return f"arms {width:.0f} x {depth:.0f} mm, bed {where.width_mm:g} x {where.depth_mm:g} mm: {verdict}"
+    """The widest part against the bed in its best turn."""
+    where, sizes = printer(printer_name), footprints(layout)
+    large = [name for name, points in sizes.items() if not where.takes(points)]
+    widest = max(large or sizes, key=lambda name: float(np.ptp(sizes[name][:, 0])))
+    width, depth = np.ptp(sizes[widest], axis=0)[:2]
+    verdict = "too large: make molds names the largest D" if large else "all parts fit"
+    return f"{widest} {width:.0f} x {depth:.0f} mm, bed {where.width_mm:g} x {where.depth_mm:g} mm: {verdict}"
 
 
 def _plastic_mm3(profile: Profile, skin_mm: float, infill: float, cuts: int) -> float:

@@ -105,7 +105,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
 def folder_name(params: EndcapParams, led_count: int) -> str:
     """``led_ring``, and what of the design is not the default: one ring's files do not replace another's."""
     parts = ["led_ring"]
-    if params != EndcapParams(*(float(COMMAND.defaults[name]) for name in "DT")):
+    if params != EndcapParams(float(COMMAND.defaults["D"]), float(COMMAND.defaults["T"])):
         parts.append(params.label)
     if led_count != LED_COUNT:
         parts.append(f"{led_count}leds")

@@ -14,11 +14,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import manifold3d
 
-from cad.arm_adapter import arm_places_mm
+from cad.arm_adapter import THICKNESS_MM, arm_places_mm
 from cad.base import ARM_INSERT_RADIUS_MM
 from cad.bought import bought_mm
 from cad.interface import POCKET_FLOOR_MM, POCKET_HEIGHT_MM, RIB_HEIGHT_MM
 from cad.params import EndcapParams
+from cad.robot_sides import DEFAULT_ROBOT, robot_side
 from fab.checks.check import Check
 from fab.checks.meshes import OVERLAP_MM3
 from fab.checks.screw_fit import ScrewFit
@@ -29,13 +30,18 @@ CONTACT_MM = 0.01  # by which a head stays off its seat, an insert off its hole'
 ROOT_PITCHES = 1.2269  # S: ISO 68-1, the root's diameter is the thread's less this many pitches
 NUT_CORNERS = 2 / math.sqrt(3)  # of a hexagon: across corners over across flats
 NUT_M4_FLATS_MM = 7.0  # S: ISO 4032
+ROBOT_SHANK_MM, ROBOT_HEAD_MM = 6.0, 10.0  # S: M6 of ISO 4762, and the pin of ISO 2338
 SEGMENTS = 48
 
 Bodies = Mapping[str, manifold3d.Manifold]
 
 
 def fastener_checks(
-    params: EndcapParams, steps: Iterable[Step], bodies: Bodies, fits: Sequence[ScrewFit]
+    params: EndcapParams,
+    steps: Iterable[Step],
+    bodies: Bodies,
+    fits: Sequence[ScrewFit],
+    robot: str = DEFAULT_ROBOT,
 ) -> list[Check]:
     """One check for every step in which something is driven or pushed in.
 
@@ -44,6 +50,7 @@ def fastener_checks(
         steps: what is done; screws that are loosened go the way they came.
         bodies: of the parts in place (:func:`fab.steps.sweep.step_bodies`).
         fits: how the screws of every joint sit.
+        robot: what the arm adapter fits.
     """
     checks = []
     for step in steps:
@@ -53,6 +60,9 @@ def fastener_checks(
         if "inserts" in step.extras:
             shared = _shared_mm3(inserts_on_their_way(params), bodies["base"])
             checks.append(Check(f"step_{step.key}.inserts_overlap_mm3", shared, high=OVERLAP_MM3))
+        if "adapter_to_base" in step.screws and (swept := robot_fixings_on_their_way(params, robot)) is not None:
+            shared = _shared_mm3(swept, bodies["arm_adapter"])
+            checks.append(Check(f"step_{step.key}.robot_overlap_mm3", shared, high=OVERLAP_MM3))
         if step.screws and step.enters:
             driven = [fit for fit in fits if fit.joint.name.startswith(step.screws)]
             shared = max(screw_overlap_mm3(fit, step, bodies) for fit in driven)
@@ -112,6 +122,23 @@ def inserts_on_their_way(params: EndcapParams) -> manifold3d.Manifold:
     depth, radius = bought_mm("insert_m4", "length"), ARM_INSERT_RADIUS_MM - 2 * CONTACT_MM
     inserts = [_cylinder(place, radius, bottom - ACCESS_MM, bottom + depth, True) for place in arm_places_mm(params)]
     return manifold3d.Manifold.batch_boolean(inserts, manifold3d.OpType.Add)
+
+
+def robot_fixings_on_their_way(params: EndcapParams, robot: str) -> manifold3d.Manifold | None:
+    """What the screws M6 from above and the pin sweep in the adapter, before the base is on it; ``None``: a blank side.
+
+    A head goes down to its pocket's floor; the pin, which is pressed, is swept with the contact's play.
+    """
+    high = -params.base_thickness_mm
+    low, swept = high - THICKNESS_MM, []
+    for holes in robot_side(robot):
+        shank = ROBOT_SHANK_MM / 2 - (CONTACT_MM if holes.element == "pin" else 0.0)
+        for place in holes.places_mm:
+            swept.append(_cylinder(place, shank, low - CONTACT_MM, high + ACCESS_MM, True))
+            if holes.head_depth_mm:
+                floor = high - holes.head_depth_mm + CONTACT_MM
+                swept.append(_cylinder(place, ROBOT_HEAD_MM / 2, floor, high + ACCESS_MM, True))
+    return manifold3d.Manifold.batch_boolean(swept, manifold3d.OpType.Add) if swept else None
 
 
 def _cylinder(place: tuple[float, float], radius: float, start: float, end: float, up: bool) -> manifold3d.Manifold:

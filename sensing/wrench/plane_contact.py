@@ -90,7 +90,8 @@ def _spread(covariance: Array) -> float:
     return math.sqrt(trace / 2) if trace >= 0 else math.nan
 
 
-NO_CONTACT = PlaneContact(*(np.full(shape, np.nan) for shape in ((3,), (3,), (3, 3), (3, 3))), math.nan, math.nan)
+_NAN_3, _NAN_33 = np.full(3, np.nan), np.full((3, 3), np.nan)
+NO_CONTACT = PlaneContact(_NAN_3, _NAN_3, _NAN_33, _NAN_33, math.nan, math.nan)
 
 
 class PlaneContactLaw:

@@ -7,19 +7,27 @@ import math
 import manifold3d
 import pytest
 
+from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.fasteners import ScrewJoint
 from cad.interface import build_flange
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from cad.robot_sides import robot_sides
 from fab.bom import all_joints
 from fab.checks.extraction import Leg
 from fab.checks.meshes import OVERLAP_MM3
 from fab.checks.screw_fit import ScrewFit
 from fab.meshing.mesh import tessellate, to_manifold
 from fab.steps.endcap import all_steps
-from fab.steps.fasteners import inserts_on_their_way, nuts_on_their_way, screw_overlap_mm3, screws_on_their_way
+from fab.steps.fasteners import (
+    inserts_on_their_way,
+    nuts_on_their_way,
+    robot_fixings_on_their_way,
+    screw_overlap_mm3,
+    screws_on_their_way,
+)
 from fab.steps.record import Move, Step
 
 PARAMS = EndcapParams(98.9, 6.5)
@@ -37,6 +45,16 @@ def test_inserts_pass_the_holes_of_the_lugs_and_nothing_else():
     base, inserts = to_manifold(tessellate(base_part(PARAMS).solid)), inserts_on_their_way(PARAMS)
     assert (inserts ^ base).volume() < OVERLAP_MM3
     assert (inserts ^ base.rotate([0.0, 0.0, 1.0])).volume() > 20.0
+
+
+@pytest.mark.parametrize("robot", sorted(robot_sides()))
+def test_screws_and_pin_of_every_robot_pass_the_adapter_and_nothing_else(robot):
+    adapter = to_manifold(tessellate(adapter_part(PARAMS, robot).solid))
+    swept = robot_fixings_on_their_way(PARAMS, robot)
+    assert (swept is None) == (robot == "blank")
+    if swept is not None:
+        assert (swept ^ adapter).volume() < OVERLAP_MM3
+        assert (swept.rotate([0.0, 0.0, 3.0]) ^ adapter).volume() > 20.0
 
 
 def joint(holder: str, up: bool) -> ScrewFit:

@@ -132,8 +132,8 @@ def nothing(endcap: str, state: str, reason: str) -> dict[str, Any]:
     Args:
         endcap: name. state: its state in a word. reason: why no frame comes.
     """
-    numbers = ("time_s", "force_norm_n", "contact", "contact_since_s", "place_sd_mm", "normal_sd_deg", "friction_use")
-    numbers += ("friction_use_sd",)
+    numbers = ["time_s", "force_norm_n", "contact", "contact_since_s"]
+    numbers += ["place_sd_mm", "normal_sd_deg", "friction_use", "friction_use_sd"]
     return {"endcap": endcap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
         "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3,
         "place_mm": [None] * 3, "normal": [None] * 3, "flags": [],

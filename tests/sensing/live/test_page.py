@@ -161,7 +161,16 @@ def test_on_another_address_it_wants_the_token(tmp_path, own_settings):
         port = open_site.server.address[1]
         base, token = f"http://127.0.0.1:{port}/", open_site.server.token
         assert len(token) >= 20 and open_site.url.endswith(f":{port}/?token={token}")
-        for path in ("", "page.js", "state.json", "?token=", f"?token={token[:-1]}", "state.json?token=ä"):
+        for path in (
+            "",
+            "page.js",
+            "state.json",
+            "domes.json",
+            "recording/0",
+            "?token=",
+            f"?token={token[:-1]}",
+            "state.json?token=ä",
+        ):
             assert fetch(base + urllib.parse.quote(path, safe="?=&/"))[0] == 403, path
         status, _ = fetch(f"{base}?token={token}")
         cookie = {"Cookie": f"endcap_token_{port}={token}"}
@@ -209,6 +218,19 @@ def test_no_other_page_can_frame_this_one(site):
     with urllib.request.urlopen(site.url) as answer:
         assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
         assert answer.headers["X-Frame-Options"] == "DENY"
+
+
+def test_curves_and_recordings_are_for_this_page_alone_and_recordings_have_numbers(site):
+    status, answer = fetch(site.url + "domes.json")
+    curves = json.loads(answer)
+    assert status == 200 and [len(found) for found in curves] == [3, 3, 3]
+    for curve in curves[0]:
+        for name in ("force_n", "depth_mm", "patch_mm2"):
+            assert curve[name][0] == 0 and len(curve[name]) > 5 and (np.diff(curve[name]) >= 0).all(), name
+    for path in ("domes.json", "state.json", "recording/0"):
+        assert fetch(site.url + path, Origin="http://evil.example")[0] == 403, path
+    for path in ("recording/99", "recording/-1", "recording/x", "recording/0/../../page.py", "recording/"):
+        assert fetch(site.url + path)[0] == 404, path
 
 
 def test_no_path_reaches_a_file(site):

@@ -18,7 +18,8 @@ from sensing.live.replay import read_config, verify
 
 def test_nothing_is_below_the_fold_of_a_notebook(stage):
     stage.free()
-    bottom = "Math.max(...['health_box', 'plots', 'image', 'scene', 'dome'].map((id) => $(id).getBoundingClientRect().bottom))"
+    shown = "['health_box', 'plots', 'image', 'scene', 'dome']"
+    bottom = f"Math.max(...{shown}.map((id) => $(id).getBoundingClientRect().bottom))"
     with stage.tab.sized(1440, 900):
         lengthen = (
             "$('health').rows[0].cells[1].textContent = 'a long reason '.repeat(99), $('recording').hidden = false"

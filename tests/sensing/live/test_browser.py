@@ -64,7 +64,7 @@ def test_a_run_that_stops_is_grey_with_its_age_and_its_buttons_do_nothing_then_o
     stage.free()
     stage.process.send_signal(signal.SIGSTOP)
     stage.tab.value("$('record').click()")  # the page cannot know yet: the message waits for the run
-    stage.tab.until(STALE)
+    assert stage.tab.until(STALE, "socket.readyState") == 1  # it is the silence that shows, not a closed connection
     assert re.search(r"No answer from sensing.live for \d+ s", stage.tab.value("$('lost').textContent"))
     stage.tab.until("parseInt(/(\\d+) s ago/.exec(" + CARD.format("h") + ")[1]) >= 3")
     assert stage.tab.value(CARD.format("n")) == "–"

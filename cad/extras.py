@@ -25,8 +25,8 @@ KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build
 SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}
 
 _CAD = ("cad",)
-_PICTURES = ("live", "sensing", "simulate", "train", "cluster", "onnx", "download")
-_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download")
+_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")
+_PICTURES = ("live", *_NUMERICS)
 EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that bring it
     **dict.fromkeys(("OCP", "build123d", "cadquery", "vtkmodules", "pymeshlab", "typst", "embreex"), _CAD),
     **dict.fromkeys(("PIL", "gerbonara", "lxml", "manifold3d", "networkx", "shapely", "skimage", "trimesh"), _CAD),

@@ -109,9 +109,10 @@ def test_the_extra_of_a_command_brings_what_it_imports(command):
     assert not lacking, f"{command} imports {lacking}, which the extra {extra!r} does not bring"
 
 
-def test_all_brings_everything_but_the_tools_of_development():
+def test_all_brings_everything_but_the_tools_of_development_and_lerobot():
+    apart = {"all", "dev", "docs", "lerobot"}  # lerobot: one format for 45 MB
     listed = PROJECT["optional-dependencies"]
-    assert requirements("all") == set().union(*(requirements(extra) for extra in set(listed) - {"all", "dev", "docs"}))
+    assert requirements("all") == set().union(*(requirements(extra) for extra in set(listed) - apart))
     assert requirements("dev") > requirements("all")
 
 

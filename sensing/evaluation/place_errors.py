@@ -26,7 +26,7 @@ def place_errors(item: LabelledFrame, estimate: Wrench, law: PlaneContactLaw | N
         The true plane is the world's z = 0, and the true centre follows from the true wrench on it.
     """
     pose = np.asarray(item.labels["T_world_endcap"], float)
-    if law is None or not (item.contact and np.isfinite(pose).all()):
+    if law is None or pose.shape != (4, 4) or not (item.contact and np.isfinite(pose).all()):
         return UNKNOWN
     centre = np.array([0.0, 0.0, params.centre_height_mm])
     outward, height = -pose[2, :3], float(pose[2, :3] @ centre + pose[2, 3])

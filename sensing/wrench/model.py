@@ -28,11 +28,11 @@ from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import answer_many, answer_one
+from sensing.wrench.range import Range, contact_angle_deg, range_measures
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
 Array = NDArray[np.float64]
 LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
-LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
 TWICE_N = 20.0  # E: force at which an error may be twice that of a light touch (goals: 0.1 N to 35 N, 1 % beyond)
 LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
@@ -44,32 +44,6 @@ SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K c
     "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("M", "K"), "spread.0.bias": ("M",),
     "spread.2.weight": ("M", "M"), "spread.2.bias": ("M",), "spread.4.weight": ("21", "M"), "spread.4.bias": ("21",),
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Range:
-    """What the training data covered.
-
-    Attributes:
-        distance: largest norm of the whitened principal part. rest_px, rest_px_per_n: norm of what the principal fields
-            leave, but for a few samples, without load and more for each newton of it.
-        cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
-        force_n, tilt_deg: largest force and polar angle of the contact, but for a few samples; infinite in weights that
-            do not say it. doubt: largest of :meth:`WrenchModel.doubt`, but for a few samples; infinite where no
-            contacts of other kinds taught it.
-    """
-
-    distance: float
-    rest_px: float
-    cells: NDArray[np.bool_]
-    force_n: float = math.inf
-    tilt_deg: float = math.inf
-    rest_px_per_n: float = 0.0
-    doubt: float = math.inf
-
-    def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
-        """Whether the principal fields leave more of a field than of those of training under such a force."""
-        return rest_px > self.rest_px + self.rest_px_per_n * force_n
 
 
 @dataclass(frozen=True)
@@ -258,31 +232,6 @@ def load_wrench_model(
 def tolerance(force: Any) -> Any:
     """(N, 1) how large an error may be under forces (N, 3), relative to a light touch; numpy or torch."""
     return 1 + (force**2).sum(1)[:, None] ** 0.5 / TWICE_N
-
-
-def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
-    """(N,) polar angle from the tip at which the line of action of wrenches (N, 6) leaves the sphere; 0 below 1 N.
-
-    Args:
-        wrenches: on the endcap about the sphere's centre, N and N m. radius_mm: of the sphere.
-    """
-    force, torque = wrenches[:, :3], 1000 * wrenches[:, 3:]
-    size = np.linalg.norm(force, axis=1)
-    clear = size >= LEAST_FORCE_N
-    unit = force / np.where(clear, size, 1.0)[:, None]
-    near = np.cross(unit, torque) / np.where(clear, size, 1.0)[:, None]  # point of the line nearest to the centre
-    height = near[:, 2] - unit[:, 2] * np.sqrt(np.maximum(radius_mm**2 - (near**2).sum(axis=1), 0.0))
-    return np.where(clear, np.degrees(np.arccos(np.clip(height / radius_mm, -1.0, 1.0))), 0.0)
-
-
-def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array, Array]:
-    """(N,) norm of the whitened principal part, and (N,) norm of the rest in px.
-
-    Args:
-        principal: (K, D) to whitened parts. back: (D, K), its inverse. inputs: (N, D) fields, px.
-    """
-    z = inputs @ principal.T
-    return np.linalg.norm(z, axis=1), np.linalg.norm(inputs - z @ back.T, axis=1)
 
 
 def _built(path: Path) -> WrenchModel:

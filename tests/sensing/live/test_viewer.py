@@ -99,13 +99,14 @@ def test_the_dome_shows_depth_patch_and_normal_of_a_press_and_turns_by_keys(stag
 def test_a_note_and_the_size_while_recording_and_the_file_to_download(stage):
     stage.free()
     stage.tab.value("$('pictures').value = 2")
+    before = stage.tab.value("$('files').children.length")  # the program is shared: others may have recorded
     stage.click("record")
     line = r"\.mcap: \d+:\d\d, [\d.]+ MB, \d+ MB.min, \d+ (GB|MB) free \(\d+ (h|min)\), [1-9]\d* frames"
     stage.tab.until(f"live() && /{line}/.test($('record_note').textContent)")
     stage.tab.value("$('note').value = 'lifted by hand'; $('note_form').requestSubmit()")
     (path,) = stage.recordings()
     stage.click("record", "latest.recording.on && latest.recording.frames > 5")
-    stage.tab.until("!latest.recording.on && $('files').children.length > 0")
+    stage.tab.until(f"!latest.recording.on && $('files').children.length > {before}")
     link, name = stage.tab.value("(() => { const a = [...$('files').children].pop(); return [a.href, a.download]; })()")
     with urllib.request.urlopen(link, timeout=PATIENCE_S) as answer:
         content = answer.read()

@@ -22,7 +22,7 @@ from sensing.tracking.methods import DotField
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.patch_kernels import smoothed
 from sensing.tracking.patches import cut_patches
-from sensing.tracking.tracker import DotTracker, _without_vague
+from sensing.tracking.tracker import DotTracker, _steady
 
 IMAGE, _ = draw_dots(Drawing())
 REST = Frame(0.0, 0, "rest", image=IMAGE)
@@ -88,8 +88,8 @@ def test_window_that_slides_along_an_edge_is_no_dot():
     keep = ~((found.position_px > [235, 185]).all(axis=1))
     position = np.concatenate([found.position_px[keep], [[290.0, 200.0]]])
     dots = Dots(position, np.full(len(position), 9.0), np.zeros(len(position), bool))
-    left = _without_vague(dots, cut_patches(smoothed(gray), position, 7))
-    assert len(left) == len(position) - 1 and (left.position_px == position[:-1]).all()
+    steady = _steady(dots, cut_patches(smoothed(gray), position, 7))
+    assert steady[:-1].all() and not steady[-1]
 
 
 def test_nan_in_a_field_is_invalid_and_stays_where_it_is():

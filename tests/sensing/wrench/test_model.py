@@ -19,7 +19,8 @@ from sensing.learning.fitting import fit  # noqa: E402
 from sensing.learning.ridge import fit_ridge  # noqa: E402
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
 from sensing.wrench.kernels import answer_one  # noqa: E402
-from sensing.wrench.model import contact_angle_deg, load_wrench_model, range_measures  # noqa: E402
+from sensing.wrench.model import load_wrench_model  # noqa: E402
+from sensing.wrench.range import contact_angle_deg, range_measures  # noqa: E402
 from sensing.wrench.weight_files import SHIPPED  # noqa: E402
 
 SIDE = 6

@@ -8,7 +8,8 @@ import pytest
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.records import ShearField
-from sensing.wrench.model import SHAPES, Range, WrenchModel
+from sensing.wrench.model import SHAPES, WrenchModel
+from sensing.wrench.range import Range
 
 pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")

@@ -1,0 +1,64 @@
+"""What the training of a wrench model covered, and how far a field or a contact lies outside of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
+
+
+@dataclass(frozen=True)
+class Range:
+    """What the training data covered.
+
+    Attributes:
+        distance: largest norm of the whitened principal part. rest_px, rest_px_per_n: norm of what the principal fields
+            leave, but for a few samples, without load and more for each newton of it.
+        cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
+        force_n, tilt_deg: largest force and polar angle of the contact, but for a few samples; infinite in weights that
+            do not say it. doubt: largest of :meth:`WrenchModel.doubt`, but for a few samples; infinite where no
+            contacts of other kinds taught it.
+    """
+
+    distance: float
+    rest_px: float
+    cells: NDArray[np.bool_]
+    force_n: float = math.inf
+    tilt_deg: float = math.inf
+    rest_px_per_n: float = 0.0
+    doubt: float = math.inf
+
+    def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
+        """Whether the principal fields leave more of a field than of those of training under such a force."""
+        return rest_px > self.rest_px + self.rest_px_per_n * force_n
+
+
+def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
+    """(N,) polar angle from the tip at which the line of action of wrenches (N, 6) leaves the sphere; 0 below 1 N.
+
+    Args:
+        wrenches: on the endcap about the sphere's centre, N and N m. radius_mm: of the sphere.
+    """
+    force, torque = wrenches[:, :3], 1000 * wrenches[:, 3:]
+    size = np.linalg.norm(force, axis=1)
+    clear = size >= LEAST_FORCE_N
+    unit = force / np.where(clear, size, 1.0)[:, None]
+    near = np.cross(unit, torque) / np.where(clear, size, 1.0)[:, None]  # point of the line nearest to the centre
+    height = near[:, 2] - unit[:, 2] * np.sqrt(np.maximum(radius_mm**2 - (near**2).sum(axis=1), 0.0))
+    return np.where(clear, np.degrees(np.arccos(np.clip(height / radius_mm, -1.0, 1.0))), 0.0)
+
+
+def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array, Array]:
+    """(N,) norm of the whitened principal part, and (N,) norm of the rest in px.
+
+    Args:
+        principal: (K, D) to whitened parts. back: (D, K), its inverse. inputs: (N, D) fields, px.
+    """
+    z = inputs @ principal.T
+    return np.linalg.norm(z, axis=1), np.linalg.norm(inputs - z @ back.T, axis=1)

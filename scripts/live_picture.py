@@ -28,7 +28,7 @@ from PIL import Image
 from websockets.sync.client import ClientConnection, connect
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-SIZE = (1400, 1080)
+SIZE = (1400, 760)
 PATIENCE_S = 180.0  # for what must come
 STANDING = (
     "window.drawn > 20 && document.querySelectorAll('.lamp.touch').length === 3"

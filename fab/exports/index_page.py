@@ -113,7 +113,8 @@ def _next_steps(variant: Variant) -> str:
         (f"make ring {design}", "LED ring: board files for a board house, beside this folder"),
         (f"make molds {variant.words}", "makes this folder again"),
     )  # fmt: skip
-    lines = "\n".join(f"{escape(command):<64} # {escape(words)}" for command, words in steps)
+    width = max(len(command) for command, _ in steps)
+    lines = "\n".join(f"{escape(command.ljust(width))}  # {escape(words)}" for command, words in steps)
     return (
         "<h2>What to do next</h2>\n<p>In the toolkit's folder, in this order. Print the fit coupon first "
         "(<code>make coupons</code>) and give what fits as joint_clearance=. "

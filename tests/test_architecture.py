@@ -43,8 +43,9 @@ PLAIN = BOTTOM | {
 SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz")}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
+    "tensegrity": set(),  # description and samples of the robot, which simulator and estimator share
     "sources": set(),
-    "simulator": {"camera"},
+    "simulator": {"camera", "tensegrity"},
     "calibration": {"camera"},
     "tracking": {"camera"},
     "wrench": {"camera", "tracking"},
@@ -85,7 +86,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
 SHARED_WITH_SIMULATOR = {
     "sensing.records",
     "sensing.records_labelled",
-}  # besides the package camera
+}  # besides the packages camera and tensegrity
 PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")
 KERNEL = ("OCP", "build123d", "cadquery")

@@ -26,19 +26,22 @@ SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL
 
 _CAD = ("cad",)
 _NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")
-_PICTURES = ("live", *_NUMERICS)
+_PICTURES = ("live", "robot", *_NUMERICS)
 EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that bring it
     **dict.fromkeys(("OCP", "build123d", "cadquery", "vtkmodules", "pymeshlab", "typst", "embreex"), _CAD),
     **dict.fromkeys(("PIL", "gerbonara", "lxml", "manifold3d", "networkx", "shapely", "skimage", "trimesh"), _CAD),
     **dict.fromkeys(("cv2", "simplejpeg", "numba", "safetensors"), _PICTURES),
-    **dict.fromkeys(("starlette", "uvicorn", "websockets", "mcap", "rosbags", "segno", "lz4", "zstandard"), ("live",)),
-    "cyclonedds": ("live", "ros"),
+    **dict.fromkeys(
+        ("starlette", "uvicorn", "websockets", "mcap", "rosbags", "segno", "lz4", "zstandard"), ("live", "robot")
+    ),
+    "cyclonedds": ("live", "robot", "ros"),
     **dict.fromkeys(("scipy", "matplotlib"), (*_CAD, *_NUMERICS)),
     "joblib": ("simulate", "cluster"),
     "torch": ("train", "onnx", "download"),
     **dict.fromkeys(("dask", "distributed"), ("cluster",)),
     **dict.fromkeys(("onnx", "onnxruntime"), ("onnx",)),
     "huggingface_hub": ("download",),
+    "mujoco": ("robot",),
     "pyarrow": ("lerobot",),
 }
 EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's module decides; "" is the rest
@@ -46,6 +49,7 @@ EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's modu
     "sensing": "sensing",
     "sensing.live": "live",
     "sensing.live.demo": "simulate",
+    "sensing.robot": "robot",
     "sensing.setup": "live",
     "sensing.weigh": "live",
     "sensing.dwell": "live",

@@ -8,7 +8,7 @@ import math
 import numba
 import numpy as np
 
-from sensing.compiled import HELPER, SHORT
+from sensing.compiled import SHORT
 
 STEP_N, STEP_NM = 1e-3, 1e-5
 
@@ -37,7 +37,7 @@ def line_of_action_slopes(wrench, radius):
     return value, slopes
 
 
-@numba.njit(**HELPER | {"fastmath": False})
+@numba.njit(**SHORT | {"fastmath": False})
 def _place(wrench, radius):
     found = np.full(5, math.nan)
     fx, fy, fz, tx, ty, tz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]

@@ -82,14 +82,15 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     lever = layout.endcap_lever[endcap] + yields
     axes = axes_about(state.normal[endcap])
     loads = axes @ (state.turn[bar] @ yields)
-    variance = settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2
+    stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
+    variance = stays * (settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2)
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.ratio, contact.ratio_sd)
         return _begin(state, endcap, lever, variance, layout)
     rolled = layout.radius_m[endcap] * since * np.linalg.norm(np.cross(world_rate(state, bar), state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
-    creep = settings.anchor_walk**2 * since + (settings.roll_share * rolled) ** 2
-    lift = creep + state.normal_variance[endcap] * rolled**2
+    creep = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
+    lift = creep + stays * state.normal_variance[endcap] * rolled**2
     state.covariance[at, at] += creep * (np.eye(3) - across) + lift * across
     if known is None:
         slips = _slips(state, endcap, contact, lever, axes, variance, since, layout, settings)

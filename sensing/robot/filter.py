@@ -121,7 +121,9 @@ class Filter:
             state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
         )
         innovation = np.asarray(sample.lengths_m, float) - length
-        variance, found = np.full(len(length), self.settings.length_sd_m**2), np.empty(len(length))
+        since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
+        spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
+        variance, found = np.full(len(length), spread), np.empty(len(length))
         covariance = state.covariance.copy()
         change = update_step(state.covariance, slopes, innovation, variance, LIMIT, found)
         state.rejected = int((found < -1).sum())
@@ -148,7 +150,7 @@ def apply(state: State, change: Array, leader: int) -> None:
 
 
 def _over_step(new: Array, used: Array, gap_s: float, step_s: float) -> Array:
-    """Mean over the last step that makes the integral since the last sample that of the new one, a mean over this time."""
+    """Mean over the last step with which the integral since the last sample is the new one, a mean over that time."""
     if not 0 < gap_s <= SILENT_S or not step_s > 0:
         return new
     return np.asarray((new * gap_s - used) / step_s)

@@ -1,4 +1,4 @@
-"""The command ``python -m endcap.robot_model``: MJCF, URDF, meshes, USD and what they were checked to do, in one folder, whole or not at all."""
+"""The command ``python -m endcap.robot_model``: MJCF, URDF, meshes, USD, checked; one folder, whole or not at all."""
 
 from __future__ import annotations
 

@@ -32,8 +32,8 @@ class Contact:
     Attributes:
         touching: whether it touches; None where the sample leaves that open.
         known: whether the numbers below count. force_n: (3,) on the endcap. normal: (3,) unit, out of the endcap.
-        push_n: along the normal. ratio: tangential over normal force.
-        normal_sd, ratio_sd: standard deviations (rad, 1).
+        push_n: along the normal. ratio: tangential over normal force. use: of friction, which a torque about the normal
+            uses, too. normal_sd, ratio_sd, use_sd: standard deviations (rad, 1).
     """
 
     touching: bool | None
@@ -42,11 +42,14 @@ class Contact:
     normal: Array
     push_n: float
     ratio: float
+    use: float
     normal_sd: float
     ratio_sd: float
+    use_sd: float
 
 
 _NOTHING = np.full(3, np.nan)
+_NO_NUMBERS = (math.nan,) * 5
 
 
 def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settings) -> Contact:
@@ -59,14 +62,14 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
     torque = np.asarray(sample.torque_nm, float)
     size = math.sqrt(float(force @ force))
     if not math.isfinite(size + float(torque.sum())):
-        return Contact(sample.touching, False, _NOTHING, _NOTHING, math.nan, math.nan, math.nan, math.nan)
+        return Contact(sample.touching, False, _NOTHING, _NOTHING, math.nan, *_NO_NUMBERS)
     touching = size >= settings.least_force_n if sample.touching is None else sample.touching
     turn = layout.endcap_turn[endcap]
     if size < settings.least_force_n:
-        return Contact(touching, False, turn @ force, _NOTHING, size, math.nan, math.nan, math.nan)
+        return Contact(touching, False, turn @ force, _NOTHING, size, *_NO_NUMBERS)
     height = float(layout.centre_height_m[endcap])
     about = np.array([*force, torque[0] + height * force[1], torque[1] - height * force[0], torque[2]])
-    value, slopes = line_of_action_slopes(about, float(layout.radius_m[endcap]))
+    value, slopes = line_of_action_slopes(about, float(layout.radius_m[endcap]), settings.spin_lever_m)
     covariance = np.array(sample.covariance, float)
     if not np.isfinite(covariance).all():
         covariance = np.diag([(FORCE_SD_N + SHARE * size) ** 2] * 3 + [(TORQUE_SD_NM + LEVER_SHARE_M * size) ** 2] * 3)
@@ -78,7 +81,8 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
     spread = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
     known = bool(np.isfinite(value).all() and value[3] > 0)
     normal_sd = math.sqrt(max(0.0, float(spread[:3].sum()) / 2))
-    ratio_sd = math.sqrt(max(0.0, float(spread[4])))
+    ratio_sd, use_sd = np.sqrt(np.maximum(0.0, spread[4:])).tolist()
+    push, ratio, use = value[3:].tolist()
     return Contact(
-        touching, known, turn @ force, turn @ value[:3], float(value[3]), float(value[4]), normal_sd, ratio_sd
-    )
+        touching, known, turn @ force, turn @ value[:3], push, ratio, use, normal_sd, ratio_sd, use_sd
+    )  # fmt: skip

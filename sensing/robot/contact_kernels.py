@@ -14,32 +14,33 @@ STEP_N, STEP_NM = 1e-3, 1e-5
 
 
 @numba.njit(**SHORT | {"fastmath": False})
-def line_of_action_slopes(wrench, radius):
+def line_of_action_slopes(wrench, radius, spin_lever):
     """Where the line of action enters the sphere, and how much friction is in use there.
 
     Args:
         wrench: (6,) on the endcap about the sphere's centre, N and N m. radius: outer radius, m.
+        spin_lever: torque about the normal that a newton holds, over the coefficient of friction, m.
 
     Returns:
-        (5,) outward normal, push (N), tangential over normal force; (5, 6) their slopes after the wrench.
+        (6,) outward normal, push (N), tangential over normal force, use of friction; (6, 6) slopes after the wrench.
     """
-    moved, slopes = wrench.copy(), np.empty((5, 6))
-    value = _place(moved, radius)
+    moved, slopes = wrench.copy(), np.empty((6, 6))
+    value = _place(moved, radius, spin_lever)
     for k in range(6):
         step = STEP_N if k < 3 else STEP_NM
         moved[k] = wrench[k] + step
-        more = _place(moved, radius)
+        more = _place(moved, radius, spin_lever)
         moved[k] = wrench[k] - step
-        less = _place(moved, radius)
+        less = _place(moved, radius, spin_lever)
         moved[k] = wrench[k]
-        for j in range(5):
+        for j in range(6):
             slopes[j, k] = (more[j] - less[j]) / (2 * step)
     return value, slopes
 
 
 @numba.njit(**SHORT | {"fastmath": False})
-def _place(wrench, radius):
-    found = np.full(5, math.nan)
+def _place(wrench, radius, spin_lever):
+    found = np.full(6, math.nan)
     fx, fy, fz, tx, ty, tz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     square = fx * fx + fy * fy + fz * fz
     if not square > 0.0:
@@ -51,5 +52,8 @@ def _place(wrench, radius):
     nx, ny, nz = nx / length, ny / length, nz / length
     push = -(fx * nx + fy * ny + fz * nz)
     found[0], found[1], found[2], found[3] = nx, ny, nz, push
-    found[4] = math.sqrt(max(square - push * push, 0.0)) / push if push > 0.0 else math.inf
+    if push > 0.0:
+        spin = (tx * nx + ty * ny + tz * nz) / (push * spin_lever)
+        found[4] = math.sqrt(max(square - push * push, 0.0)) / push
+        found[5] = math.sqrt(found[4] * found[4] + spin * spin)
     return found

@@ -50,7 +50,11 @@ class Settings:
         anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
         bit_sd_m: of a contact of which only the bit is known.
         roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
-            (m/sqrt(s)). slip_m_s: speed of a contact that slips.
+            (m/sqrt(s)).
+        slip_m_s, slip_sd_m_s, slip_across_m_s: speed of a contact that slips, against the friction force; its standard
+            deviation along it and across.
+        spin_lever_m: torque about the normal that a newton of push holds, over the coefficient of friction: two thirds
+            of the contact's radius.
         normal_sd: error of a measured normal that does not average out. normal_walk: rad/sqrt(s).
         least_force_n: below it nothing is known of a contact but that it touches.
         start_s: how long the robot stands still at the start. history_s: how late a sample may come.
@@ -75,7 +79,10 @@ class Settings:
     bit_sd_m: float = 8e-3
     roll_share: float = 0.01
     anchor_walk: float = 5e-4
-    slip_m_s: float = 0.3
+    slip_m_s: float = 0.1
+    slip_sd_m_s: float = 0.15
+    slip_across_m_s: float = 0.06
+    spin_lever_m: float = 0.014
     normal_sd: float = 0.01
     normal_walk: float = 0.1
     least_force_n: float = 1.5

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sensing.robot.contact import Contact, contact_of
-from sensing.robot.friction import learned, slip_probability
+from sensing.robot.friction import learned, moments, slip_probability
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, point_slopes, update_step
 from sensing.robot.settings import Contacts, Settings
@@ -20,6 +20,7 @@ STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one b
 LEAST, MOST = 1e-3, 0.999  # of a probability of slip
 STILL_M_S2 = 0.5  # acceleration below which the forces carry the weight
 LATELY = 0.02
+FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # of a slip; torque over push that is no more than noise
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -118,9 +119,12 @@ def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Sett
     along = force - (force @ normal) * normal
     along /= max(float(np.sqrt(along @ along)), 1e-9)
     flat = np.eye(3) - np.outer(normal, normal)
-    spread = settings.slip_across_m_s**2 * flat
-    spread += (settings.slip_sd_m_s**2 - settings.slip_across_m_s**2) * np.outer(along, along)
-    return -settings.slip_m_s * along, spread
+    spin = abs(float(world_rate(state, bar) @ normal))
+    needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
+    speed = min(spin * contact.ratio * settings.spin_lever_m**2 / needs, FASTEST_M_S)
+    variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
+    spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
+    return -speed * along, spread
 
 
 def world_rate(state: State, bar: int) -> Array:

@@ -51,10 +51,9 @@ class Settings:
         bit_sd_m: of a contact of which only the bit is known.
         roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
             (m/sqrt(s)).
-        slip_m_s, slip_sd_m_s, slip_across_m_s: speed of a contact that slips, against the friction force; its standard
-            deviation along it and across.
-        spin_lever_m: torque about the normal that a newton of push holds, over the coefficient of friction: two thirds
-            of the contact's radius.
+        slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
+            slip_across: of it, across the friction force.
+        spin_lever_m: torque about the normal that a newton of push holds.
         normal_sd: error of a measured normal that does not average out. normal_walk: rad/sqrt(s).
         least_force_n: below it nothing is known of a contact but that it touches.
         start_s: how long the robot stands still at the start. history_s: how late a sample may come.
@@ -79,10 +78,10 @@ class Settings:
     bit_sd_m: float = 8e-3
     roll_share: float = 0.01
     anchor_walk: float = 5e-4
-    slip_m_s: float = 0.1
-    slip_sd_m_s: float = 0.15
-    slip_across_m_s: float = 0.06
-    spin_lever_m: float = 0.014
+    slip_sd_m_s: float = 0.05
+    slip_share: float = 1.0
+    slip_across: float = 0.3
+    spin_lever_m: float = 0.01
     normal_sd: float = 0.01
     normal_walk: float = 0.1
     least_force_n: float = 1.5

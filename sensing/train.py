@@ -22,6 +22,7 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
 from sensing.learning.contenders import read_all
@@ -128,7 +129,8 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
     from sensing.design.weights import DesignRequest, design_weights
     from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
-    request = DesignRequest(EndcapParams(*options.design), options.silicone)
+    rings, dot_mm = parse_rings(options.dot_rings), options.dot_mm
+    request = DesignRequest(EndcapParams(*options.design, rings, dot_mm), options.silicone)
     _ = request.scale  # an unknown silicone is refused before torch loads
     out = options.out or weights_folder() / weights_name(request.params, request.silicone)
     if options.out is None:
@@ -173,6 +175,13 @@ def _parser() -> argparse.ArgumentParser:
         "--design", type=plain_number, nargs=2, metavar=("D", "T"),
         help="instead: weights for this diameter and wall (mm), from the library of solved states",
     )  # fmt: skip
+    parser.add_argument(
+        "--dot-rings", default=rings_text(RELEASED_RINGS), metavar="COUNTS",
+        help=f"with --design: dots of each ring from tip to equator ({rings_text(RELEASED_RINGS)})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--dot-mm", type=plain_number, default=RELEASED_DOT_MM, metavar="MM", help="with --design: of a dot (4)"
+    )
     parser.add_argument(
         "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"with --design ({DEFAULT_SILICONE})"
     )

@@ -217,21 +217,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number, name in list_devices():
             if not options.url and str(number) in numbers:
                 print(f"camera {number}: {name}, {lasting_name(number)}")
-        params = design_of(options)
-        endcaps = tuple(
-            EndcapConfig(
-                f"camera_{k}",
-                word,
-                None,
-                options.diameter,
-                options.wall,
-                exposure=options.exposure,
-                silicone=options.silicone,
-                **dots_of(params),
-            )
-            for k, word in enumerate(words)
+        set_up(
+            LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight), options.out
         )
-        set_up(LiveConfig(endcaps, options.model, options.weights, weight_n=options.weight), options.out)
     except EndcapError as error:
         LOG.error(f"sensing.setup: {error}")
         return 2
@@ -239,6 +227,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LOG.error("\nsensing.setup: stopped, nothing written")
         return 130
     return 0
+
+
+def _endcaps(options: argparse.Namespace, words: Sequence[str]) -> tuple[EndcapConfig, ...]:
+    """One for each source, of the design that the options name."""
+    params = design_of(options)
+    return tuple(
+        EndcapConfig(
+            f"camera_{k}", word, None, params.diameter_mm, params.wall_mm, exposure=options.exposure,
+            silicone=options.silicone, **dots_of(params),
+        )
+        for k, word in enumerate(words)
+    )  # fmt: skip
 
 
 def _say(text: str) -> str:

@@ -128,3 +128,13 @@ def _outward(centres: Array, face: tuple[int, ...]) -> Array:
     normal = np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
     normal = normal / np.linalg.norm(normal)
     return np.asarray(normal if normal @ (first - centres.mean(axis=0)) > 0 else -normal)
+
+
+def tuning_gait(seed: int) -> TippingGait:
+    """The gait of runs on which numbers are chosen: straight, without stops."""
+    return TippingGait(heading_deg=30.0 * seed)
+
+
+def held_out_gait(seed: int) -> TippingGait:
+    """The gait of runs from which numbers are published: faster, in curves, with stops."""
+    return TippingGait(heading_deg=137.5 * seed, swing_deg=50.0, swing_s=17.0, speed_m_s=0.16, pause_s=(1.0, 7.0))

@@ -85,12 +85,12 @@ class Simulation:
         return np.asarray(np.einsum("nij,nj->ni", rotation, self.data.qfrc_constraint[self.slides]))
 
     def contacts(self) -> Array:
-        """(E, 9) of each endcap: torque N m about the contact point, contact point m, slip m/s; world axes.
+        """(E, 12) of each endcap: torque N m about the contact point, that point m, slip m/s, normal; world axes.
 
-        Several contacts of one endcap become one: torques add, the point is the mean by force.
+        Several contacts of one endcap become one: torques add, the rest is the mean by force. Zero without contact.
         """
-        result, parts = np.zeros((len(self.domes), 9)), np.zeros(6)
-        found: dict[int, list[tuple[Array, Array, Array, Array]]] = {}
+        result, parts = np.zeros((len(self.domes), 12)), np.zeros(6)
+        found: dict[int, list[tuple[Array, Array, Array]]] = {}
         for place in range(self.data.ncon):
             contact = self.data.contact[place]
             number = self.domes.get(contact.geom2, self.domes.get(contact.geom1))
@@ -100,14 +100,15 @@ class Simulation:
             if number is not None and parts[0] > 0:
                 slip = self._slip(contact.pos, number, axes[0])
                 force, torque = sign * axes.T @ parts[:3], sign * axes.T @ parts[3:]
-                found.setdefault(number, []).append((force, torque, contact.pos.copy(), slip))
+                where = np.concatenate([contact.pos, slip, sign * axes[0]])
+                found.setdefault(number, []).append((force, torque, where))
         for number, each in found.items():
             weight = np.array([np.linalg.norm(force) for force, *_ in each])
-            point = weight @ np.array([place for *_, place, _ in each]) / weight.sum()
-            for force, torque, place, _ in each:
-                result[number, :3] += torque + skew(place - point) @ force
-            result[number, 3:6] = point
-            result[number, 6:] = weight @ np.array([slip for *_, slip in each]) / weight.sum()
+            mean = weight @ np.array([where for *_, where in each]) / weight.sum()
+            for force, torque, where in each:
+                result[number, :3] += torque + skew(where[:3] - mean[:3]) @ force
+            result[number, 3:9] = mean[:6]
+            result[number, 9:] = mean[6:] / np.linalg.norm(mean[6:])
         return result
 
     def _slip(self, point: Array, number: int, normal: Array) -> Array:
@@ -175,6 +176,7 @@ class _Rows:
         now = self.simulation
         contacts, force = now.contacts(), self.force / self.steps
         left = ~contacts.any(axis=1) & force.any(axis=1)  # it touched within the interval, and no longer does
+        contacts[left, 9:] = [0, 0, 1]
         contacts[left, 3:6] = now.data.xpos[now.shells[left]] - now.model.geom_size[now.geoms[left], :1] * [0, 0, 1]
         length, tension = now.data.ten_length.copy(), now.tension_n
         self.rows.append((time_s, now.poses, now.velocities, force, contacts, length, tension))
@@ -186,7 +188,7 @@ class _Rows:
         return Walk(
             terrain=terrain, seed=seed, friction=friction, time_s=times, T_world_bar=poses, velocity=velocities,
             force_n=force, torque_nm=contacts[..., :3], point_m=contacts[..., 3:6],
-            slip_m_s=contacts[..., 6:], length_m=length, tension_n=tension,
+            slip_m_s=contacts[..., 6:9], normal=contacts[..., 9:], length_m=length, tension_n=tension,
         )  # fmt: skip
 
 

@@ -18,9 +18,9 @@ from sensing.tensegrity.description import Array
 FRICTION = 0.7  # silicone on concrete or wood (E)
 SLIPPERY = 0.3
 SPIN_LEVER_M = 0.01  # of friction about the normal: 2/3 of a contact of 15 mm radius
-ROUGH_M = 0.04  # between the lowest and the highest place
-ROUGH_LENGTH_M = 0.25  # standard deviation of the window that smooths the heights
-HALF_M, CELL_M = 15.0, 0.06  # of the rough ground: half its side, distance of its grid points
+ROUGH_M = 0.04  # between the lowest and the highest places, which are cut off level beyond it
+ROUGH_LENGTH_M = 0.15  # standard deviation of the window that smooths the heights
+HALF_M, CELL_M = 12.0, 0.05  # of the rough ground: half its side, distance of its grid points
 SLOPE_DEG = 6.0
 STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along +x from 0.8 m on
 FIRST_STEP_M = 0.8
@@ -89,7 +89,7 @@ def rough_heights(rng: np.random.Generator) -> Array:
     wave = np.fft.fftfreq(count, CELL_M) * 2 * math.pi
     window = np.exp(-((ROUGH_LENGTH_M * wave) ** 2) / 2)
     noise = np.fft.ifft2(np.fft.fft2(rng.normal(size=(count, count))) * np.outer(window, window)).real
-    low, high = np.quantile(noise, [0.001, 0.999])
+    low, high = np.quantile(noise, [0.02, 0.98])
     return np.asarray(ROUGH_M * np.clip((noise - low) / (high - low), 0, 1))
 
 

@@ -12,9 +12,6 @@ from cad.errors import FileError
 from cad.whole_file import put_file
 from sensing.tensegrity.description import Array
 
-TEXTS = ("terrain",)
-NUMBERS = ("seed", "friction")
-
 
 @dataclass(frozen=True)
 class Walk:
@@ -25,7 +22,8 @@ class Walk:
         time_s: (N,). T_world_bar: (N, B, 4, 4) m.
         velocity: (N, B, 6) of each bar's origin (m/s), and angular in bar axes (rad/s).
         force_n, torque_nm: (N, E, 3) of the ground on each endcap, the torque about ``point_m``; zero without contact.
-        point_m: (N, E, 3) contact point. slip_m_s: (N, E, 3) velocity of the skin there along the ground.
+        point_m: (N, E, 3) contact point.
+        normal: (N, E, 3) unit, out of the ground there. slip_m_s: (N, E, 3) of the skin there along the ground.
         length_m, tension_n: (N, C) of the cables.
     """
 
@@ -38,6 +36,7 @@ class Walk:
     force_n: Array
     torque_nm: Array
     point_m: Array
+    normal: Array
     slip_m_s: Array
     length_m: Array
     tension_n: Array
@@ -70,9 +69,5 @@ def load_walk(path: Path) -> Walk:
             values = {entry.name: data[entry.name] for entry in fields(Walk)}
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise FileError(f"{path}: no run of the robot ({error}): simulate it anew") from None
-    return Walk(
-        **{name: str(values.pop(name)) for name in TEXTS},
-        seed=int(values.pop("seed")),
-        friction=float(values.pop("friction")),
-        **values,
-    )
+    terrain, seed, friction = (values.pop(name) for name in ("terrain", "seed", "friction"))
+    return Walk(str(terrain), int(seed), float(friction), **values)

@@ -64,6 +64,13 @@ def test_friction_stays_within_its_cone(rolled):
     assert np.median(side[slipping & loaded] / rolled.force_n[..., 2][slipping & loaded]) > 0.5 * rolled.friction
 
 
+def test_the_normal_is_that_of_the_ground():
+    walk = simulate_walk(ROBOT, Terrain.SLOPE, seed=2, duration_s=0.1)
+    pushed = np.linalg.norm(walk.force_n, axis=-1) > 5
+    np.testing.assert_allclose(walk.normal[pushed], np.tile(ground(Terrain.SLOPE, 2).up, (pushed.sum(), 1)), atol=1e-9)
+    assert (np.einsum("ni,ni->n", walk.normal[pushed], walk.force_n[pushed]) > 0).all()
+
+
 def test_a_robot_in_the_air_falls_freely():
     walk = simulate_walk(ROBOT, Terrain.DROP, seed=1, duration_s=0.15)
     assert not walk.force_n.any()

@@ -111,21 +111,7 @@ def _rescaled(options: argparse.Namespace) -> int:
 
 def _design(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights of a design from the library of solved states."""
-    if options.design is None:
-        raise ParameterError(
-            "nothing to train on: give folders of labelled frames and --out, or --design D T, as in --design 180 10, "
-            "or --start and --intervals to scale intervals alone",
-            name="data",
-        )
-    taken = {
-        "data": options.data,
-        "--start": options.start,
-        "--intervals": options.intervals,
-        "--method dots": options.method != MARKERS,
-    }
-    for name, value in taken.items():
-        if value:
-            raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
+    _require_design(options)
     from sensing.design.weights import DesignRequest, design_weights
     from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
@@ -151,6 +137,25 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         f"{force:.3g} N an axis ({100 * force / top:.2f} % of that load); {time.monotonic() - begin:.0f} s"
     )
     return _copied(out, options.copy_to)
+
+
+def _require_design(options: argparse.Namespace) -> None:
+    """Refuse a design that is missing, and options that have no meaning beside one."""
+    if options.design is None:
+        raise ParameterError(
+            "nothing to train on: give folders of labelled frames and --out, or --design D T, as in --design 180 10, "
+            "or --start and --intervals to scale intervals alone",
+            name="data",
+        )
+    taken = {
+        "data": options.data,
+        "--start": options.start,
+        "--intervals": options.intervals,
+        "--method dots": options.method != MARKERS,
+    }
+    for name, value in taken.items():
+        if value:
+            raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
 
 
 def _copied(weights: Path, folder: Path | None) -> int:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import plain, plain_number
 
-DEFAULTS = {
+DEFAULTS: dict[str, Any] = {
     "diameter": 130.0,
     "wall": 8.0,
     "dot_rings": rings_text(RELEASED_RINGS),

@@ -78,7 +78,7 @@ class Wanted:
         design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
         train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
-        felt = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
+        of_study = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
         return [
             Step("molds", "fab.molds", whole),
             Step("slicer projects", "fab.slice", whole, optional=True),
@@ -86,7 +86,7 @@ class Wanted:
             Step("LED ring", "fab.led_ring", (*design, f"exports={folder}")),
             Step("weights", "sensing.train", train),
             Step("robot-simulator model", "endcap.robot_model", whole, optional=True),
-            Step("study", "sensing.study", (*felt, f"folder={folder / 'study'}")),
+            Step("study", "sensing.study", (*of_study, f"folder={folder / 'study'}")),
         ]
 
 

@@ -116,7 +116,8 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
     from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
     rings, dot_mm = parse_rings(options.dot_rings), options.dot_mm
-    request = DesignRequest(EndcapParams(*options.design, rings, dot_mm), options.silicone)
+    diameter_mm, wall_mm = options.design
+    request = DesignRequest(EndcapParams(diameter_mm, wall_mm, rings, dot_mm), options.silicone)
     _ = request.scale  # an unknown silicone is refused before torch loads
     out = options.out or weights_folder() / weights_name(request.params, request.silicone)
     if options.out is None:

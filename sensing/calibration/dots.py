@@ -148,6 +148,25 @@ def assign_dots(
     return best[1], best[2]
 
 
+def assign_in_place(
+    blobs_px: Array, params: EndcapParams, start: MountedCamera, fit: Fit
+) -> tuple[DotPairs, MountedCamera] | None:
+    """As :func:`assign_dots`, without a search; None unless the start camera sees nearly all dots on their places.
+
+    Args:
+        blobs_px: (n, 2) blob centres. params: the design. start: the camera. fit: refines it.
+    """
+    points = pattern_points(params)[0]
+    if len(blobs_px) < FEWEST_TO_FIT:
+        return None
+    every, near = np.ones(len(points), bool), 0.2 * spacing_px(blobs_px)
+    pairs = mutual_nearest(blobs_px, start, points, every, near)
+    if len(pairs.blob_index) < SURE * _possible(start, points, blobs_px):
+        return None
+    mounted = fit(start, points[pairs.pattern_index], blobs_px[pairs.blob_index])
+    return mutual_nearest(blobs_px, mounted, points, every, near), mounted
+
+
 def _grown(
     blobs_px: Array, mounted: MountedCamera, points: Array, rings: NDArray[np.intp], fit: Fit
 ) -> tuple[DotPairs, MountedCamera]:

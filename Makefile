@@ -7,7 +7,7 @@ OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
 FAB := molds molds-help slice sheet ring coupons design
-GOALS := help setup $(FAB) endcap study data train evaluate live test quick check docs bench clean clean-all
+GOALS := help setup $(FAB) endcap robot-model study data train evaluate live test quick check docs bench clean clean-all
 .PHONY: $(GOALS)
 
 # Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
@@ -18,6 +18,7 @@ TAKES_train := D T material WORKERS
 TAKES_evaluate := D T material WORKERS OPTIONS
 TAKES_live := D T material OPTIONS
 TAKES_study := D T material load error exports
+TAKES_robot-model := D T gyroid material joint_clearance robot friction exports
 TAKES_endcap := D T gyroid material joint_clearance robot exports
 TAKES_clean-all := SURE
 TAKEN := PYTHON VENV $(foreach goal,$(MAKECMDGOALS),$(TAKES_$(goal)))
@@ -90,6 +91,9 @@ study: $(VENV)/all.stamp ## what a design will feel, before printing: make study
 endcap: $(VENV)/all.stamp ## everything of one size in one folder: molds, slices, sheet, ring, weights, study: make endcap D=180 T=10
 	@sh scripts/slicer.sh || echo 'slicer projects will be left out' >&2
 	@$(BIN)/python -m endcap.whole $(ASKED)
+
+robot-model: $(VENV)/all.stamp ## endcap for robot simulators, MJCF and URDF: make robot-model D=130 T=8
+	@$(BIN)/python -m endcap.robot_model $(ASKED)
 
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(ASKED)

@@ -59,6 +59,12 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
                 takes_design=True,
             ),
             Subcommand(
+                "robot-model",
+                "endcap.robot_model.__main__",
+                "endcap for robot simulators, MJCF and URDF: endcap robot-model 130 8",
+                takes_design=True,
+            ),
+            Subcommand(
                 "study",
                 "sensing.study",
                 "what a design will feel: endcap study 130 8; the map: endcap study",

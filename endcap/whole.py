@@ -34,9 +34,10 @@ PAGE = "start.html"
 HELP = f"""\
 usage: make endcap [options of make molds] [exports=DIR]      (or: endcap whole 180 10)
 
-Makes molds, slicer projects, build sheet, LED ring, weights and study of one endcap in exports/D180_T10/, and
-{PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not installed; everything
-else that fails stops it, and what was made before stays. Twenty minutes on two cores, most of it molds and slicing.
+Makes molds, slicer projects, build sheet, LED ring, weights, robot-simulator model and study of one endcap in
+exports/D180_T10/, and {PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not
+installed, and the robot-simulator model where the shell snaps; everything else that fails stops it, and what was made
+before stays. Twenty minutes on two cores, most of it molds and slicing.
 
 exit status: 0 made; 1 a check failed; 2 bad input; 130 interrupted
 """
@@ -85,6 +86,7 @@ class Wanted:
             Step("build sheet", "fab.build_sheet", whole),
             Step("LED ring", "fab.led_ring", (*design, f"exports={folder}")),
             Step("weights", "sensing.train", train),
+            Step("robot-simulator model", "endcap.robot_model", whole, optional=True),
             Step("study", "sensing.study", (*design, f"material={material}", f"folder={folder / 'study'}")),
         ]
 
@@ -161,10 +163,16 @@ MEANINGS = {  # of folders and files beside those that index.html explains
     "study/study.html": "what this endcap will feel",
     "study/study.csv": "the same as a table",
     "study/study.json": "the same for programs",
+    "robot_model/endcap.xml": "the endcap for MuJoCo (MJCF), springs fitted to the pressed shell",
+    "robot_model/endcap.urdf": "the same as a rigid body (URDF)",
+    "robot_model/robot_model.json": "mass, inertia, springs and how wrong they are, for programs",
     "slice/slice.json": "time, material and gates of every print",
     "manifest.json": "every part, file digest and check, for programs",
 }
-BY_FOLDER = {"slice": "slicer project", "sheet": "of the build sheet", "study": "of the study"}
+BY_FOLDER = {
+    "slice": "slicer project", "sheet": "of the build sheet", "study": "of the study",
+    "robot_model": "of the robot-simulator model",
+}  # fmt: skip
 BY_ENDING = {
     ".stl": "part as a mesh, to slice", ".3mf": "part as a mesh with name and unit", ".glb": "3-D view",
     ".step": "part or assembly as solid", ".png": "picture", ".safetensors": "weights: field to wrench",

@@ -44,6 +44,7 @@ SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames"
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "tensegrity": set(),  # description and samples of the robot, which simulator and estimator share
+    "robot": {"tensegrity"},  # state of the robot from six wrenches, cables and inertial sensors
     "sources": set(),
     "simulator": {"camera", "tensegrity"},
     "calibration": {"camera"},

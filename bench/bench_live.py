@@ -21,7 +21,6 @@ import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -34,6 +33,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from live_plans import COMMON, COMPUTED, ENDCAPS, MORE, RATE_HZ, RECORDED, Plan, about_run
 from live_probes import IdleProbe, Viewer, clocks
 
 from cad.errors import FileError
@@ -43,7 +43,6 @@ from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
-from sensing.live.core.seen import Pictures
 from sensing.live.demo.scene import SIZE, SceneSource, scene_film
 from sensing.live.outputs.recording import Recording
 from sensing.live.run import LiveRun, reduce_pauses
@@ -52,47 +51,8 @@ from sensing.records import Frame
 from sensing.tracking.zero import take_zero
 
 HERE = Path(__file__).resolve().parent
-ENDCAPS = 6
-RATE_HZ = 30.0
 
 
-@dataclass(frozen=True)
-class Plan:
-    """One live run.
-
-    Attributes:
-        endcaps, workers, rate_hz: of the run. page: with a viewer. in_step: all cameras take their pictures at the
-            same moment. pictures: which are recorded; None without a recording.
-    """
-
-    endcaps: int = ENDCAPS
-    workers: int = 1
-    rate_hz: float = RATE_HZ
-    page: bool = False
-    in_step: bool = False
-    pictures: Pictures | None = None
-
-    @property
-    def outputs(self) -> str:
-        """In words."""
-        named = ["page"] if self.page else []
-        if self.pictures is not None:
-            named.append({Pictures.NONE: "recording of dots"}.get(self.pictures, f"recording, {self.pictures}"))
-        return " and ".join(named) or "none"
-
-
-RECORDED = tuple(
-    Plan(rate_hz=rate_hz, page=True, pictures=pictures)
-    for rate_hz in (30, 60)
-    for pictures in (Pictures.NONE, Pictures.FULL)
-)
-COMPUTED = (Plan(1), Plan(), Plan(in_step=True), Plan(rate_hz=60))
-COMMON = (Plan(1), Plan())  # of every method
-MORE = (  # of ours
-    Plan(workers=2), Plan(workers=6), Plan(in_step=True), Plan(workers=2, in_step=True), Plan(page=True),
-    Plan(workers=2, page=True), Plan(rate_hz=60), Plan(workers=2, rate_hz=60), Plan(rate_hz=60, page=True),
-    Plan(workers=2, rate_hz=60, page=True), *RECORDED,
-)  # fmt: skip
 COLUMNS = (
     "model", "method", "endcaps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
     "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped",
@@ -294,11 +254,6 @@ def main() -> int:
     save(rows)
     draw(rows)
     return 0
-
-
-def about_run(plan: Plan) -> dict[str, Any]:
-    """Cells of a plan."""
-    return asdict(plan) | {"outputs": plan.outputs, "in_step": int(plan.in_step)}
 
 
 def measure_recorded(seconds: float) -> None:

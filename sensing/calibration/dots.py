@@ -137,34 +137,15 @@ def assign_dots(
         pairs, mounted = _grown(blobs_px, candidate, points, rings, fit)
         if best is None or len(pairs.blob_index) > best[0]:
             best = len(pairs.blob_index), pairs, mounted
-        if best[0] >= SURE * _possible(best[2], points, blobs_px):
+        if best[0] >= SURE * possible_pairs(best[2], points, blobs_px):
             return best[1], best[2]
-    if best is None or best[0] < LEAST_MATCHED * _possible(best[2], points, blobs_px):
+    if best is None or best[0] < LEAST_MATCHED * possible_pairs(best[2], points, blobs_px):
         matched = "no pose under which rings 0 to 3 are seen" if best is None else f"{best[0]} dots matched"
         raise CalibrationError(
             f"pattern not recognised: {matched} of {len(blobs_px)} found (need {100 * LEAST_MATCHED:.0f} %); "
             f"check --diameter and --wall, take an undeformed photo, or give dots as a CSV"
         )
     return best[1], best[2]
-
-
-def assign_in_place(
-    blobs_px: Array, params: EndcapParams, start: MountedCamera, fit: Fit
-) -> tuple[DotPairs, MountedCamera] | None:
-    """As :func:`assign_dots`, without a search; None unless the start camera sees nearly all dots on their places.
-
-    Args:
-        blobs_px: (n, 2) blob centres. params: the design. start: the camera. fit: refines it.
-    """
-    points = pattern_points(params)[0]
-    if len(blobs_px) < FEWEST_TO_FIT:
-        return None
-    every, near = np.ones(len(points), bool), 0.2 * spacing_px(blobs_px)
-    pairs = mutual_nearest(blobs_px, start, points, every, near)
-    if len(pairs.blob_index) < SURE * _possible(start, points, blobs_px):
-        return None
-    mounted = fit(start, points[pairs.pattern_index], blobs_px[pairs.blob_index])
-    return mutual_nearest(blobs_px, mounted, points, every, near), mounted
 
 
 def _grown(
@@ -181,7 +162,7 @@ def _grown(
     return mutual_nearest(blobs_px, mounted, points, rings <= last, 0.2 * spacing), mounted
 
 
-def _possible(mounted: MountedCamera, points: Array, blobs_px: Array) -> int:
+def possible_pairs(mounted: MountedCamera, points: Array, blobs_px: Array) -> int:
     """How many pairs there can be: blobs, or dots that the camera sees."""
     pixels = mounted.project(points)
     size = (mounted.camera.width_px, mounted.camera.height_px)

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from sensing.calibration.dots import CalibrationError, assign_dots, assign_in_place, pattern_points
+from sensing.calibration.dots import CalibrationError, assign_dots, pattern_points
 from sensing.calibration.fit import Fit, Problem
+from sensing.calibration.in_place import assign_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS, MountPrior
 from sensing.camera.model import Array, FisheyeCamera
 from sensing.camera.mount import MountedCamera

@@ -232,13 +232,8 @@ def main() -> int:
         rows.append(about | {"endcaps": ENDCAPS, "rate_hz": RATE_HZ} | reported)
         print(rows[-1], flush=True)
         for plan in COMPUTED:
-            how = {
-                "endcaps": plan.endcaps,
-                "workers": "computed",
-                "rate_hz": plan.rate_hz,
-                "in_step": int(plan.in_step),
-            }
-            rows.append(about | how | computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step))
+            rows.append(about | about_run(plan) | {"workers": "computed", "outputs": ""})
+            rows[-1] |= computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step)
             print(rows[-1], flush=True)
         if not options.seconds:
             continue

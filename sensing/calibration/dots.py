@@ -163,7 +163,11 @@ def _grown(
 
 
 def possible_pairs(mounted: MountedCamera, points: Array, blobs_px: Array) -> int:
-    """How many pairs there can be: blobs, or dots that the camera sees."""
+    """How many pairs there can be: blobs, or dots that the camera sees.
+
+    Args:
+        mounted: the camera. points: (n, 3) dots of the pattern, endcap frame, mm. blobs_px: (m, 2) blob centres.
+    """
     pixels = mounted.project(points)
     size = (mounted.camera.width_px, mounted.camera.height_px)
     return min(len(blobs_px), int(((pixels > 0) & (pixels < np.array(size) - 1)).all(axis=1).sum()))

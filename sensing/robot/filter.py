@@ -99,6 +99,7 @@ class Filter:
         settings = self.settings
         noise = np.empty((self.layout.bars, 3))
         noise[:, 0] = np.where(heard, settings.rate_noise, settings.unknown_rate_noise) ** 2
+        noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
         if not has_force.any():
             noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
             return noise

@@ -2,11 +2,11 @@
 
 Notes:
     Poses near the ends that the description states, by Gauss and Newton's steps on: cable lengths; gravity in the
-    leading bar's accelerometer; where the endcaps' forces are known, that they carry the robot (their sum is vertical
-    and its torque about the centre of mass is none, as parts of the weight, so that the scale of the forces does not
-    matter). Lengths alone do not fix the shape: at the symmetric prism one motion leaves them as they are to first
-    order, and no bar that turns about its own axis changes the length of a cable on that axis. What they leave open
-    keeps the width of the first guess, so that the covariance says it.
+    leading bar's accelerometer; where the endcaps' forces are known, that each bar is in balance under its weight, its
+    contacts and its cables. The tensions are unknowns, near those of the stated rest lengths; the forces are scaled to
+    carry the weight, so that a silicone of another stiffness does not matter. Lengths alone do not fix the shape: at
+    the symmetric prism one motion leaves them as they are to first order, and no bar that turns about its own axis
+    changes the length of a cable on that axis. What they leave open keeps a width, so that the covariance says it.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ from sensing.tensegrity.shape import cable_lengths, moved, standing_poses
 
 GUESS_SD_M, GUESS_SD = 0.1, 0.3  # E: of the stated ends, of a bar's turn
 LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
-BALANCE_SD = 0.02  # E: of the sum of forces and its torque, parts of the weight (and m)
+BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of one bar
+REST_SD_M = 0.005  # E: of a rest length, which a motor may have moved
 OPEN_SD_M, REACH_M = 0.05, 0.4  # E: along the motion that the lengths leave open; half a bar
 FIXED_SD = 1e-5  # of what a convention sets: origin and heading
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
 SPEED_SD = 0.01  # m/s at rest
-ROUNDS, STEP = 30, 1e-6
+ROUNDS, STEP = 15, 1e-6
 
 
 @dataclass
@@ -197,21 +198,40 @@ class _Problem:
         return np.concatenate(parts)
 
     def _balance(self, poses: Array) -> Array:
-        """(5,) of the sum of the forces, sideways, and of its torque about the centre of mass, parts of the weight."""
-        total, torque = np.zeros(3), np.zeros(3)
-        layout = self.layout
-        lever = np.array([bar.centre_of_mass_m for bar in layout.robot.bars])
-        masses = poses[:, :3, 3] + np.einsum("bij,bj->bi", poses[:, :3, :3], lever)
-        centre = layout.mass_kg @ masses / layout.mass_kg.sum()
+        """(6 B + C,) of the forces on each bar and their torques about its centre of mass, at the best tensions."""
+        layout, cables = self.layout, self.layout.robot.cables
+        centre = poses[:, :3, 3] + np.einsum("bij,bj->bi", poses[:, :3, :3], layout.reference_m + layout.mass_lever)
+        loads = np.zeros((len(poses), 6))
+        weight, carried = float(layout.mass_kg.sum()) * GRAVITY_M_S2, 0.0
         for endcap, contact in self.contacts.items():
-            pose = poses[layout.endcap_bar[endcap]]
-            force = pose[:3, :3] @ contact.force_n
-            outward = layout.radius_m[endcap] * contact.normal
-            point = self._centre(poses, endcap) + pose[:3, :3] @ outward
-            total += force
-            torque += np.cross(point - centre, force)
-        weight = max(float(np.linalg.norm(total)), 1.0)
-        return np.concatenate([total[:2], torque]) / weight / BALANCE_SD
+            bar = layout.endcap_bar[endcap]
+            turn = poses[bar, :3, :3]
+            force = turn @ contact.force_n
+            point = self._centre(poses, endcap) + turn @ (layout.radius_m[endcap] * contact.normal)
+            loads[bar] += np.concatenate([force, np.cross(point - centre[bar], force)])
+            carried += float(force[2])
+        loads *= weight / max(carried, weight / 4)
+        loads[:, 2] -= layout.mass_kg * GRAVITY_M_S2
+        pulls = np.zeros((len(cables), len(poses), 6))
+        lengths = np.empty(len(cables))
+        for pull, cable, number in zip(pulls, cables, range(len(cables)), strict=True):
+            first, second = (layout.robot.bar_number(name) for name in cable.bars)
+            one, two = (
+                poses[bar, :3, :3] @ point + poses[bar, :3, 3]
+                for bar, point in zip((first, second), cable.points_m, strict=True)
+            )
+            lengths[number] = np.linalg.norm(two - one)
+            along = (two - one) / lengths[number]
+            pull[first] += np.concatenate([along, np.cross(one - centre[first], along)])
+            pull[second] -= np.concatenate([along, np.cross(two - centre[second], along)])
+        spread = np.tile(np.repeat([BALANCE_SD_N, BALANCE_SD_NM], 3), len(poses))
+        stiffness = np.array([cable.stiffness_n_m for cable in cables])
+        stated = stiffness * np.maximum(0.0, lengths - [cable.rest_m for cable in cables])
+        rows = np.concatenate(
+            [pulls.reshape(len(cables), -1).T / spread[:, None], np.diag(1 / (stiffness * REST_SD_M))]
+        )
+        wanted = np.concatenate([-loads.ravel() / spread, stated / (stiffness * REST_SD_M)])
+        return np.asarray(rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted)
 
     def _level_ground(self, poses: Array) -> Array:
         turn = poses[:, :3, :3]

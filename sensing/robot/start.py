@@ -30,7 +30,8 @@ OPEN_SD_M, REACH_M = 0.05, 0.4  # E: along the motion that the lengths leave ope
 FIXED_SD = 1e-5  # of what a convention sets: origin and heading
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
 SPEED_SD = 0.01  # m/s at rest
-ROUNDS, STEP = 15, 1e-6
+ROUNDS, STEP, HALVED = 15, 1e-6, 5
+STARTS = 0.0, 0.15, -0.15  # m along the open motion
 
 
 @dataclass
@@ -148,26 +149,36 @@ class _Problem:
         self.guess = turned
 
     def solved(self) -> tuple[Array, Array]:
-        """(poses, covariance of their steps)."""
-        step = np.zeros(6 * len(self.guess))
-        jacobian = np.zeros((0, len(step)))
+        """(poses, covariance of their steps): the best of three starts, since lengths have two solutions and more."""
+        motion = self._open_motion(self.guess)
+        best = min((self._descended(start * motion) for start in STARTS), key=lambda found: found[0])
+        poses, jacobian = moved(self.guess, best[1]), best[2]
+        open_motion = self._open_motion(poses)
+        return poses, np.linalg.inv(jacobian.T @ jacobian) + OPEN_SD_M**2 * np.outer(open_motion, open_motion)
+
+    def _descended(self, step: Array) -> tuple[float, Array, Array]:
+        """(cost, step, Jacobian) after Gauss and Newton's steps, each shortened until it descends."""
+        value = self.residuals(step)
+        cost, jacobian = float(value @ value), np.zeros((len(value), len(step)))
         for _ in range(ROUNDS):
-            value = self.residuals(step)
-            columns = [
-                (self.residuals(step + STEP * e) - self.residuals(step - STEP * e)) / (2 * STEP)
-                for e in np.eye(len(step))
-            ]
-            jacobian = np.array(columns).T
+            jacobian = np.array([(self.residuals(step + STEP * e) - value) / STEP for e in np.eye(len(step))]).T
             change = np.linalg.lstsq(jacobian, -value, rcond=None)[0]
             change *= min(1.0, 0.3 / max(float(np.abs(change).max()), 1e-12))
-            step = step + change
-            if np.abs(change).max() < 1e-7:
+            for _ in range(HALVED):
+                tried = self.residuals(step + change)
+                if float(tried @ tried) < cost:
+                    break
+                change = change / 2
+            else:
                 break
-        poses = moved(self.guess, step)
-        return poses, np.linalg.inv(jacobian.T @ jacobian) + self._open_motion(poses)
+            gained, cost = cost - float(tried @ tried), float(tried @ tried)
+            step, value = step + change, tried
+            if gained < 1e-3 * cost:
+                break
+        return cost, step, jacobian
 
     def _open_motion(self, poses: Array) -> Array:
-        """Covariance of the motion that changes the cables least: lengths curve along it, and have two solutions."""
+        """(6 B,) motion by a metre that changes the cables least: lengths curve along it, and have two solutions."""
         jacobian = cable_lengths(self.layout.robot, poses, self.cables)[1]
         first = 6 * self.layout.leader
         others = [k for k in range(jacobian.shape[1]) if not first <= k < first + 6]
@@ -180,7 +191,7 @@ class _Problem:
         _, motions = np.linalg.eigh(across @ (rows.T @ rows / np.outer(metres, metres)) @ across + spins @ spins.T)
         motion = np.zeros(jacobian.shape[1])
         motion[others] = motions[:, 0] / metres
-        return OPEN_SD_M**2 * np.outer(motion, motion)
+        return motion
 
     def residuals(self, step: Array) -> Array:
         """(M,) at poses that lie a step from the guess."""

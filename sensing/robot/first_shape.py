@@ -35,8 +35,8 @@ class FirstShape:
     """Residuals of the shape, each over its standard deviation, and the poses that make them least.
 
     Args:
-        lengths: (C,) of the measured cables, NaN where unknown. force: (3,) of the leader's accelerometer, bar axes, NaN
-            where unknown. contacts: of the endcaps by number. layout, settings: of the estimator.
+        lengths: (C,) of the measured cables, NaN where unknown. force: (3,) of the leader's accelerometer, bar axes,
+            NaN where unknown. contacts: of the endcaps by number. layout, settings: of the estimator.
     """
 
     def __init__(
@@ -80,10 +80,8 @@ class FirstShape:
 
     def solved(self) -> tuple[Array, Array]:
         """(poses, covariance of their steps): the best of several starts, since there are several solutions."""
-        guesses = [
-            self._guess(spin)
-            for spin in (np.linspace(0, 2 * math.pi, SPINS, endpoint=False) if self.contacts else [0.0])
-        ]
+        count = SPINS if self.contacts else 1
+        guesses = [self._guess(spin) for spin in np.linspace(0, 2 * math.pi, count, endpoint=False)]
         guesses.sort(key=self._cost)
         best = min((self._descended(guess) for guess in guesses[:STARTS]), key=lambda found: found[0])
         _, self.guess, step, jacobian = best

@@ -1,4 +1,4 @@
-"""The first state: shape and attitude of a robot that stands still, with their covariance (:mod:`sensing.robot.first_shape`)."""
+"""The first state: shape and attitude of a robot that stands still, and their covariance (see first_shape)."""
 
 from __future__ import annotations
 

@@ -45,6 +45,8 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "camera": set(),
     "tensegrity": set(),  # description and samples of the robot, which simulator and estimator share
     "robot": {"tensegrity"},  # state of the robot from six wrenches, cables and inertial sensors
+    "robot.demo": {"simulator", "tensegrity"},  # the simulated robot; nothing else of robot knows the simulator
+    "robot.node": {"live", "live.core", "live.outputs", "live.web", "robot", "robot.demo", "tensegrity"},  # it runs
     "sources": set(),
     "simulator": {"camera", "tensegrity"},
     "calibration": {"camera"},
@@ -78,6 +80,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
         "live",
         "live.core",
         "recording",
+        "robot.node",
         "sources",
         "tracking",
         "weighing",
@@ -146,7 +149,7 @@ def own(names: set[str]) -> set[str]:
 def part(module: str) -> str:
     """Package of sensing that a module lies in, "" for commands: modules beside the packages, and that of sources."""
     names = module.split(".")
-    if module == "sensing.sources.__main__":
+    if module in ("sensing.sources.__main__", "sensing.robot.__main__"):
         return ""
     inner = ".".join(names[1:3])
     return next((name for name in (inner, *names[1:2]) if name in ARROWS), "")

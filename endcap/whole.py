@@ -17,19 +17,16 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from cad.design_arguments import design_words
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
-from cad.plain_numbers import plain
 from cad.whole_file import replace_file
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.variant import Variant
 
-# Weights and study are made for the released dots, so no others are taken here; `make molds` takes them.
-OPTIONS = {name: value for name, value in VARIANT_DEFAULTS.items() if not name.startswith("dot")} | {
-    "exports": "exports"
-}
+OPTIONS = {**VARIANT_DEFAULTS, "exports": "exports"}
 PAGE = "start.html"
 HELP = f"""\
 usage: make endcap [options of make molds] [exports=DIR]      (or: endcap whole 180 10)
@@ -76,10 +73,12 @@ class Wanted:
     def steps(self) -> list[Step]:
         """The commands in order."""
         params, material, folder = self.variant.params, self.variant.silicone, self.folder
-        numbers = (plain(params.diameter_mm), plain(params.wall_mm))
-        design = (f"D={numbers[0]}", f"T={numbers[1]}")
+        _, diameter, _, wall, *dots = design_words(params)
+        own = {name: value for name, value in params.option_words.items() if name != "gyroid"}  # only the CAD knows it
+        design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
-        train = ("--design", *numbers, "--silicone", material, "--unless-there", "--copy-to", str(folder))
+        train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
+        of_study = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
         return [
             Step("molds", "fab.molds", whole),
             Step("slicer projects", "fab.slice", whole, optional=True),
@@ -87,7 +86,7 @@ class Wanted:
             Step("LED ring", "fab.led_ring", (*design, f"exports={folder}")),
             Step("weights", "sensing.train", train),
             Step("robot-simulator model", "endcap.robot_model", whole, optional=True),
-            Step("study", "sensing.study", (*design, f"material={material}", f"folder={folder / 'study'}")),
+            Step("study", "sensing.study", (*of_study, f"folder={folder / 'study'}")),
         ]
 
 
@@ -234,7 +233,7 @@ def _short(value: str) -> str:
 
 def _next(wanted: Wanted, folder: Path) -> str:
     words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
-    design = f"--diameter {plain(params.diameter_mm)} --wall {plain(params.wall_mm)}"
+    design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([
         f"{'make coupons':<64} # print the fit coupon first; give what fits as joint_clearance=",

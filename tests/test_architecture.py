@@ -34,6 +34,7 @@ BOTTOM = {
         "messages",
         "threads",
         "options",
+        "design_arguments",
         "pattern",
     )
 }

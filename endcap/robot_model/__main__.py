@@ -14,13 +14,12 @@ from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
 
 FOLDER, RECORD = "robot_model", "robot_model.json"
-OPTIONS = {name: value for name, value in VARIANT_DEFAULTS.items() if not name.startswith("dot")}
 HELP = """\
 options, as NAME=VALUE:
   D=130 T=8             the design: writes exports/D130_T8/robot_model/
   material='Smooth-Sil 950'   row of cad/materials.csv
   friction=0.8          Coulomb's mu of silicone and ground
-  gyroid=, robot=, joint_clearance=   as in make molds: mass, and the name of the folder
+  gyroid=, dots=, dot_mm=, robot=, joint_clearance=   as in make molds: mass, and the name of the folder
   exports=DIR           another folder
 
 Writes endcap.xml (MJCF), endcap.urdf, base.stl and shell.stl (m), check.csv, robot_model.json, and endcap.usda where
@@ -33,13 +32,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     command = Command(
         "make robot-model", "[D=130 T=8 material=... friction=0.8 exports=DIR]",
-        "One endcap for robot simulators: MJCF, URDF, USD.", HELP, {**OPTIONS, "friction": "0.8"},
+        "One endcap for robot simulators: MJCF, URDF, USD.", HELP, {**VARIANT_DEFAULTS, "friction": "0.8"},
     )  # fmt: skip
     return command.run(arguments, _act)
 
 
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:
-    variant = parse_variant({**VARIANT_DEFAULTS, **options})
+    variant = parse_variant(options)
     friction = parse_length("friction", options["friction"])
     if not 0 < friction <= 3:
         raise ParameterError(

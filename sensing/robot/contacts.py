@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from sensing.robot.contact import Contact, contact_of
-from sensing.robot.friction import learned, slip_probability
+from sensing.robot.friction import learned, moments, slip_probability
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, point_slopes, update_step
 from sensing.robot.settings import Contacts, Settings
@@ -18,6 +20,7 @@ STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one b
 LEAST, MOST = 1e-3, 0.999  # of a probability of slip
 STILL_M_S2 = 0.5  # acceleration below which the forces carry the weight
 LATELY = 0.02
+FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # of a slip; torque over push that is no more than noise
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -82,28 +85,46 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     lever = layout.endcap_lever[endcap] + yields
     axes = axes_about(state.normal[endcap])
     loads = axes @ (state.turn[bar] @ yields)
-    variance = settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2
+    stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
+    variance = stays * (settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2)
     if fresh:
-        state.slips[endcap] = slip_probability(state.friction, contact.ratio, contact.ratio_sd)
+        state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
         return _begin(state, endcap, lever, variance, layout)
     rolled = layout.radius_m[endcap] * since * np.linalg.norm(np.cross(world_rate(state, bar), state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
-    creep = settings.anchor_walk**2 * since + (settings.roll_share * rolled) ** 2
-    lift = creep + state.normal_variance[endcap] * rolled**2
+    creep = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
+    lift = creep + stays * state.normal_variance[endcap] * rolled**2
     state.covariance[at, at] += creep * (np.eye(3) - across) + lift * across
     if known is None:
-        slips = _slips(state, endcap, contact, lever, axes, variance, since, layout, settings)
-        state.friction = learned(state.friction, contact.ratio, contact.ratio_sd, slips)
+        slips = _slips(state, endcap, contact, lever, axes, variance / stays, since, layout, settings)
+        state.friction = learned(state.friction, contact.use, contact.use_sd, slips)
     else:
         slips = 0.0 if known.holds else 1.0
     state.slips[endcap] = slips
-    far = slips * (settings.slip_m_s * since) ** 2
-    state.covariance[at, at] += far * (np.eye(3) - across) + far * state.normal_variance[endcap] * across
+    mean, spread = _slide(state, endcap, bar, contact, settings)
+    state.anchor[endcap] += slips * since * mean
+    far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
+    state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, lever, axes, variance, layout)
 
 
 def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
     return np.asarray(layout.endcap_turn[endcap] @ normal)
+
+
+def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Settings) -> tuple[Array, Array]:
+    """((3,) velocity of a contact that slips, world, (3, 3) covariance): it goes against the friction force."""
+    normal = state.normal[endcap]
+    force = state.turn[bar] @ contact.force_n
+    along = force - (force @ normal) * normal
+    along /= max(float(np.sqrt(along @ along)), 1e-9)
+    flat = np.eye(3) - np.outer(normal, normal)
+    spin = abs(float(world_rate(state, bar) @ normal))
+    needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
+    speed = min(spin * contact.ratio * settings.spin_lever_m**2 / needs, FASTEST_M_S)
+    variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
+    spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
+    return -speed * along, spread
 
 
 def world_rate(state: State, bar: int) -> Array:
@@ -167,21 +188,27 @@ def _slips(
     layout: Layout, settings: Settings,
 ) -> float:  # fmt: skip
     """Probability of slip: what the friction ratio says, then what the innovation says."""
-    by_ratio = slip_probability(state.friction, contact.ratio, contact.ratio_sd)
+    by_ratio = slip_probability(state.friction, contact.use, contact.use_sd)
     before = state.slips[endcap]
     prior = by_ratio * (STAYS * before + (1 - before)) + STARTS * by_ratio * (1 - by_ratio)
     prior = min(max(prior, LEAST), MOST)
+    mean, spread = _slide(state, endcap, int(layout.endcap_bar[endcap]), contact, settings)
     innovation, slopes = _difference(state, endcap, lever, layout)
     rows = axes[1:] @ slopes
     holds = rows @ state.covariance @ rows.T + np.diag(variance[1:])
-    slips = holds + (settings.slip_m_s * since) ** 2 * np.eye(2)
+    slips = holds + since**2 * axes[1:] @ spread @ axes[1:].T
     across = axes[1:] @ innovation
-    logs = [
-        -0.5 * float(across @ np.linalg.solve(spread, across)) - 0.5 * float(np.log(np.linalg.det(spread)))
-        for spread in (holds, slips)
-    ]
+    logs = [_log_density(across, holds), _log_density(across + since * axes[1:] @ mean, slips)]
     odds = prior / (1 - prior) * float(np.exp(np.clip(logs[1] - logs[0], -20, 20)))
     return min(max(odds / (1 + odds), LEAST), MOST)
+
+
+def _log_density(x: Array, spread: Array) -> float:
+    """Of two numbers, up to a constant."""
+    (a, b), (_, c) = spread.tolist()
+    square = a * c - b * b
+    u, v = x.tolist()
+    return -0.5 * ((c * u * u - 2 * b * u * v + a * v * v) / square + math.log(square))
 
 
 def _hold(state: State, endcap: int, lever: Array, axes: Array, variance: Array, layout: Layout) -> None:

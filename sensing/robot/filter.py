@@ -66,12 +66,12 @@ class Filter:
             bar = self._bar_of[sample.sensor]
             turn = self.layout.sensor_turn[bar]
             new = turn @ sample.rate_rad_s
-            rate[bar] = _over_step(state.rate[bar], new, state.rate_used[bar], time_s - state.rate_s[bar], step)
+            rate[bar] = _over_step(new, state.rate_used[bar], time_s - state.rate_s[bar], step)
             state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
             state.rate_used[bar] = -rate[bar] * step
             if sample.acceleration_m_s2 is not None and self.layout.has_force[bar]:
                 new = turn @ sample.acceleration_m_s2
-                force[bar] = _over_step(state.force[bar], new, state.force_used[bar], time_s - state.force_s[bar], step)
+                force[bar] = _over_step(new, state.force_used[bar], time_s - state.force_s[bar], step)
                 state.force[bar], state.force_s[bar], heard[1, bar] = new, time_s, True
                 state.force_used[bar] = -force[bar] * step
         if step > 0:
@@ -121,7 +121,9 @@ class Filter:
             state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
         )
         innovation = np.asarray(sample.lengths_m, float) - length
-        variance, found = np.full(len(length), self.settings.length_sd_m**2), np.empty(len(length))
+        since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
+        spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
+        variance, found = np.full(len(length), spread), np.empty(len(length))
         covariance = state.covariance.copy()
         change = update_step(state.covariance, slopes, innovation, variance, LIMIT, found)
         state.rejected = int((found < -1).sum())
@@ -147,8 +149,8 @@ def apply(state: State, change: Array, leader: int) -> None:
     )  # fmt: skip
 
 
-def _over_step(old: Array, new: Array, used: Array, gap_s: float, step_s: float) -> Array:
-    """Mean over the last step that makes the integral since the last sample that of a straight line between both."""
+def _over_step(new: Array, used: Array, gap_s: float, step_s: float) -> Array:
+    """Mean over the last step with which the integral since the last sample is the new one, a mean over that time."""
     if not 0 < gap_s <= SILENT_S or not step_s > 0:
         return new
-    return np.asarray((0.5 * (old + new) * gap_s - used) / step_s)
+    return np.asarray((new * gap_s - used) / step_s)

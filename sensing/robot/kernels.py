@@ -15,12 +15,12 @@ import math
 import numba
 import numpy as np
 
-from sensing.compiled import HELPER, SHORT
+from sensing.compiled import SHORT
 
-EXACTLY, INLINED = SHORT | {"fastmath": False}, HELPER | {"fastmath": False}
+EXACTLY = SHORT | {"fastmath": False}  # bits do not depend on what is inlined: helpers need not be
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _skew(out, k, x, y, z, scale):
     """Write scale * [x y z] x into out[k]."""
     out[k, 0, 0] = out[k, 1, 1] = out[k, 2, 2] = 0.0
@@ -29,7 +29,7 @@ def _skew(out, k, x, y, z, scale):
     out[k, 2, 0], out[k, 2, 1] = -scale * y, scale * x
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def turned_by(turn, x, y, z):
     """A rotation turned by a vector: exp([x y z] x) turn.
 
@@ -51,7 +51,7 @@ def turned_by(turn, x, y, z):
     return out
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _times(a, b):
     """(3, 3) a b; numba's own product needs scipy."""
     out = np.empty((3, 3))
@@ -61,7 +61,7 @@ def _times(a, b):
     return out
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def times_vector(a, x):
     """(3,) a x."""
     out = np.empty(3)
@@ -123,7 +123,7 @@ def predict_step(
             anchor[e, k] += moved[e, k]
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _follow(at, blocks, drive, count, row, x, middle, leader, bars, step_s):
     """The error of x turns with the leader: what the leader's gyroscope does to it, bias and noise."""
     at[count, 0], at[count, 1] = row, 3 * (3 * bars + leader)
@@ -133,7 +133,7 @@ def _follow(at, blocks, drive, count, row, x, middle, leader, bars, step_s):
     return count + 1
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, leader, step_s, gravity):
     """Blocks of all bars: turns after gyroscope biases, places after velocities, velocities after turns and biases."""
     bars, count = len(middle), 0
@@ -160,7 +160,7 @@ def _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, lea
     return count
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length):
     """Blocks of an anchor that moves by w x n times a length; writes the motion."""
     mx, my, mz = w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0]
@@ -178,7 +178,7 @@ def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length
     return count + 3
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _add_noise(covariance, drive, noise, walk, leader, step_s):
     """Process noise of one step."""
     bars, size, quiet = len(noise), len(covariance), noise[leader, 0] * step_s
@@ -203,7 +203,7 @@ def _add_noise(covariance, drive, noise, walk, leader, step_s):
             covariance[i, i] += walk[b, 1] * step_s
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _congruence(covariance, at, blocks, count):
     """(1 + A) P (1 + A)' in place; A has blocks at rows and columns."""
     size = len(covariance)

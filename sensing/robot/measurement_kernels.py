@@ -8,7 +8,7 @@ import math
 import numba
 import numpy as np
 
-from sensing.robot.kernels import EXACTLY, INLINED, times_vector, turned_by
+from sensing.robot.kernels import EXACTLY, times_vector, turned_by
 
 
 @numba.njit(**EXACTLY)
@@ -76,7 +76,7 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
         normal[e] = times_vector(whole, normal[e])
 
 
-@numba.njit(**INLINED)
+@numba.njit(**EXACTLY)
 def _add_cross(out, row, column, x, y, z, scale):
     """Add scale * (-[x y z] x) to a (3, 3) part of out: the slope of a point at a lever after a turn."""
     out[row, column + 1] += scale * z

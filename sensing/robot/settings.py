@@ -45,12 +45,15 @@ class Settings:
         unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)).
         relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
             (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
-        length_sd_m: of a cable's length.
+        length_sd_m: of a cable's length, independent from sample to sample. length_error_m: what stays for a second.
         compliance_m_n: by which an endcap yields under a newton. compliance_share: error of it, as a part.
-        anchor_sd_m: of a contact beside the compliance.
+        anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
         bit_sd_m: of a contact of which only the bit is known.
         roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
-            (m/sqrt(s)). slip_m_s: speed of a contact that slips.
+            (m/sqrt(s)).
+        slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
+            slip_across: of it, across the friction force.
+        spin_lever_m: torque about the normal that a newton of push holds.
         normal_sd: error of a measured normal that does not average out. normal_walk: rad/sqrt(s).
         least_force_n: below it nothing is known of a contact but that it touches.
         start_s: how long the robot stands still at the start. history_s: how late a sample may come.
@@ -67,13 +70,18 @@ class Settings:
     relative_noise: float = 0.5
     relative_share: float = 0.1
     length_sd_m: float = 2e-3
+    length_error_m: float = 1e-3
     compliance_m_n: float = 2.5e-4
     compliance_share: float = 0.15
     anchor_sd_m: float = 1e-3
+    error_stays_s: float = 0.3
     bit_sd_m: float = 8e-3
     roll_share: float = 0.01
     anchor_walk: float = 5e-4
-    slip_m_s: float = 0.3
+    slip_sd_m_s: float = 0.05
+    slip_share: float = 1.0
+    slip_across: float = 0.3
+    spin_lever_m: float = 0.01
     normal_sd: float = 0.01
     normal_walk: float = 0.1
     least_force_n: float = 1.5

@@ -25,6 +25,7 @@ from sensing.tensegrity.shape import cable_lengths, moved, standing_poses
 GUESS_SD_M, GUESS_SD = 0.1, 0.3  # E: of the stated ends, of a bar's turn
 LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
 BALANCE_SD = 0.02  # E: of the sum of forces and its torque, parts of the weight (and m)
+OPEN_SD_M, REACH_M = 0.05, 0.4  # E: along the motion that the lengths leave open; half a bar
 FIXED_SD = 1e-5  # of what a convention sets: origin and heading
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
 SPEED_SD = 0.01  # m/s at rest
@@ -161,7 +162,24 @@ class _Problem:
             step = step + change
             if np.abs(change).max() < 1e-7:
                 break
-        return moved(self.guess, step), np.linalg.inv(jacobian.T @ jacobian)
+        poses = moved(self.guess, step)
+        return poses, np.linalg.inv(jacobian.T @ jacobian) + self._open_motion(poses)
+
+    def _open_motion(self, poses: Array) -> Array:
+        """Covariance of the motion that changes the cables least: lengths curve along it, and have two solutions."""
+        jacobian = cable_lengths(self.layout.robot, poses, self.cables)[1]
+        first = 6 * self.layout.leader
+        others = [k for k in range(jacobian.shape[1]) if not first <= k < first + 6]
+        rows = np.array(jacobian[:, others])
+        spins = np.zeros((len(others), len(poses) - 1))
+        for column, bar in enumerate(b for b in range(len(poses)) if b != self.layout.leader):
+            spins[6 * column + 3 : 6 * column + 6, column] = poses[bar, :3, 2]
+        across = np.eye(len(others)) - spins @ spins.T
+        metres = np.tile(np.repeat([1.0, REACH_M], 3), len(poses) - 1)  # a turn counts as what it moves an end by
+        _, motions = np.linalg.eigh(across @ (rows.T @ rows / np.outer(metres, metres)) @ across + spins @ spins.T)
+        motion = np.zeros(jacobian.shape[1])
+        motion[others] = motions[:, 0] / metres
+        return OPEN_SD_M**2 * np.outer(motion, motion)
 
     def residuals(self, step: Array) -> Array:
         """(M,) at poses that lie a step from the guess."""

@@ -25,6 +25,7 @@ from sensing.tensegrity.samples import Sample
 
 LONGEST_S = 600.0
 SHORTEST_S = 3.0
+MOST_SPEED = 1000.0
 TERRAINS = tuple(terrain.value for terrain in Terrain)
 
 
@@ -37,7 +38,7 @@ class SimulatedRobot:
         say: is called with the simulated time while it is simulated.
 
     Raises:
-        ParameterError: an unknown terrain, or seconds outside 3..600.
+        ParameterError: an unknown terrain, seconds outside 3..600, or a speed outside 0..1000.
     """
 
     def __init__(
@@ -54,6 +55,11 @@ class SimulatedRobot:
         if not SHORTEST_S <= seconds <= LONGEST_S:
             raise ParameterError(
                 f"seconds={seconds:g} outside {SHORTEST_S:g}..{LONGEST_S:g} of a simulated run", name="seconds"
+            )
+        if not 0 <= speed <= MOST_SPEED:
+            raise ParameterError(
+                f"speed={speed:g} outside 0..{MOST_SPEED:g}: 1 is the run's own pace, 0 as fast as possible",
+                name="speed",
             )
         self.robot, self._speed = robot, speed
         self._walk = _walk(robot, Terrain(terrain), seed, seconds, say)

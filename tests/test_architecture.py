@@ -46,10 +46,9 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "camera": set(),
     "tensegrity": set(),  # description and samples of the robot, which simulator and estimator share
     "robot": {"tensegrity"},  # state of the robot from six wrenches, cables and inertial sensors
-    "robot.demo": {"simulator", "tensegrity"},  # the simulated robot; nothing else of robot knows the simulator
-    "robot.node": {"live", "live.core", "live.outputs", "live.web", "robot", "robot.demo", "tensegrity"},  # it runs
     "sources": set(),
     "simulator": {"camera", "tensegrity"},
+    "robot.demo": {"simulator", "tensegrity"},  # the simulated robot; nothing else of robot knows the simulator
     "calibration": {"camera"},
     "tracking": {"camera"},
     "wrench": {"camera", "tracking"},
@@ -62,6 +61,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.web": {"design", "live.core", "live.outputs"},  # design: the shape of a pressed dome that the page draws
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
+    "robot.node": {"live", "live.core", "live.outputs", "live.web", "robot", "robot.demo", "tensegrity"},  # it runs
     "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
     "evaluation": {
         "calibration",

@@ -32,7 +32,7 @@ class Outcome:
 
     Attributes:
         samples: read. compared: estimates computed again. different: those that differ in a bit.
-        inertial: whether any inertial sample is in the file. feet: endcaps with a reading.
+        inertial: whether any inertial sample is in the file. endcaps: those with a reading.
         end: what is wrong with the file's end; None where it is whole.
     """
 
@@ -40,7 +40,7 @@ class Outcome:
     compared: int = 0
     different: int = 0
     inertial: bool = False
-    feet: set[str] = field(default_factory=set)
+    endcaps: set[str] = field(default_factory=set)
     end: FileError | None = None
 
     @property
@@ -48,8 +48,8 @@ class Outcome:
         """What could not be estimated from it, and what could."""
         if self.inertial:
             return []
-        feet = "which endcaps hold, and steps of those that do" if self.feet else "no contacts either"
-        return [f"no inertial sample in it: the shape from the cables, {feet}; which way is up is not measured"]
+        contacts = "which endcaps hold, and steps of those that do" if self.endcaps else "no contacts either"
+        return [f"no inertial sample in it: the shape from the cables, {contacts}; which way is up is not measured"]
 
 
 class Recording:
@@ -111,7 +111,7 @@ class Recording:
                 found.samples += 1
                 found.inertial |= isinstance(sample, InertialSample)
                 if isinstance(sample, FootSample):
-                    found.feet.add(sample.endcap)
+                    found.endcaps.add(sample.endcap)
                 for output in outputs:
                     output.sample(sample)
                 give(estimator, sample)

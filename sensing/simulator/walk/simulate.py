@@ -41,6 +41,7 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
         names = [mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, bar.name) for bar in robot.bars]
         self.bodies = np.array(names)
+        self.place_at = self.model.jnt_qposadr[self.model.body_jntadr[self.bodies]]
         self.velocity_at = self.model.jnt_dofadr[self.model.body_jntadr[self.bodies]]
         geoms = [
             mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, f"dome{number}")
@@ -68,9 +69,10 @@ class Simulation:
     @property
     def poses(self) -> Array:
         """(B, 4, 4) m, T_world_bar."""
-        poses = np.tile(np.eye(4), (len(self.bodies), 1, 1))
-        poses[:, :3, :3] = self.data.xmat[self.bodies].reshape(-1, 3, 3)
-        poses[:, :3, 3] = self.data.xpos[self.bodies]
+        poses, turn = np.tile(np.eye(4), (len(self.bodies), 1, 1)), np.zeros(9)
+        for pose, at in zip(poses, self.place_at, strict=True):  # not xmat, which is that of the step's begin
+            mujoco.mju_quat2Mat(turn, self.data.qpos[at + 3 : at + 7])
+            pose[:3, :3], pose[:3, 3] = turn.reshape(3, 3), self.data.qpos[at : at + 3]
         return poses
 
     @property

@@ -25,7 +25,7 @@ SLOPE_DEG = 6.0
 STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along +x from 0.8 m on
 FIRST_STEP_M = 0.8
 DROP_M = 0.3
-HARD = 'solref="0.002 1" solimp="0.99 0.999 0.0001"'  # of every contact: a hard one
+HARD = 'solref="0.002 1" solimp="0.9 0.95 0.001"'  # of every contact: a hard one
 PUSH_N, PUSH_FROM_S, PUSH_FOR_S = 60.0, 12.0, 0.25
 
 

@@ -117,8 +117,8 @@ def test_force_of_a_dome_at_a_depth_does_not_depend_on_what_it_carries(load_kg):
     centre = 0.065 - (simulation.data.xpos[simulation.bodies[0], 2] - 0.5 - 0.03837)
     force = simulation.ground_force_n[0, 2]
     assert force == pytest.approx(load_kg * GRAVITY_M_S2, rel=0.02)
-    shell_n = 0.06 * GRAVITY_M_S2  # which the ground carries directly
-    assert (force - shell_n) / centre == pytest.approx(4000, rel=0.02)
+    shell_n = 0.09 * GRAVITY_M_S2  # which the ground carries directly
+    assert (force - shell_n) / centre == pytest.approx(3920, rel=0.01)  # 2 % is the contact itself
 
 
 def test_wrench_on_the_mating_plane_is_what_the_ground_does_to_the_endcap(rolled):

@@ -68,7 +68,7 @@ class FirstShape:
 
     def _spun(self, poses: Array) -> Array:
         """Bars that touch, turned about their axes until their normals point down as far as that can be."""
-        down = {}
+        down: dict[int, list[Array]] = {}
         for endcap, contact in self.contacts.items():
             down.setdefault(int(self.layout.endcap_bar[endcap]), []).append(contact.normal)
         for bar, normals in down.items():

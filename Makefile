@@ -7,18 +7,20 @@ OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
 FAB := molds molds-help slice sheet ring coupons design
-GOALS := help setup $(FAB) endcap study data train evaluate live test quick check docs bench clean clean-all
+GOALS := help setup $(FAB) endcap robot-model study data train evaluate live test quick check docs bench clean clean-all
 .PHONY: $(GOALS)
 
 # Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
 STRANGE := $(filter-out $(GOALS),$(foreach goal,$(MAKECMDGOALS),$(if $(findstring /,$(goal)),,$(goal))))
 $(if $(STRANGE),$(error $(STRANGE): not a target (`make help` lists them); give sizes by name: make molds D=150 T=9))
-TAKES_data := N D T material WORKERS OPTIONS
-TAKES_train := D T material WORKERS
-TAKES_evaluate := D T material WORKERS OPTIONS
-TAKES_live := D T material OPTIONS
-TAKES_study := D T material load error exports
-TAKES_endcap := D T gyroid material joint_clearance robot exports
+DOTS := dots dot_mm
+TAKES_data := N D T $(DOTS) material WORKERS OPTIONS
+TAKES_train := D T $(DOTS) material WORKERS
+TAKES_evaluate := D T $(DOTS) material WORKERS OPTIONS
+TAKES_live := D T $(DOTS) material OPTIONS
+TAKES_study := D T $(DOTS) material load error exports
+TAKES_endcap := D T $(DOTS) gyroid material joint_clearance robot exports
+TAKES_robot-model := D T $(DOTS) gyroid material joint_clearance robot friction exports
 TAKES_clean-all := SURE
 TAKEN := PYTHON VENV $(foreach goal,$(MAKECMDGOALS),$(TAKES_$(goal)))
 TYPED := $(foreach name,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $(name)))),$(name)))
@@ -28,7 +30,9 @@ SENSES := $(firstword $(filter data train evaluate live study,$(MAKECMDGOALS)))
 $(if $(SENSES),$(if $(D),$(if $(T),,$(error D without T: give both, as in make $(SENSES) D=150 T=9)),\
   $(if $(T),$(error T without D: give both, as in make $(SENSES) D=150 T=9))))
 # D, T and material of a command of sensing; the shell reads their values out of its environment, as they were typed.
-DESIGN = $(if $(D),--diameter "$$D" --wall "$$T") $(if $(material),--silicone "$$material")
+DOTTED = $(if $(dots),--dot-rings "$$dots") $(if $(dot_mm),--dot-mm "$$dot_mm")
+DESIGN = $(if $(D),--diameter "$$D" --wall "$$T") $(DOTTED) $(if $(material),--silicone "$$material")
+OTHER = $(D)$(material)$(dots)$(dot_mm)
 # fab's commands read the variables themselves, as they were typed, out of MAKEFLAGS: no shell comes between.
 ASKED := --make-variables
 
@@ -59,22 +63,22 @@ design: $(VENV)/fab.stamp ## a page with sliders for D and T: preview, mass, cos
 
 data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=8 material=... WORKERS=2 OPTIONS='--help']
 	@$(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" $(if $(N),--frames "$$N") $(DESIGN) \
-	  $(if $(D)$(material),--loads design) $(OPTIONS)
+	  $(if $(OTHER),--loads design) $(OPTIONS)
 
 WRENCH := exports/wrench_train/small.safetensors
 WRENCH_DATA := exports/wrench_train exports/wrench_motion
 SIMULATE = $(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" --tolerance 1e-3
 # With D and T: weights of that design by similarity, where live finds them. Without: a simulation of your own.
-train: $(if $(D)$(material),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train D=180 T=10 [material=...] (minutes)
-	@$(if $(D)$(material),$(BIN)/python -m sensing.train --design "$${D:-130}" "$${T:-8}" \
-	  $(if $(material),--silicone "$$material"),true)
+train: $(if $(OTHER),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train D=180 T=10 [material=...] (minutes)
+	@$(if $(OTHER),$(BIN)/python -m sensing.train --design "$${D:-130}" "$${T:-8}" \
+	  $(DOTTED) $(if $(material),--silicone "$$material"),true)
 
 # Of another design: pressed in proportion to the range of its weights.
-TESTED = exports/wrench_test$(if $(D)$(material),_D$${D:-130}_T$${T:-8}$(if $(material),_$$material))
-evaluate: $(if $(D)$(material),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10 material=...]
-	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) $(if $(D)$(material),--loads design) --out "$(TESTED)"
+TESTED = exports/wrench_test$(if $(OTHER),_D$${D:-130}_T$${T:-8}$(if $(dots),_$$dots)$(if $(dot_mm),_$$dot_mm)$(if $(material),_$$material))
+evaluate: $(if $(OTHER),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10 material=...]
+	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) $(if $(OTHER),--loads design) --out "$(TESTED)"
 	@$(BIN)/python -m sensing.evaluate "$(TESTED)" \
-	  $(if $(D)$(material),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
+	  $(if $(OTHER),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
 
 $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train
@@ -85,11 +89,14 @@ live: $(VENV)/all.stamp ## wrench and contact, live: make live [D=180 T=10 OPTIO
 	@$(BIN)/python -m sensing.live $(DESIGN) $(OPTIONS)
 
 study: $(VENV)/all.stamp ## what a design will feel, before printing: make study D=130 T=8; the map of all: make study
-	@$(BIN)/python -m sensing.study $(foreach name,D T material load error exports,$(if $($(name)),"$(name)=$$$(name)"))
+	@$(BIN)/python -m sensing.study $(foreach name,D T dots dot_mm material load error exports,$(if $($(name)),"$(name)=$$$(name)"))
 
 endcap: $(VENV)/all.stamp ## everything of one size in one folder: molds, slices, sheet, ring, weights, study: make endcap D=180 T=10
 	@sh scripts/slicer.sh || echo 'slicer projects will be left out' >&2
 	@$(BIN)/python -m endcap.whole $(ASKED)
+
+robot-model: $(VENV)/all.stamp ## endcap for robot simulators, MJCF and URDF: make robot-model D=130 T=8
+	@$(BIN)/python -m endcap.robot_model $(ASKED)
 
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(ASKED)

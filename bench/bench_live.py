@@ -1,6 +1,7 @@
 """The live pipeline on the simulated robot: speed, delay, wrench error and contact set, by method and model.
 
     python bench/bench_live.py [--weights-paper wrench_regression_model.pth] [--seconds 12]
+    python bench/bench_live.py --recorded                        # those rows alone, anew
 
 Writes bench/live.csv and bench/live.png. Frames are those of the robot scene, in memory; all rows see the same ones, in
 one process (but for the row of six processes). Time on a frame (mean and 99 %) is CPU time of the process, which other
@@ -17,12 +18,14 @@ import argparse
 import csv
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import cv2
 import matplotlib
@@ -30,6 +33,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from live_plans import COMMON, COMPUTED, ENDCAPS, MORE, RATE_HZ, RECORDED, Plan, about_run
 from live_probes import IdleProbe, Viewer, clocks
 
 from cad.errors import FileError
@@ -47,28 +51,8 @@ from sensing.records import Frame
 from sensing.tracking.zero import take_zero
 
 HERE = Path(__file__).resolve().parent
-ENDCAPS = 6
-RATE_HZ = 30.0
 
 
-@dataclass(frozen=True)
-class Plan:
-    """One live run; ``in_step``: all cameras take their pictures at the same moment."""
-
-    endcaps: int = ENDCAPS
-    workers: int = 1
-    rate_hz: float = RATE_HZ
-    page: bool = False
-    in_step: bool = False
-
-
-COMPUTED = (Plan(1), Plan(), Plan(in_step=True), Plan(rate_hz=60))
-COMMON = (Plan(1), Plan())  # of every method
-MORE = (  # of ours
-    Plan(workers=2), Plan(workers=6), Plan(in_step=True), Plan(workers=2, in_step=True), Plan(page=True),
-    Plan(workers=2, page=True), Plan(rate_hz=60), Plan(workers=2, rate_hz=60), Plan(rate_hz=60, page=True),
-    Plan(workers=2, rate_hz=60, page=True),
-)  # fmt: skip
 COLUMNS = (
     "model", "method", "endcaps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
     "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped",
@@ -153,7 +137,7 @@ def computed(spent_ms: np.ndarray, endcaps: int, rate_hz: float, in_step: bool) 
 
 
 def live(model: LiveModel, plan: Plan, seconds: float) -> dict[str, float]:
-    """Delay, drops and share of a core in the real loop, with a page that a viewer looks at or without."""
+    """Delay, drops and share of a core in the real loop, as the plan asks for it."""
     made = []
     for number, pipe in enumerate(pipelines(model, plan.endcaps)):
         opener = partial(SceneSource, number, plan.rate_hz, 0.0 if plan.in_step else None)
@@ -161,8 +145,13 @@ def live(model: LiveModel, plan: Plan, seconds: float) -> dict[str, float]:
     run = LiveRun(LiveConfig(tuple(endcap.pipeline.endcap for endcap in made)), made, plan.workers)
     latency: list[float] = []
     with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory()))
+        recording = Recording(run, folder)
+        if plan.pictures is not None:
+            recording.start(folder / "run.mcap", plan.pictures)
+            stack.callback(recording.stop)
         if plan.page:
-            server = PageServer(run, Recording(run, HERE), "127.0.0.1", 0)
+            server = PageServer(run, recording, "127.0.0.1", 0)
             server.start()
             viewer = Viewer(server.url)
             stack.callback(viewer.close)
@@ -220,8 +209,12 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=12.0, help="of each live run (12); 0 for none")
     parser.add_argument("--step", type=int, default=2, help="ticks between judged frames (2)")
+    parser.add_argument("--recorded", action="store_true", help="only the rows with a recording; others stay")
     options = parser.parse_args()
     cv2.setNumThreads(1)
+    if options.recorded:
+        measure_recorded(options.seconds)
+        return 0
     params, film = EndcapParams(130, 8), scene_film()
     asked: list[tuple[str, Path | None, str]] = []
     try:
@@ -239,32 +232,47 @@ def main() -> int:
         rows.append(about | {"endcaps": ENDCAPS, "rate_hz": RATE_HZ} | reported)
         print(rows[-1], flush=True)
         for plan in COMPUTED:
-            how = {
-                "endcaps": plan.endcaps,
-                "workers": "computed",
-                "rate_hz": plan.rate_hz,
-                "in_step": int(plan.in_step),
-            }
-            rows.append(about | how | computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step))
+            rows.append(about | about_run(plan) | {"workers": "computed", "outputs": ""})
+            rows[-1] |= computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step)
             print(rows[-1], flush=True)
         if not options.seconds:
             continue
         ours = (name, method) == ("default", "dots")
         for plan in COMMON + (MORE if ours else ()):
-            how = asdict(plan) | {"outputs": "page" if plan.page else "none", "in_step": int(plan.in_step)}
+            how = about_run(plan)
             rows.append(about | how | live(model, plan, options.seconds))
             print(rows[-1], flush=True)
         if ours:
             how = {"endcaps": ENDCAPS, "workers": "6 processes", "rate_hz": RATE_HZ, "outputs": "none"}
             rows.append(about | how | six_processes(options.seconds))
             print(rows[-1], flush=True)
+    save(rows)
+    draw(rows)
+    return 0
+
+
+def measure_recorded(seconds: float) -> None:
+    """Rows with a recording, in the place of those that the table had; one without is printed, of the same minutes."""
+    model, about = load_model("default", EndcapParams(130, 8)), {"model": "default", "method": "dots"}
+    live(model, Plan(), 1.0)  # what is loaded once is no row's
+    print("without a recording, for comparison:", live(model, Plan(rate_hz=60, page=True), seconds), flush=True)
+    made = []
+    for plan in RECORDED:
+        made.append(about | about_run(plan) | live(model, plan, seconds))
+        print(made[-1], flush=True)
+    with (HERE / "live.csv").open(newline="") as file:
+        kept = [row for row in csv.DictReader(file) if "recording" not in row["outputs"]]
+    place = 1 + max(number for number, row in enumerate(kept) if row["outputs"] == "page")
+    save(kept[:place] + made + kept[place:])
+
+
+def save(rows: Sequence[Mapping[str, Any]]) -> None:
+    """The table."""
     with (HERE / "live.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
         writer.writeheader()
         for row in rows:
             writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
-    draw(rows)
-    return 0
 
 
 def draw(rows: list[dict]) -> None:

@@ -72,11 +72,6 @@ class EndcapParams:
         return pattern.option_words(self.dot_rings, self.dot_mm, self.gyroid)
 
     @property
-    def has_own_dots(self) -> bool:
-        """Whether its dots are not the released ones, which are all that sensing reads."""
-        return bool({"dots", "dot_mm"} & set(self.option_words))
-
-    @property
     def record(self) -> dict[str, Any]:
         """The parameters as plain JSON; options of the released sensor are not in it, so that older files agree."""
         options = {"dots": ("dot_rings", list(self.dot_rings)), "dot_mm": ("dot_mm", self.dot_mm)}

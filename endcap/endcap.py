@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cad.identity import Identity, identity
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
 
 if TYPE_CHECKING:
     from cad.mold_layout import MoldLayout
@@ -29,6 +30,8 @@ class Endcap:
         wall_mm: T.
         silicone: row of cad/materials.csv that it is cast of.
         joint_clearance_mm: gap of the mold's joints on your printer; None for the default.
+        dots: dots of each ring from tip to equator, as in 1-6-10-12-16-18; empty for the released ones.
+        dot_mm: diameter of a dot.
 
     Raises:
         ParameterError: a size that cannot be made, or an unknown silicone.
@@ -38,6 +41,8 @@ class Endcap:
     wall_mm: float = 8.0
     silicone: str = DEFAULT_SILICONE
     joint_clearance_mm: float | None = None
+    dots: str = ""
+    dot_mm: float = RELEASED_DOT_MM
 
     def __post_init__(self) -> None:
         silicone(self.silicone)
@@ -46,7 +51,8 @@ class Endcap:
     @cached_property
     def params(self) -> EndcapParams:
         """Every derived size, mm."""
-        return EndcapParams(self.diameter_mm, self.wall_mm)
+        rings = parse_rings(self.dots) if self.dots else RELEASED_RINGS
+        return EndcapParams(self.diameter_mm, self.wall_mm, rings, self.dot_mm)
 
     @cached_property
     def layout(self) -> MoldLayout:
@@ -146,8 +152,9 @@ class Endcap:
         from sensing.live.endcap import open_endcap
 
         return open_endcap(
-            source, zero, diameter_mm=self.diameter_mm, wall_mm=self.wall_mm, silicone=self.silicone, model=model
-        )
+            source, zero, diameter_mm=self.diameter_mm, wall_mm=self.wall_mm, silicone=self.silicone, dots=self.dots,
+            dot_mm=self.dot_mm, model=model,
+        )  # fmt: skip
 
     @cached_property
     def _core(self) -> Any:

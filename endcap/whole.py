@@ -17,26 +17,24 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from cad.design_arguments import design_words
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
-from cad.plain_numbers import plain
 from cad.whole_file import replace_file
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.variant import Variant
 
-# Weights and study are made for the released dots, so no others are taken here; `make molds` takes them.
-OPTIONS = {name: value for name, value in VARIANT_DEFAULTS.items() if not name.startswith("dot")} | {
-    "exports": "exports"
-}
+OPTIONS = {**VARIANT_DEFAULTS, "exports": "exports"}
 PAGE = "start.html"
 HELP = f"""\
 usage: make endcap [options of make molds] [exports=DIR]      (or: endcap whole 180 10)
 
-Makes molds, slicer projects, build sheet, LED ring, weights and study of one endcap in exports/D180_T10/, and
-{PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not installed; everything
-else that fails stops it, and what was made before stays. Twenty minutes on two cores, most of it molds and slicing.
+Makes molds, slicer projects, build sheet, LED ring, weights, robot-simulator model and study of one endcap in
+exports/D180_T10/, and {PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not
+installed, and the robot-simulator model where the shell snaps; everything else that fails stops it, and what was made
+before stays. Twenty minutes on two cores, most of it molds and slicing.
 
 exit status: 0 made; 1 a check failed; 2 bad input; 130 interrupted
 """
@@ -75,17 +73,20 @@ class Wanted:
     def steps(self) -> list[Step]:
         """The commands in order."""
         params, material, folder = self.variant.params, self.variant.silicone, self.folder
-        numbers = (plain(params.diameter_mm), plain(params.wall_mm))
-        design = (f"D={numbers[0]}", f"T={numbers[1]}")
+        _, diameter, _, wall, *dots = design_words(params)
+        own = {name: value for name, value in params.option_words.items() if name != "gyroid"}  # only the CAD knows it
+        design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
-        train = ("--design", *numbers, "--silicone", material, "--unless-there", "--copy-to", str(folder))
+        train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
+        of_study = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
         return [
             Step("molds", "fab.molds", whole),
             Step("slicer projects", "fab.slice", whole, optional=True),
             Step("build sheet", "fab.build_sheet", whole),
             Step("LED ring", "fab.led_ring", (*design, f"exports={folder}")),
             Step("weights", "sensing.train", train),
-            Step("study", "sensing.study", (*design, f"material={material}", f"folder={folder / 'study'}")),
+            Step("robot-simulator model", "endcap.robot_model", whole, optional=True),
+            Step("study", "sensing.study", (*of_study, f"folder={folder / 'study'}")),
         ]
 
 
@@ -161,10 +162,16 @@ MEANINGS = {  # of folders and files beside those that index.html explains
     "study/study.html": "what this endcap will feel",
     "study/study.csv": "the same as a table",
     "study/study.json": "the same for programs",
+    "robot_model/endcap.xml": "the endcap for MuJoCo (MJCF), springs fitted to the pressed shell",
+    "robot_model/endcap.urdf": "the same as a rigid body (URDF)",
+    "robot_model/robot_model.json": "mass, inertia, springs and how wrong they are, for programs",
     "slice/slice.json": "time, material and gates of every print",
     "manifest.json": "every part, file digest and check, for programs",
 }
-BY_FOLDER = {"slice": "slicer project", "sheet": "of the build sheet", "study": "of the study"}
+BY_FOLDER = {
+    "slice": "slicer project", "sheet": "of the build sheet", "study": "of the study",
+    "robot_model": "of the robot-simulator model",
+}  # fmt: skip
 BY_ENDING = {
     ".stl": "part as a mesh, to slice", ".3mf": "part as a mesh with name and unit", ".glb": "3-D view",
     ".step": "part or assembly as solid", ".png": "picture", ".safetensors": "weights: field to wrench",
@@ -226,7 +233,7 @@ def _short(value: str) -> str:
 
 def _next(wanted: Wanted, folder: Path) -> str:
     words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
-    design = f"--diameter {plain(params.diameter_mm)} --wall {plain(params.wall_mm)}"
+    design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([
         f"{'make coupons':<64} # print the fit coupon first; give what fits as joint_clearance=",

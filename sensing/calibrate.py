@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import argparse
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.identity import identity
 from cad.messages import LOG
 from cad.params import EndcapParams
-from cad.plain_numbers import plain_number
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
@@ -52,8 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         "--board", nargs="+", metavar="FILE", help="chessboard photos, or one CSV view,x_mm,y_mm,u_px,v_px"
     )
     parser.add_argument("--dots", help="CSV of dot centres (u_px,v_px) instead of finding them in the photo")
-    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="D", help="outer diameter in mm (130)")
-    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="T", help="wall in mm (8)")
+    add_design_arguments(parser)
     parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
     parser.add_argument("--azimuth-hint", type=float, default=0.0, metavar="DEG", help="turn of the image, +-90 (0)")
     parser.add_argument(
@@ -68,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _from_dots(options: argparse.Namespace) -> int:
-    params = EndcapParams(options.diameter, options.wall)
+    params = design_of(options)
     image = load_zero(options.zero).image if options.zero else read_image(options.photo)
     centres, radii = find_blobs(image)
     found = read_dots(options.dots) if options.dots else centres

@@ -29,12 +29,11 @@ from typing import Any
 
 import numpy as np
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
-from cad.params import EndcapParams
-from cad.plain_numbers import plain_number
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.recording.folder import Recording
 from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
@@ -64,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stream = CsvFt(options.ft_csv) if options.ft_csv else NetFt(
             options.netft, options.port, options.counts_n, options.counts_nm, options.ft_rate, options.ft_delay
         )  # fmt: skip
-        params = EndcapParams(options.diameter, options.wall)
+        params = design_of(options)
         mount = read_mount(options.mount)
         with (
             Recording(options.out, params, mount, options.silicone) as recording,
@@ -173,8 +172,7 @@ def _parser() -> argparse.ArgumentParser:
     force.add_argument("--ft-csv", type=Path, metavar="FILE", help="samples with time_s on the frames' clock")
     parser.add_argument("--mount", type=Path, required=True, metavar="FILE", help="how the sensor is mounted (JSON)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; an own one is continued")
-    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the endcap (130)")
-    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the endcap (8)")
+    add_design_arguments(parser)
     parser.add_argument(
         "--silicone",
         default=DEFAULT_SILICONE,

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError, ParameterError
 from cad.identity import Identity, recorded
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
 from sensing.npz import read_npz
 from sensing.records import Frame, Wrench
 
@@ -271,6 +272,17 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
 
 
+def _design(request: dict[str, Any]) -> EndcapParams:
+    """Of the options of a set; those written before there were other dots say nothing of them."""
+    rings = request.get("dot_rings")
+    return EndcapParams(
+        float(request["diameter_mm"]),
+        float(request["wall_mm"]),
+        RELEASED_RINGS if rings is None else parse_rings(rings),
+        request.get("dot_mm", RELEASED_DOT_MM),
+    )
+
+
 def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
     """What a manifest says of the endcap; a silicone that it names only among its options counts, too.
 
@@ -282,7 +294,7 @@ def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
     """
     try:
         request = manifest["request"]
-        design = EndcapParams(float(request["diameter_mm"]), float(request["wall_mm"]))
+        design = _design(request)
         stated = manifest.get("identity")
         if stated is None and "c10_mpa" in request:
             stated = {"silicone": {"name": request["silicone"]} | {k: request[k] for k in ("c10_mpa", "poisson")}}

@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
-from cad.plain_numbers import plain_number
-from sensing.live.core.config import EndcapConfig, LiveConfig, known_models
+from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
@@ -217,19 +217,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number, name in list_devices():
             if not options.url and str(number) in numbers:
                 print(f"camera {number}: {name}, {lasting_name(number)}")
-        endcaps = tuple(
-            EndcapConfig(
-                f"camera_{k}",
-                word,
-                None,
-                options.diameter,
-                options.wall,
-                exposure=options.exposure,
-                silicone=options.silicone,
-            )
-            for k, word in enumerate(words)
+        set_up(
+            LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight), options.out
         )
-        set_up(LiveConfig(endcaps, options.model, options.weights, weight_n=options.weight), options.out)
     except EndcapError as error:
         LOG.error(f"sensing.setup: {error}")
         return 2
@@ -237,6 +227,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LOG.error("\nsensing.setup: stopped, nothing written")
         return 130
     return 0
+
+
+def _endcaps(options: argparse.Namespace, words: Sequence[str]) -> tuple[EndcapConfig, ...]:
+    """One for each source, of the design that the options name."""
+    params = design_of(options)
+    return tuple(
+        EndcapConfig(
+            f"camera_{k}", word, None, params.diameter_mm, params.wall_mm, exposure=options.exposure,
+            silicone=options.silicone, **dots_of(params),
+        )
+        for k, word in enumerate(words)
+    )  # fmt: skip
 
 
 def _say(text: str) -> str:
@@ -256,8 +258,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
     parser.add_argument("--model", choices=known_models(), default="default")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
-    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
-    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")
+    add_design_arguments(parser)
     parser.add_argument(
         "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"it is cast of ({DEFAULT_SILICONE})"
     )

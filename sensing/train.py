@@ -22,6 +22,7 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
 from sensing.learning.contenders import read_all
@@ -110,25 +111,13 @@ def _rescaled(options: argparse.Namespace) -> int:
 
 def _design(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights of a design from the library of solved states."""
-    if options.design is None:
-        raise ParameterError(
-            "nothing to train on: give folders of labelled frames and --out, or --design D T, as in --design 180 10, "
-            "or --start and --intervals to scale intervals alone",
-            name="data",
-        )
-    taken = {
-        "data": options.data,
-        "--start": options.start,
-        "--intervals": options.intervals,
-        "--method dots": options.method != MARKERS,
-    }
-    for name, value in taken.items():
-        if value:
-            raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
+    _require_design(options)
     from sensing.design.weights import DesignRequest, design_weights
     from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
-    request = DesignRequest(EndcapParams(*options.design), options.silicone)
+    rings, dot_mm = parse_rings(options.dot_rings), options.dot_mm
+    diameter_mm, wall_mm = options.design
+    request = DesignRequest(EndcapParams(diameter_mm, wall_mm, rings, dot_mm), options.silicone)
     _ = request.scale  # an unknown silicone is refused before torch loads
     out = options.out or weights_folder() / weights_name(request.params, request.silicone)
     if options.out is None:
@@ -149,6 +138,25 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         f"{force:.3g} N an axis ({100 * force / top:.2f} % of that load); {time.monotonic() - begin:.0f} s"
     )
     return _copied(out, options.copy_to)
+
+
+def _require_design(options: argparse.Namespace) -> None:
+    """Refuse a design that is missing, and options that have no meaning beside one."""
+    if options.design is None:
+        raise ParameterError(
+            "nothing to train on: give folders of labelled frames and --out, or --design D T, as in --design 180 10, "
+            "or --start and --intervals to scale intervals alone",
+            name="data",
+        )
+    taken = {
+        "data": options.data,
+        "--start": options.start,
+        "--intervals": options.intervals,
+        "--method dots": options.method != MARKERS,
+    }
+    for name, value in taken.items():
+        if value:
+            raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
 
 
 def _copied(weights: Path, folder: Path | None) -> int:
@@ -173,6 +181,13 @@ def _parser() -> argparse.ArgumentParser:
         "--design", type=plain_number, nargs=2, metavar=("D", "T"),
         help="instead: weights for this diameter and wall (mm), from the library of solved states",
     )  # fmt: skip
+    parser.add_argument(
+        "--dot-rings", default=rings_text(RELEASED_RINGS), metavar="COUNTS",
+        help=f"with --design: dots of each ring from tip to equator ({rings_text(RELEASED_RINGS)})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--dot-mm", type=plain_number, default=RELEASED_DOT_MM, metavar="MM", help="with --design: of a dot (4)"
+    )
     parser.add_argument(
         "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"with --design ({DEFAULT_SILICONE})"
     )

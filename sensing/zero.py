@@ -17,12 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import Identity, identity
 from cad.messages import LOG
-from cad.params import EndcapParams
-from cad.plain_numbers import plain_number
 from sensing.sources.choose import open_frames
 from sensing.tracking.auto_zero import AutoZero
 from sensing.tracking.tracker import DotTracker
@@ -72,11 +71,15 @@ def _take(options: argparse.Namespace) -> None:
 
 def _made_of(options: argparse.Namespace) -> Identity | None:
     """The endcap, where it was given."""
-    if (options.diameter is None) != (options.wall is None):
-        raise ParameterError("--diameter and --wall belong together: give both or neither", name="diameter")
-    if options.diameter is None:
+    given = [value is not None for value in (options.diameter, options.wall)]
+    dots = options.dot_rings is not None or options.dot_mm is not None
+    if any(given) != all(given) or (dots and not any(given)):
+        raise ParameterError(
+            "--diameter and --wall belong together, and dots to both: give both or none of them", name="diameter"
+        )
+    if not any(given):
         return None
-    return identity(EndcapParams(options.diameter, options.wall)).without("camera")
+    return identity(design_of(options)).without("camera")
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -146,10 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     take = commands.add_parser("take", help="average frames of the untouched sensor and store them (zero, re-zero)")
     take.add_argument("--sensor", default="endcap", help="name of the sensor")
     take.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="replaced when it is there")
-    take.add_argument(
-        "--diameter", type=plain_number, metavar="MM", help="of the endcap, with --wall: live compares it"
-    )
-    take.add_argument("--wall", type=plain_number, metavar="MM", help="of the endcap")
+    add_design_arguments(take.add_argument_group("of the endcap, which live compares"), with_defaults=False)
     take.set_defaults(run=_take)
     check = commands.add_parser("check", help="say what has changed: nothing, lamp, mounting or contact")
     check.set_defaults(run=_check)

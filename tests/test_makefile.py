@@ -24,7 +24,10 @@ def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
     [
         (["molds", "150", "10"], "150 10: not a target"),
         (["molds", "D=150", "fast"], "fast: not a target"),
-        (["data", "d=150"], "d: not a variable of `make data`, which takes PYTHON VENV N D T material WORKERS OPTIONS"),
+        (
+            ["data", "d=150"],
+            "d: not a variable of `make data`, which takes PYTHON VENV N D T dots dot_mm material WORKERS OPTIONS",
+        ),
         (["check", "X=1"], "X: not a variable of `make check`"),
         (["data", "D=150"], "D without T"),
         (["data", "T=9"], "T without D"),

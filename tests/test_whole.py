@@ -39,7 +39,8 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
     seen: list[Step] = []
     assert make(wanted, runner(wanted, seen)) == 0
     assert [step.module for step in seen] == [
-        "fab.molds", "fab.slice", "fab.build_sheet", "fab.led_ring", "sensing.train", "sensing.study",
+        "fab.molds", "fab.slice", "fab.build_sheet", "fab.led_ring", "sensing.train", "endcap.robot_model",
+        "sensing.study",
     ]  # fmt: skip
     for step in seen:
         assert {"D=180", "T=10"} <= set(step.words) or "--design 180 10" in " ".join(step.words)

@@ -5,6 +5,7 @@ They are typed in the toolkit's folder.
 
 from __future__ import annotations
 
+from cad.design_arguments import design_words
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
@@ -25,5 +26,4 @@ def ring_command(params: EndcapParams) -> str:
 
 def program_command(module: str, params: EndcapParams, *words: str) -> str:
     """A program of the sensing side for this endcap."""
-    design = ("--diameter", plain(params.diameter_mm), "--wall", plain(params.wall_mm))
-    return " ".join((INTERPRETER, "-m", module, *design, *words))
+    return " ".join((INTERPRETER, "-m", module, *design_words(params), *words))

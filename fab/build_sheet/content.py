@@ -48,8 +48,6 @@ def _cover(data: SheetData) -> list[Block]:
         ("gates", f"{len(data.checks)}, all held" if all(c["ok"] for c in data.checks) else "NOT ALL HELD"),
     ]
     facts.append(("robot", f"adapter for {data.robot}" + (f": {words}" if (words := fixing_words(data.robot)) else "")))
-    if params.has_own_dots:
-        facts.append(("sensing", "these dots are your own: calibration, weights and live read the released ones only"))
     facts.append(("print bed", bed_needed(data)))
     if mold := mold_sums(data):
         facts.append(

@@ -111,10 +111,8 @@ def light_check(data: SheetData) -> list[Block]:
 
 
 def _first_run(data: SheetData) -> list[Block]:
-    """Calibration and live; none for dots of one's own, which sensing does not read."""
+    """Calibration and live."""
     params = data.layout.params
-    if params.has_own_dots:
-        return [Paragraph("Dots of your own: calibration, weights and live read the released pattern only.")]
     return [
         Paragraph(
             "Then save the frame as a.jpg in the toolkit's folder, open a terminal there, and run: "

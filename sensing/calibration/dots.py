@@ -137,9 +137,9 @@ def assign_dots(
         pairs, mounted = _grown(blobs_px, candidate, points, rings, fit)
         if best is None or len(pairs.blob_index) > best[0]:
             best = len(pairs.blob_index), pairs, mounted
-        if best[0] >= SURE * _possible(best[2], points, blobs_px):
+        if best[0] >= SURE * possible_pairs(best[2], points, blobs_px):
             return best[1], best[2]
-    if best is None or best[0] < LEAST_MATCHED * _possible(best[2], points, blobs_px):
+    if best is None or best[0] < LEAST_MATCHED * possible_pairs(best[2], points, blobs_px):
         matched = "no pose under which rings 0 to 3 are seen" if best is None else f"{best[0]} dots matched"
         raise CalibrationError(
             f"pattern not recognised: {matched} of {len(blobs_px)} found (need {100 * LEAST_MATCHED:.0f} %); "
@@ -162,8 +162,12 @@ def _grown(
     return mutual_nearest(blobs_px, mounted, points, rings <= last, 0.2 * spacing), mounted
 
 
-def _possible(mounted: MountedCamera, points: Array, blobs_px: Array) -> int:
-    """How many pairs there can be: blobs, or dots that the camera sees."""
+def possible_pairs(mounted: MountedCamera, points: Array, blobs_px: Array) -> int:
+    """How many pairs there can be: blobs, or dots that the camera sees.
+
+    Args:
+        mounted: the camera. points: (n, 3) dots of the pattern, endcap frame, mm. blobs_px: (m, 2) blob centres.
+    """
     pixels = mounted.project(points)
     size = (mounted.camera.width_px, mounted.camera.height_px)
     return min(len(blobs_px), int(((pixels > 0) & (pixels < np.array(size) - 1)).all(axis=1).sum()))

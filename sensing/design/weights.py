@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
+from cad.pattern import rings_text
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE, Samples
@@ -80,6 +81,7 @@ class DesignRequest:
         """
         return DataRequest(
             frames=1, diameter_mm=self.params.diameter_mm, wall_mm=self.params.wall_mm, silicone=self.silicone,
+            dot_rings=rings_text(self.params.dot_rings), dot_mm=self.params.dot_mm,
             azimuths=azimuths, render=render, lamp="steady", loads="design",
         )  # fmt: skip
 

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG
 from cad.params import EndcapParams
-from cad.plain_numbers import plain_number
 from sensing.doctor.examine import Report, examine, take_file, take_live
 from sensing.doctor.finding import Finding, Verdict
 from sensing.records import Frame
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
     try:
         if not FEWEST <= options.frames <= MOST:
             raise ParameterError(f"--frames {options.frames} outside {FEWEST}..{MOST}", name="frames")
-        params = EndcapParams(options.diameter, options.wall)
+        params = design_of(options)
         words = options.source or [str(number) for number, _ in list_devices()]
         if not words:
             raise ParameterError("no camera found: plug one in, or name a source (see --help)", name="source")
@@ -126,7 +126,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=int, default=90, metavar="N", help="to look at (90: three seconds)")
     parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="to ask of a camera (30)")
     parser.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
-    parser.add_argument("--diameter", type=plain_number, default=130.0, metavar="MM", help="of the design (130)")
-    parser.add_argument("--wall", type=plain_number, default=8.0, metavar="MM", help="of the design (8)")
+    add_design_arguments(parser)
     parser.add_argument("--json", action="store_true", help="as JSON, for programs")
     return parser

@@ -10,13 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
-from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
-from sensing.live.core.config import EndcapConfig, LiveConfig, known_models
+from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights
 from sensing.live.ending import LOST, Stop
@@ -139,14 +139,12 @@ def _config(options: argparse.Namespace) -> LiveConfig:
         from sensing.live.demo.scene import scene_config
 
         _require_weights(model, options)
-        config = scene_config(
-            model, options.weights, options.method, (options.diameter, options.wall), options.silicone
-        )
+        config = scene_config(model, options.weights, options.method, design_of(options), options.silicone)
         return replace(config, endcaps=tuple(replace(endcap, rate_hz=options.rate) for endcap in config.endcaps))
     endcaps = tuple(
         EndcapConfig(
             f"endcap_{number}", word, options.zero, options.diameter, options.wall, rate_hz=options.rate,
-            exposure=options.exposure, silicone=options.silicone,
+            exposure=options.exposure, silicone=options.silicone, **dots_of(design_of(options)),
         )
         for number, word in enumerate(words)
     )  # fmt: skip
@@ -163,7 +161,7 @@ def _require_weights(model: str, options: argparse.Namespace) -> None:
     Raises:
         FileError: no weights for its endcaps. ParameterError: a design that cannot be made.
     """
-    params = EndcapParams(options.diameter, options.wall)
+    params = design_of(options)
     if model == "default" and options.weights is None and known_weights(model, params, options.silicone) is None:
         raise FileError(
             f"no weights for the simulated robot of {params.label} in {options.silicone}: make them in minutes with "
@@ -228,8 +226,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     model.add_argument("--method", choices=known_methods(), help="another field method than the model's own")
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
-    model.add_argument("--diameter", type=plain_number, metavar="MM", help="of the design (130)")
-    model.add_argument("--wall", type=plain_number, metavar="MM", help="of the design (8)")
+    add_design_arguments(model, with_defaults=False)
     model.add_argument("--silicone", metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})")
     model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")

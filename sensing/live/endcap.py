@@ -18,6 +18,7 @@ from pathlib import Path
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
+from cad.pattern import RELEASED_DOT_MM
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.model import LiveModel
@@ -133,6 +134,8 @@ def open_endcap(
     diameter_mm: float = 130.0,
     wall_mm: float = 8.0,
     silicone: str = DEFAULT_SILICONE,
+    dots: str = "",
+    dot_mm: float = RELEASED_DOT_MM,
     model: LiveModel | None = None,
 ) -> Endcap:
     """An endcap by the word for its source.
@@ -140,14 +143,15 @@ def open_endcap(
     Args:
         source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
         zero: reference file; None to take the first frames (for a file: the first picture).
-        diameter_mm, wall_mm: the design. silicone: row of cad/materials.csv that it is cast of.
+        diameter_mm, wall_mm, dots, dot_mm: the design (:class:`sensing.live.core.config.EndcapConfig`).
+        silicone: row of cad/materials.csv that it is cast of.
         model: what estimates the wrench; None for the one that ships.
 
     Raises:
         EndcapError: a source, file or design that cannot be used.
     """
     taken = None if zero is None else Path(zero)
-    endcap = EndcapConfig("endcap_0", source, taken, diameter_mm, wall_mm, silicone=silicone)
+    endcap = EndcapConfig("endcap_0", source, taken, diameter_mm, wall_mm, silicone=silicone, dots=dots, dot_mm=dot_mm)
     models = None if model is None else lambda _: model
     opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
     warm_up(lambda text: LOG.info(text))

@@ -67,7 +67,7 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     """
     number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
     if number is not None:
-        of_scene = (endcap.diameter_mm, endcap.wall_mm), endcap.silicone
+        of_scene = endcap.params, endcap.silicone
         SceneSource(number, rate_hz, None, *of_scene)  # a wrong number or a missing scene is refused at once
         return CameraFeed(lambda: SceneSource(number, rate_hz, None, *of_scene)), True
     if os.path.isdir(endcap.source):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from cad.design_arguments import DEFAULTS as DESIGN_DEFAULTS
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 
@@ -15,6 +16,8 @@ USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meani
     "zero": ("camera", "video", "photos", "url", "source"),
     "diameter": ("camera", "video", "photos", "url", "source", ROBOT),
     "wall": ("camera", "video", "photos", "url", "source", ROBOT),
+    "dot_rings": ("camera", "video", "photos", "url", "source", ROBOT),
+    "dot_mm": ("camera", "video", "photos", "url", "source", ROBOT),
     "silicone": ("camera", "video", "photos", "url", "source", ROBOT),
     "speed": ("video", "photos", "replay"),
     "from_s": ("replay",),
@@ -23,7 +26,7 @@ USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meani
 }
 IN_FILE = {
     "rate": "rate_hz", "exposure": "exposure", "zero": "zero", "diameter": "diameter_mm", "wall": "wall_mm",
-    "silicone": "silicone",
+    "silicone": "silicone", "dot_rings": "dots", "dot_mm": "dot_mm",
 }  # fmt: skip
 NOT_WITH_CHECK = (
     "record",
@@ -41,7 +44,7 @@ NOT_WITH_CHECK = (
     "record_pictures",
 )
 DEFAULTS = {
-    "rate": 0.0, "exposure": 0.0, "diameter": 130.0, "wall": 8.0, "speed": 1.0, "workers": 1, "host": "127.0.0.1",
+    "rate": 0.0, "exposure": 0.0, **DESIGN_DEFAULTS, "speed": 1.0, "workers": 1, "host": "127.0.0.1",
     "silicone": DEFAULT_SILICONE, "from_s": 0.0, "at_end": "stop",
     "record_pictures": "full",
 }  # fmt: skip

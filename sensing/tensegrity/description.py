@@ -32,6 +32,8 @@ class Bar:
         mass_kg: of bar, batteries, electronics and endcaps together.
         inertia_kg_m2: (3, 3) about ``centre_of_mass_m``, bar axes.
         centre_of_mass_m: (3,) in the bar frame.
+        ends_m: (2, 3) roughly where its ends are when the robot stands, z up: cable lengths alone cannot distinguish a
+            shape from its mirror image. NaN where unknown.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Bar:
     mass_kg: float
     inertia_kg_m2: Array
     centre_of_mass_m: Array = field(default_factory=lambda: np.zeros(3))
+    ends_m: Array = field(default_factory=lambda: np.full((2, 3), np.nan))
 
 
 @dataclass(frozen=True)

@@ -84,9 +84,10 @@ def _contrast(gray: Image, expected: float) -> tuple[NDArray[np.floating], NDArr
     reach = max(3, int(expected * 1.6))
     pad = 2 * reach
     framed = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    smooth: Image = cv2.GaussianBlur(framed, (0, 0), max(0.6, expected / 12)).astype(np.float32)
+    blurred: Image = cv2.GaussianBlur(framed, (0, 0), max(0.6, expected / 12))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    background: Image = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, kernel)
+    background: Image = cv2.morphologyEx(blurred, cv2.MORPH_CLOSE, kernel).astype(np.float32)  # of bytes: quicker
+    smooth = blurred.astype(np.float32)
     contrast = (background - smooth) / (background + DARK_GRAY)
     return contrast[pad:-pad, pad:-pad], background[pad:-pad, pad:-pad]
 

@@ -18,7 +18,9 @@ Notes:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +46,7 @@ class FieldOperator:
         to_cells: (N, H * W) displacement of the dots to mean displacement of the cells (cells = d @ to_cells).
         precision: (N, N) Q = (K + lambda I)^-1.
         gradient: (2 N, N) displacement of the dots to its x (first N rows) and y derivative at the dots, per pixel.
-        bend: (2 N, H * W) surprise in the derivatives at the dots (x then y) to displacement of the cells.
+        make_bend: makes :attr:`bend`.
         near: (H * W, N) 0 or 1, dot within reach of a cell.
         reached: (H, W) cells that any dot reaches.
         shape: (H, W).
@@ -54,11 +56,19 @@ class FieldOperator:
     to_cells: NDArray[np.float32]
     precision: NDArray[np.float64]
     gradient: NDArray[np.float64]
-    bend: NDArray[np.float32]
+    make_bend: Callable[[], NDArray[np.float32]]
     near: NDArray[np.float32]
     reached: NDArray[np.bool_]
     shape: tuple[int, int]
     condition: float
+
+    @cached_property
+    def bend(self) -> NDArray[np.float32]:
+        """(2 N, H * W) surprise in the derivatives at the dots (x then y) to displacement of the cells.
+
+        Made when it is first asked for: who reads displacements alone does without it.
+        """
+        return self.make_bend()
 
     def left_out(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 2) each dot's displacement minus what all others predict for it."""
@@ -132,12 +142,16 @@ def field_operator(
     gradient = _kernel_gradient(dots) @ precision
     distance = np.linalg.norm(centres[:, None] - reference_px[None], axis=2)
     near = distance < REACH_PX * scale
-    bend = _bend(points, dots, mean_kernel, precision, gradient) * (length_px * scale)
+
+    def make_bend() -> NDArray[np.float32]:
+        bend = _bend(points, dots, mean_kernel, precision, gradient) * (length_px * scale)
+        return np.ascontiguousarray(bend.T, np.float32)
+
     return FieldOperator(
         to_cells=np.ascontiguousarray((mean_kernel @ precision).T, np.float32),
         precision=precision,
         gradient=gradient.reshape(-1, len(dots)) / (length_px * scale),
-        bend=np.ascontiguousarray(bend.T, np.float32),
+        make_bend=make_bend,
         near=near.astype(np.float32),
         reached=near.any(axis=1).reshape(shape),
         shape=shape,

@@ -12,6 +12,7 @@ Units: records are in full-size pixels; inside, pixels of the working picture.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,8 +108,13 @@ class DotTracker:
         )
         self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
         self._all = np.arange(len(self.dots))
-        self._wide = WideSearch(self._image, self.dots.position_px, half, self.operator)
+        self._half, self._rest = half, self._image.copy()
         self.restart()
+
+    @cached_property
+    def wide(self) -> WideSearch:
+        """The search for dots that have jumped; made when it is first needed, or asked for beforehand."""
+        return WideSearch(self._rest, self.dots.position_px, self._half, self.operator)
 
     def update(self, frame: Frame) -> DotTracks:
         """Tracks of one frame.
@@ -208,10 +214,10 @@ class DotTracker:
         return np.where(fit.live[:, None], fit.moved, 0.0)
 
     def _from_search(self, image: NDArray[np.float32], fit: _Fit) -> NDArray[np.float64]:
-        return self._wide.lost(image, fit.moved, fit.live)
+        return self.wide.lost(image, fit.moved, fit.live)
 
     def _search(self, image: NDArray[np.float32]) -> _Fit:
-        return self._judged(self._refined(image, self._all, self._wide.all(image)))
+        return self._judged(self._refined(image, self._all, self.wide.all(image)))
 
 
 @dataclass(frozen=True)

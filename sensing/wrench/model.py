@@ -160,7 +160,7 @@ class WrenchModel:
 
         about = {
             **self.about,
-            "design": {"diameter_mm": self.design.diameter_mm, "wall_mm": self.design.wall_mm},
+            "design": self.design.record,
             "digest": self.design.digest,
             "identity": None if self.identity is None else self.identity.record(),
             "method": self.method,

@@ -10,11 +10,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from cad.design_arguments import design_words
 from cad.errors import FileError
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
-from cad.plain_numbers import plain
 
 FORMAT = "endcap-wrench-2"
 SHIPPED = Path(__file__).parents[1] / "weights"
@@ -57,7 +57,8 @@ def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
         params: the design. silicone: row of cad/materials.csv.
     """
     other = "" if silicone == DEFAULT_SILICONE else f" --silicone '{silicone}'"
-    return f"python -m sensing.train --design {plain(params.diameter_mm)} {plain(params.wall_mm)}{other}"
+    _, diameter, _, wall, *dots = design_words(params)
+    return " ".join(("python -m sensing.train --design", diameter, wall, *dots)) + other
 
 
 def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -64,11 +64,12 @@ def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, cou
     assert sum(line.quantity for line in lines if line.owner == "arm_adapter") == count
 
 
-def test_a_sheet_of_dots_of_ones_own_names_no_command_that_would_read_other_dots():
+def test_the_commands_of_a_sheet_carry_dots_of_ones_own():
     params = EndcapParams(130.0, 8.0, dot_mm=3.5)
     data = SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
     text = " ".join(block.text for block in light_check(data) if isinstance(block, Paragraph))
-    assert "released pattern only" in text and "python -m sensing" not in text
+    design = "--diameter 130 --wall 8 --dot-mm 3.5"
+    assert f"-m sensing.calibrate {design} " in text and f"-m sensing.setup {design} " in text
 
 
 def test_ruler_is_a_hundred_millimetres_long():

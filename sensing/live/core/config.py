@@ -11,8 +11,9 @@
     zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
     camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
     silicone = "Smooth-Sil 950"         # row of cad/materials.csv
-    dots = "released"                   # dot pattern and lens for which this was set up: checked, not chosen here
-    lens = "released"
+    dots = "released"                   # or dots of each ring, such as "1-6-10-12-16-18"
+    dot_mm = 4.0                        # diameter of a dot
+    lens = "released"                   # for which this was set up: checked, not chosen here
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
     gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
@@ -30,6 +31,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +40,7 @@ from cad.errors import ParameterError
 from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
 from sensing.frames import Array, rigid
 from sensing.tracking.methods import METHODS, known_methods
 from sensing.wrench.relaxation import Term
@@ -47,6 +50,7 @@ MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
 GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
 OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
+RINGS = "-"  # joins the counts of dots of one's own, as in 1-6-10-12
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
 
@@ -74,11 +78,12 @@ class EndcapConfig:
         relaxation: terms (strength, tau_s, sd) of :mod:`sensing.dwell`; empty where the silicone was not identified.
         T_robot_endcap: (4, 4) endcap to robot coordinates, mm.
         silicone: row of cad/materials.csv.
-        dots, lens: dot pattern and lens for which it was set up (:func:`cad.identity.label_of`); empty for those of
-            this toolkit.
+        dots: ``released``, or dots of each ring from tip to equator (:mod:`cad.pattern`); empty for the released ones.
+        dot_mm: diameter of a dot.
+        lens: for which it was set up (:func:`cad.identity.label_of`); empty for that of this toolkit.
 
     Raises:
-        ParameterError: a value of the wrong form, or a dot pattern or lens that this toolkit does not have.
+        ParameterError: a value of the wrong form, dots that do not fit, or a lens that this toolkit does not have.
     """
 
     name: str
@@ -100,6 +105,7 @@ class EndcapConfig:
     silicone: str = DEFAULT_SILICONE
     dots: str = ""
     lens: str = ""
+    dot_mm: float = RELEASED_DOT_MM
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
@@ -140,8 +146,11 @@ class EndcapConfig:
 
     def _check_identity(self) -> None:
         """Fill dot pattern and lens in, or refuse those of another toolkit."""
+        made_of = self.identity
         for name, aspect in (("dots", "dots"), ("lens", "camera")):
-            here, stated = label_of(self.identity, aspect), getattr(self, name)
+            here, stated = label_of(made_of, aspect), getattr(self, name)
+            if name == "dots" and RINGS in stated:
+                continue  # dots of its own
             if stated not in ("", here):
                 raise ParameterError(
                     f"{name}={stated!r} of {self.name}: it was set up for that {WORDS[aspect]}, this toolkit has "
@@ -159,7 +168,8 @@ class EndcapConfig:
     @property
     def params(self) -> EndcapParams:
         """The design."""
-        return EndcapParams(self.diameter_mm, self.wall_mm)
+        rings = parse_rings(self.dots) if RINGS in self.dots else RELEASED_RINGS
+        return EndcapParams(self.diameter_mm, self.wall_mm, rings, self.dot_mm)
 
     @property
     def relaxation_terms(self) -> tuple[Term, ...]:
@@ -216,6 +226,12 @@ class LiveConfig:
             )
         if not 0 <= self.weight_n < 1e5:
             raise ParameterError(f"weight_n={self.weight_n:g} outside 0..1e5 N", name="weight_n", value=self.weight_n)
+
+
+def dots_of(params: EndcapParams) -> dict[str, Any]:
+    """The dots of a design as an endcap's entries say them."""
+    own = params.option_words.get("dots", "")
+    return {"dots": own, "dot_mm": params.dot_mm}
 
 
 def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:

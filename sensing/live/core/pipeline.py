@@ -194,6 +194,7 @@ class EndcapPipeline:
             method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
+            _ = method.tracker.wide  # nor is it made when dots are first lost
             self._checks[method] = CameraCheck(self.endcap, method, self.model.estimator, self._camera)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)

@@ -180,7 +180,7 @@ def misplaced_px(zero: Zero, params: EndcapParams) -> float:
     size = gray.shape[1], gray.shape[0]
     dots = find_dots(gray)
     try:
-        fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size)
+        fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, try_in_place=True)
     except CalibrationError:
         return 0.0
     return float(np.quantile(np.linalg.norm(fitted.residual_px, axis=1), 0.9)) * 480.0 / min(size)

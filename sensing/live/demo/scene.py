@@ -18,21 +18,21 @@ from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of
 from sensing.records import Frame
 
 SIZE = (640, 480)
 ENDCAPS = 6
-RELEASED = (130.0, 8.0)  # D and T of the robot that is shown unless another is asked for, mm
+RELEASED = EndcapParams(130.0, 8.0)  # of the robot that is shown unless another is asked for
 WORD = "scene:"
 
 
 @lru_cache(maxsize=2)
-def scene_film(design: tuple[float, float] = RELEASED, silicone: str = DEFAULT_SILICONE) -> Any:
+def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE) -> Any:
     """The pictures; rendered at the first call on a machine, then read from the user's cache folder.
 
     Args:
-        design: D and T of the six endcaps, mm. silicone: row of cad/materials.csv.
+        design: of the six endcaps. silicone: row of cad/materials.csv.
 
     Raises:
         ParameterError: a design that cannot be made, or an unknown silicone.
@@ -40,7 +40,7 @@ def scene_film(design: tuple[float, float] = RELEASED, silicone: str = DEFAULT_S
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
     from sensing.simulator.robot.frames import RobotDesign, load_film  # loaded only when the scene is shown
 
-    return load_film(cache, _progress, RobotDesign(EndcapParams(*design), silicone))
+    return load_film(cache, _progress, RobotDesign(design, silicone))
 
 
 @lru_cache(maxsize=1)
@@ -53,20 +53,20 @@ def scene_config(
     model: str = "default",
     weights: Path | None = None,
     method: str | None = None,
-    design: tuple[float, float] = RELEASED,
+    design: EndcapParams = RELEASED,
     silicone: str = DEFAULT_SILICONE,
 ) -> LiveConfig:
     """Six endcaps of the robot, as they are screwed on.
 
     Args:
         model, weights, method: of :class:`sensing.live.core.config.LiveConfig`.
-        design: D and T of the six endcaps, mm. silicone: row of cad/materials.csv.
+        design: of the six endcaps. silicone: row of cad/materials.csv.
     """
     film = scene_film() if (design, silicone) == (RELEASED, DEFAULT_SILICONE) else scene_film(design, silicone)
     endcaps = tuple(
         EndcapConfig(
-            f"endcap_{number}", f"{WORD}{number}", diameter_mm=design[0], wall_mm=design[1],
-            silicone=silicone, T_robot_endcap=film.scene.T_robot_endcap[number],
+            f"endcap_{number}", f"{WORD}{number}", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm,
+            silicone=silicone, T_robot_endcap=film.scene.T_robot_endcap[number], **dots_of(design),
         )
         for number in range(ENDCAPS)
     )  # fmt: skip
@@ -79,7 +79,7 @@ class SceneSource:
     Args:
         number: of the endcap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame
             it is late; None for a sixth later than the camera before.
-        design: D and T of the six endcaps, mm. silicone: row of cad/materials.csv.
+        design: of the six endcaps. silicone: row of cad/materials.csv.
 
     Raises:
         ParameterError: no such endcap, or a rate that is not 1..240.
@@ -90,7 +90,7 @@ class SceneSource:
         number: int,
         rate_hz: float = 30.0,
         phase: float | None = None,
-        design: tuple[float, float] = RELEASED,
+        design: EndcapParams = RELEASED,
         silicone: str = DEFAULT_SILICONE,
     ) -> None:
         if not 0 <= number < ENDCAPS:

@@ -103,10 +103,14 @@ def summary(healths: Sequence[EndcapHealth], seconds: float) -> list[str]:
         lines.append(
             f"{health.endcap}: {health.frames} frames, {health.dropped} dropped, {health.faults} unusable, "
             f"image to wrench {_ms(health.p50_ms)} median, {_ms(health.p99_ms)} at 99 %"
-            + (f", reopened {health.reopened} times" if health.reopened else "")
+            + _reopened(health.reopened)
             + (f": {health.status}: {health.message}" if health.message else "")
         )
     return lines
+
+
+def _reopened(times: int) -> str:
+    return "" if not times else ", reopened once" if times == 1 else f", reopened {times} times"
 
 
 def _ms(value: float) -> str:

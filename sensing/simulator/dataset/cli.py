@@ -54,6 +54,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     option("diameter_mm", plain_number, "diameter D, mm", "--diameter")
     option("wall_mm", plain_number, "wall T, mm", "--wall")
+    option("dot_rings", str, "dots of each ring from tip to equator")
+    option("dot_mm", plain_number, "diameter of a dot, mm")
     option("silicone", str, "row of cad/materials.csv")
     option("indenter", str, "what presses", choices=tuple(KINDS))
     option("radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")

@@ -27,7 +27,7 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
-from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.surface import dot_directions, turn_about_axis, turn_wrench
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def studio(request: DataRequest) -> Studio:
     """Mesh the shell and paint the endcap; kept, because a worker does many shards of one request."""
     cv2.setNumThreads(1)  # a worker has one core
     law = silicone(request.silicone).neo_hooke()
-    geometry = shell_geometry(request.diameter_mm, request.wall_mm)
+    geometry = ShellGeometry.from_params(request.params)
     simulator = Simulator(geometry, law, request.density, request.level, request.tolerance, prony=request.prony)
     if request.render == "off":
         return Studio(simulator, None)
@@ -153,7 +153,7 @@ def world_pose(request: DataRequest, path: LoadPath, state: PathState, azimuth_d
         state: depth and travel are the means of its begin and end.
         azimuth_deg: of the contact; not used where a robot gives the pose.
     """
-    geometry = shell_geometry(request.diameter_mm, request.wall_mm)
+    geometry = ShellGeometry.from_params(request.params)
     if path.T_world_sphere:
         pose = np.array(path.T_world_sphere).reshape(4, 4)
         pose[:3, 3] += [0, 0, geometry.outer_radius_mm] - pose[:3, :3] @ geometry.centre_mm

@@ -12,6 +12,7 @@ from cad.errors import ParameterError
 from cad.identity import Identity, identity
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
 from sensing.simulator.contact.indenter import KINDS, Indenter
@@ -22,7 +23,7 @@ from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.render.settings import LEVELS as RENDER_LEVELS
 from sensing.simulator.render.settings import Lamp, Paint, RenderSettings, Sensor
 from sensing.simulator.similarity.ratios import LoadScale
-from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import DENSITIES
 
 PATHS_PER_SHARD = 3
@@ -40,6 +41,8 @@ ADDED_SINCE = {
     "radius_mm": 20.0,
     "axis_deg": 90.0,
     "loads": RELEASED,
+    "dot_rings": rings_text(RELEASED_RINGS),
+    "dot_mm": RELEASED_DOT_MM,
 }
 MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
 
@@ -50,7 +53,7 @@ class DataRequest:
 
     Attributes:
         frames: least number of labelled frames (whole paths are kept, so a few more).
-        diameter_mm, wall_mm, silicone: the shell.
+        diameter_mm, wall_mm, silicone: the shell. dot_rings, dot_mm: its dots (:mod:`cad.pattern`).
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
@@ -90,6 +93,8 @@ class DataRequest:
     missing: float = 0.0
     smeared: float = 0.06
     extra: int = 0
+    dot_rings: str = rings_text(RELEASED_RINGS)
+    dot_mm: float = RELEASED_DOT_MM
 
     def __post_init__(self) -> None:
         for name, low, high in (("frames", 1, 10**7), ("azimuths", 1, 360), ("seed", 0, 2**32), ("sensor", 0, 2**32)):
@@ -141,7 +146,7 @@ class DataRequest:
     @property
     def params(self) -> EndcapParams:
         """The design."""
-        return EndcapParams(self.diameter_mm, self.wall_mm)
+        return EndcapParams(self.diameter_mm, self.wall_mm, parse_rings(self.dot_rings), self.dot_mm)
 
     @property
     def identity(self) -> Identity:
@@ -205,7 +210,7 @@ class DataRequest:
         path = load_path(self.protocol, self.seed, number, self.azimuths)
         if self.loads == RELEASED:
             return path
-        geometry = shell_geometry(self.diameter_mm, self.wall_mm)
+        geometry = ShellGeometry.from_params(self.params)
         return scaled(path, LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa))
 
     def record(self) -> dict[str, Any]:

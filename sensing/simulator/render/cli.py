@@ -13,11 +13,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError
 from cad.extras import program
 from cad.messages import LOG
 from cad.params import EndcapParams
-from cad.plain_numbers import plain_number
 from cad.whole_file import replace_file
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Render one frame; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        params = EndcapParams(options.diameter, options.wall)
+        params = design_of(options)
         mounted = MountedCamera.load(options.camera) if options.camera else nominal_mount(params)
         photo = _read(options.beside) if options.beside else None
         renderer = _renderer(options, params, mounted)
@@ -53,8 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--out", required=True, help="picture to write (.png or .jpg)")
-    add("--diameter", type=plain_number, default=130.0, metavar="D", help="outer diameter in mm (130)")
-    add("--wall", type=plain_number, default=8.0, metavar="T", help="wall in mm (8)")
+    add_design_arguments(parser)
     add("--camera", help="camera.json of sensing.calibrate (default: the nominal camera)")
     add("--beside", metavar="PHOTO", help="put this photo to the right of the rendered frame")
     add("--displacement", metavar="NPZ", help="file with surface_mm (n, 3) undeformed and displacement_mm (n, 3)")

@@ -35,7 +35,7 @@ from sensing.simulator.similarity.library import Library, ShellStates, load_libr
 from sensing.simulator.similarity.paths import library_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
 from sensing.simulator.solid.element import Array
-from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
+from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.surface import dot_directions, turn_wrench
 
 LEVEL = 5  # in the column "level"
@@ -51,7 +51,7 @@ def shell_of(request: DataRequest) -> tuple[Simulator, LoadScale]:
         request: design, silicone, density and tolerance.
     """
     law = silicone(request.silicone).neo_hooke()
-    geometry = shell_geometry(request.diameter_mm, request.wall_mm)
+    geometry = ShellGeometry.from_params(request.params)
     simulator = Simulator(geometry, law, request.density, min(request.level, 2), request.tolerance)
     return simulator, LoadScale.of(geometry, law.shear_mpa)
 

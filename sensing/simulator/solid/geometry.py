@@ -9,7 +9,7 @@ shell shifts as a whole a little less than this one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cad import scaling
 from cad.errors import ParameterError
@@ -87,8 +87,9 @@ class ShellGeometry:
 
     @staticmethod
     def from_params(params: EndcapParams) -> ShellGeometry:
-        """Shell of a design that can be made."""
-        return shell_geometry(params.diameter_mm, params.wall_mm)
+        """Shell of a design that can be made, with its dots."""
+        plain = shell_geometry(params.diameter_mm, params.wall_mm)
+        return replace(plain, dot_rings=params.dot_rings, dot_mm=params.dot_mm)
 
 
 def shell_geometry(diameter_mm: float, wall_mm: float) -> ShellGeometry:

@@ -54,7 +54,7 @@ def checked(prony: Prony) -> Prony:
 
 def relaxed_share(prony: Prony, time_s: float) -> float:
     """G(t) over the long-term modulus after a sudden strain: 1 + sum b_i exp(-t / tau_i)."""
-    return 1 + sum(b * math.exp(-time_s / tau) for b, tau in _over_slow(prony))
+    return 1 + sum(b * math.exp(-time_s / tau) for b, tau in over_slow(prony))
 
 
 def isochoric_stress(law: HyperelasticLaw, solid: Solid, displacement: Array) -> Array:
@@ -91,7 +91,7 @@ def step_solid(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float)
     if not dt_s > 0:
         raise ParameterError(f"dt_s={dt_s:g} is not positive: time goes forward", name="dt_s", value=dt_s)
     stiffer, known = 1.0, np.zeros_like(history.isochoric)
-    for (b, tau), overstress in zip(_over_slow(prony), history.overstress, strict=True):
+    for (b, tau), overstress in zip(over_slow(prony), history.overstress, strict=True):
         middle = b * math.exp(-dt_s / (2 * tau))
         stiffer += middle
         known += math.exp(-dt_s / tau) * overstress - middle * history.isochoric
@@ -110,11 +110,12 @@ def remember(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float, d
     now = isochoric_stress(solid.law, solid, displacement)
     overstress = [
         math.exp(-dt_s / tau) * h + b * math.exp(-dt_s / (2 * tau)) * (now - history.isochoric)
-        for (b, tau), h in zip(_over_slow(prony), history.overstress, strict=True)
+        for (b, tau), h in zip(over_slow(prony), history.overstress, strict=True)
     ]
     return ViscousHistory(np.array(overstress), now)
 
 
-def _over_slow(prony: Prony) -> Prony:
+def over_slow(prony: Prony) -> Prony:
+    """Pairs (b, tau_s): the terms relative to the long-term modulus, g / (1 - sum g)."""
     slow = 1 - sum(g for g, _ in prony)
     return tuple((g / slow, tau) for g, tau in prony)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -102,6 +103,17 @@ def test_photo_to_camera_file(tmp_path, capsys) -> None:
     assert "residual" in text and picture.exists()
     inner = pattern_points(PARAMS)[0][:60]
     assert np.linalg.norm(MountedCamera.load(out).project(inner) - truth.project(inner), axis=1).max() < 1.5
+
+
+def test_a_photo_of_other_dots_is_read_with_their_options_and_refused_without(tmp_path, capsys) -> None:
+    photo, out = str(tmp_path / "a.png"), tmp_path / "camera.json"
+    design = ["--diameter", "150", "--wall", "9", "--dot-rings", "1-6-10-14-18-22-24-26", "--dot-mm", "3.5"]
+    assert render(["--out", photo, "--level", "draft", *design]) == 0
+    assert main(["--photo", photo, "--out", str(out), *design]) == 0
+    matched, found = map(int, re.search(r"dots matched (\d+) of (\d+) found", capsys.readouterr().out).groups())
+    assert matched == found > 1 + 6 + 10 + 14 + 18 + 22 + 24  # all rings to the equator's
+    out.unlink()
+    assert main(["--photo", photo, "--out", str(out), *design[:4]]) == 2 and not out.exists()
 
 
 def test_finder_is_sub_pixel_on_clean_dots() -> None:

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing import train
 from sensing.design.weights import DesignRequest, design_weights
 from sensing.learning.fit_config import FitConfig
 from sensing.live import cli
+from sensing.live.core.config import EndcapConfig, dots_of
 from sensing.live.core.model import known_weights, load_model
 from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.weight_files import command_for, find_weights, weights_folder, weights_name
@@ -64,6 +65,22 @@ def test_weights_lie_where_live_finds_them_and_those_of_another_endcap_do_not(mo
         load_wrench_model(EndcapParams(130, 8), path)
     with pytest.raises(FileError, match="silicone"):
         load_wrench_model(DESIGN, path)
+
+
+def test_other_dots_have_weights_of_their_own(home):
+    own = EndcapParams(150, 12, (1, 6, 10, 12, 16, 18, 20, 22), 3.5)
+    model = design_weights(replace(QUICK, params=own), CONFIG)
+    path = weights_folder() / weights_name(own)
+    path.parent.mkdir(parents=True)
+    model.save(path)
+    assert find_weights(own) == path and find_weights(DESIGN) is None
+    assert load_wrench_model(own).design == own
+    with pytest.raises(FileError, match=r"D150_T12_dots.*this endcap is D150_T12"):
+        load_wrench_model(DESIGN, path)
+    endcap = EndcapConfig("endcap_0", "0", None, 150, 12, **dots_of(own))
+    assert endcap.params == own and endcap.dots == "1-6-10-12-16-18-20-22"
+    with pytest.raises(ParameterError, match="dots need 6"):
+        EndcapConfig("endcap_0", "0", None, 150, 12, dots="1-6-200")
 
 
 def test_what_ships_is_found_first(home):

@@ -1,0 +1,243 @@
+"""How a reading of an endcap moves the state: a rolling anchor that counts as much as the contact holds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sensing.robot.contact import Contact, contact_of
+from sensing.robot.friction import learned, moments, slip_probability
+from sensing.robot.layout import Layout
+from sensing.robot.measurement_kernels import correct, point_slopes, update_step
+from sensing.robot.settings import Contacts, Settings
+from sensing.robot.state import State
+from sensing.tensegrity.description import GRAVITY_M_S2, Array
+from sensing.tensegrity.samples import FootSample
+
+LONGEST_GAP_S = 0.15  # without a reading; after it a contact starts anew
+STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one begins to without a sign in the ratio
+LEAST, MOST = 1e-3, 0.999  # of a probability of slip
+STILL_M_S2 = 0.5  # acceleration below which the forces carry the weight
+LATELY = 0.02
+FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # of a slip; torque over push that is no more than noise
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings: Settings) -> None:
+    """Take one reading.
+
+    Args:
+        state: of the sample's time, is changed. endcap: its number. sample: the reading.
+        layout, settings: of the estimator.
+    """
+    contact = contact_of(sample, endcap, layout, settings)
+    since = state.time_s - state.contact_s[endcap]
+    state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
+    _weigh(state, layout)
+    if settings.contacts is Contacts.NONE:
+        return
+    if settings.contacts in (Contacts.BIT_FIXED, Contacts.BIT_ROLLING):
+        _take_bit(state, endcap, contact, since, layout, settings)
+    elif contact.known and contact.touching:
+        state.contact_s[endcap] = state.time_s
+        _take_wrench(state, endcap, contact, since, layout, settings)
+    elif contact.touching is False or np.isfinite(contact.push_n) or since > LONGEST_GAP_S:
+        release(state, endcap, layout)
+
+
+def release(state: State, endcap: int, layout: Layout) -> None:
+    """Forget an anchor.
+
+    Args:
+        state: is changed. endcap: its number. layout: of the robot.
+    """
+    at = layout.anchor(endcap)
+    state.anchored[endcap], state.slips[endcap] = 0, 0.0
+    state.covariance[at], state.covariance[:, at] = 0.0, 0.0
+
+
+def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout: Layout, settings: Settings) -> None:
+    if not contact.touching:
+        return release(state, endcap, layout)
+    state.contact_s[endcap], state.normal[endcap] = state.time_s, UP
+    variance = np.full(3, settings.bit_sd_m**2)
+    lever = layout.endcap_lever[endcap]
+    if not state.anchored[endcap] or since > LONGEST_GAP_S:
+        return _begin(state, endcap, lever, variance, layout)
+    at = layout.anchor(endcap)
+    state.covariance[at, at] += settings.anchor_walk**2 * since * np.eye(3)
+    _hold(state, endcap, lever, np.eye(3), variance, layout)
+
+
+def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layout: Layout, settings: Settings) -> None:
+    bar = int(layout.endcap_bar[endcap])
+    fresh = not state.anchored[endcap] or since > LONGEST_GAP_S
+    known = state.known[endcap] if settings.contacts is Contacts.KNOWN else None
+    if known is None:
+        _learn_normal(state, endcap, contact, fresh, since, bar, settings)
+    else:
+        state.normal[endcap], state.normal_variance[endcap] = (
+            -state.turn[bar] @ _bar_normal(known.normal, endcap, layout),
+            1e-6,
+        )
+    yields = settings.compliance_m_n * contact.force_n
+    lever = layout.endcap_lever[endcap] + yields
+    axes = axes_about(state.normal[endcap])
+    loads = axes @ (state.turn[bar] @ yields)
+    stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
+    variance = stays * (settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2)
+    if fresh:
+        state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
+        return _begin(state, endcap, lever, variance, layout)
+    rolled = layout.radius_m[endcap] * since * np.linalg.norm(np.cross(world_rate(state, bar), state.normal[endcap]))
+    at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
+    creep = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
+    lift = creep + stays * state.normal_variance[endcap] * rolled**2
+    state.covariance[at, at] += creep * (np.eye(3) - across) + lift * across
+    if known is None:
+        slips = _slips(state, endcap, contact, lever, axes, variance / stays, since, layout, settings)
+        state.friction = learned(state.friction, contact.use, contact.use_sd, slips)
+    else:
+        slips = 0.0 if known.holds else 1.0
+    state.slips[endcap] = slips
+    mean, spread = _slide(state, endcap, bar, contact, settings)
+    state.anchor[endcap] += slips * since * mean
+    far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
+    state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
+    _hold(state, endcap, lever, axes, variance, layout)
+
+
+def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
+    return np.asarray(layout.endcap_turn[endcap] @ normal)
+
+
+def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Settings) -> tuple[Array, Array]:
+    """((3,) velocity of a contact that slips, world, (3, 3) covariance): it goes against the friction force."""
+    normal = state.normal[endcap]
+    force = state.turn[bar] @ contact.force_n
+    along = force - (force @ normal) * normal
+    along /= max(float(np.sqrt(along @ along)), 1e-9)
+    flat = np.eye(3) - np.outer(normal, normal)
+    spin = abs(float(world_rate(state, bar) @ normal))
+    needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
+    speed = min(spin * contact.ratio * settings.spin_lever_m**2 / needs, FASTEST_M_S)
+    variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
+    spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
+    return -speed * along, spread
+
+
+def world_rate(state: State, bar: int) -> Array:
+    """(3,) angular velocity of a bar, world axes."""
+    return np.asarray(state.turn[bar] @ (state.rate[bar] - state.rate_bias[bar]))
+
+
+def _learn_normal(
+    state: State, endcap: int, contact: Contact, fresh: bool, since: float, bar: int, settings: Settings
+) -> None:
+    measured = -state.turn[bar] @ contact.normal
+    variance = contact.normal_sd**2 + settings.normal_sd**2
+    if fresh:
+        state.normal[endcap], state.normal_variance[endcap] = measured, variance
+        return
+    before = state.normal_variance[endcap] + settings.normal_walk**2 * since
+    gain = before / (before + variance)
+    normal = (1 - gain) * state.normal[endcap] + gain * measured
+    state.normal[endcap] = normal / np.linalg.norm(normal)
+    state.normal_variance[endcap] = max((1 - gain) * before, settings.normal_sd**2)
+
+
+def axes_about(normal: Array) -> Array:
+    """(3, 3) rows: the normal and two directions across it."""
+    x, y, z = normal
+    one = np.array([1.0, 0.0, 0.0]) if abs(x) < 0.6 else UP
+    one = one - (one @ normal) * normal
+    one /= np.sqrt(one @ one)
+    a, b, c = one
+    return np.array([normal, one, [y * c - z * b, z * a - x * c, x * b - y * a]])
+
+
+def _begin(state: State, endcap: int, lever: Array, variance: Array, layout: Layout) -> None:
+    """Start an anchor where the sphere's centre is now."""
+    bar, at = int(layout.endcap_bar[endcap]), layout.anchor(endcap)
+    release_slips = state.slips[endcap]
+    release(state, endcap, layout)
+    point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
+    leader = layout.turn(layout.leader)
+    x, y, z = point
+    slopes[:, leader] -= np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # its error is less the turn of the leader
+    rows = slopes @ state.covariance
+    state.covariance[at], state.covariance[:, at] = rows, rows.T
+    axes = axes_about(state.normal[endcap])
+    state.covariance[at, at] = slopes @ rows.T + axes.T @ np.diag(variance) @ axes
+    state.anchor[endcap], state.anchored[endcap], state.slips[endcap] = point, 1, release_slips
+
+
+def _difference(state: State, endcap: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
+    """((3,) from the endcap to its anchor, (3, N) slopes of what should be zero, endcap less anchor)."""
+    bar, at = int(layout.endcap_bar[endcap]), layout.anchor(endcap)
+    point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
+    x, y, z = state.anchor[endcap]
+    slopes[:, layout.turn(layout.leader)] -= np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
+    slopes[:, at] -= np.eye(3)
+    return state.anchor[endcap] - point, slopes
+
+
+def _slips(
+    state: State, endcap: int, contact: Contact, lever: Array, axes: Array, variance: Array, since: float,
+    layout: Layout, settings: Settings,
+) -> float:  # fmt: skip
+    """Probability of slip: what the friction ratio says, then what the innovation says."""
+    by_ratio = slip_probability(state.friction, contact.use, contact.use_sd)
+    before = state.slips[endcap]
+    prior = by_ratio * (STAYS * before + (1 - before)) + STARTS * by_ratio * (1 - by_ratio)
+    prior = min(max(prior, LEAST), MOST)
+    mean, spread = _slide(state, endcap, int(layout.endcap_bar[endcap]), contact, settings)
+    innovation, slopes = _difference(state, endcap, lever, layout)
+    rows = axes[1:] @ slopes
+    holds = rows @ state.covariance @ rows.T + np.diag(variance[1:])
+    slips = holds + since**2 * axes[1:] @ spread @ axes[1:].T
+    across = axes[1:] @ innovation
+    logs = [_log_density(across, holds), _log_density(across + since * axes[1:] @ mean, slips)]
+    odds = prior / (1 - prior) * float(np.exp(np.clip(logs[1] - logs[0], -20, 20)))
+    return min(max(odds / (1 + odds), LEAST), MOST)
+
+
+def _log_density(x: Array, spread: Array) -> float:
+    """Of two numbers, up to a constant."""
+    (a, b), (_, c) = spread.tolist()
+    square = a * c - b * b
+    u, v = x.tolist()
+    return -0.5 * ((c * u * u - 2 * b * u * v + a * v * v) / square + math.log(square))
+
+
+def _hold(state: State, endcap: int, lever: Array, axes: Array, variance: Array, layout: Layout) -> None:
+    """Take that the endcap is at its anchor."""
+    innovation, slopes = _difference(state, endcap, lever, layout)
+    found = np.empty(3)
+    change = update_step(
+        state.covariance, np.ascontiguousarray(axes @ slopes), axes @ innovation, variance, np.inf, found
+    )
+    state.consistency[1] += LATELY * (float(found.mean()) - state.consistency[1])
+    correct(
+        change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
+        layout.leader,
+    )  # fmt: skip
+
+
+def _weigh(state: State, layout: Layout) -> None:
+    """Compare the vertical forces with the weight while the robot does not accelerate."""
+    leader = layout.leader
+    push = state.turn[leader] @ (state.force[leader] - state.force_bias[leader])
+    recent = state.time_s - state.reading_s <= LONGEST_GAP_S
+    if not recent.all() or float(np.linalg.norm(push - GRAVITY_M_S2 * UP)) > STILL_M_S2:
+        return
+    total = 0.0
+    for endcap, contact in enumerate(state.contacts):
+        if contact is not None and contact.touching is not False:
+            total += float(state.turn[layout.endcap_bar[endcap], 2] @ contact.force_n)
+    ratio = total / (layout.mass_kg.sum() * GRAVITY_M_S2)
+    if np.isfinite(ratio):
+        state.weight_ratio = (
+            ratio if np.isnan(state.weight_ratio) else state.weight_ratio + LATELY * (ratio - state.weight_ratio)
+        )

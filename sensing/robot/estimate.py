@@ -1,0 +1,122 @@
+"""What the estimator says of the robot at one time: records that go to page, recording and ROS (m, s, N, rad).
+
+Bars and endcaps stand in the order of the robot's description; frames are those of
+:mod:`sensing.tensegrity.description`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BarEstimate:
+    """One bar.
+
+    Attributes:
+        name: of the bar. T_world_bar: (4, 4) m.
+        velocity_m_s: (3,) of the bar's origin, world axes. rate_rad_s: (3,) angular velocity, world axes.
+        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity.
+    """
+
+    name: str
+    T_world_bar: Array
+    velocity_m_s: Array
+    rate_rad_s: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Hold:
+    """How an endcap meets its support, as probabilities that sum to 1; NaN where no reading says.
+
+    Attributes:
+        holds: touches and stays. rolls: without slip. slips: its skin moves over the support. free: touches nothing.
+    """
+
+    holds: float
+    rolls: float
+    slips: float
+    free: float
+
+    @property
+    def word(self) -> str:
+        """The likeliest of the four, or "unknown"."""
+        values = {"holds": self.holds, "rolls": self.rolls, "slips": self.slips, "free": self.free}
+        return "unknown" if np.isnan(self.holds) else max(values, key=lambda name: values[name])
+
+
+@dataclass(frozen=True)
+class EndcapEstimate:
+    """One endcap.
+
+    Attributes:
+        name: of the endcap. centre_m: (3,) centre of its sphere, world. covariance: (3, 3) of it.
+        hold: how it meets its support.
+        contact_m: (3,) where it touches, world. normal: (3,) unit, out of the support, world. normal_sd_rad: of it.
+        force_n: (3,) on the endcap, world axes.
+        friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as all after ``hold``.
+    """
+
+    name: str
+    centre_m: Array
+    covariance: Array
+    hold: Hold
+    contact_m: Array
+    normal: Array
+    normal_sd_rad: float
+    force_n: Array
+    friction_ratio: float
+    friction_ratio_sd: float
+
+
+@dataclass(frozen=True)
+class Health:
+    """Whether the answer agrees with the samples.
+
+    Attributes:
+        lengths_consistency, anchors_consistency: mean squared innovation over its variance, lately; 1 is right.
+        weight_ratio: sum of the vertical forces over the weight, lately; NaN while the robot accelerates.
+        rejected: lengths that did not fit, of the last sample. ignored: samples with NaN or too old, since the start.
+        notes: what is missing or does not fit, one line each.
+    """
+
+    lengths_consistency: float
+    anchors_consistency: float
+    weight_ratio: float
+    rejected: int
+    ignored: int
+    notes: tuple[str, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing is missing and innovations are no larger than they should be."""
+        return not self.notes
+
+
+@dataclass(frozen=True)
+class RobotEstimate:
+    """The robot at one time.
+
+    Attributes:
+        time_s: for which it holds. measured_s: of the newest sample that it uses.
+        bars, endcaps: in the order of the description.
+        centre_of_mass_m: (3,) world. centre_of_mass_covariance: (3, 3).
+        friction, friction_sd: coefficient of friction of the supports as learned until now.
+        health: whether it agrees with the samples.
+    """
+
+    time_s: float
+    measured_s: float
+    bars: tuple[BarEstimate, ...]
+    endcaps: tuple[EndcapEstimate, ...]
+    centre_of_mass_m: Array
+    centre_of_mass_covariance: Array
+    friction: float
+    friction_sd: float
+    health: Health

@@ -1,0 +1,153 @@
+"""The robot from its samples: pose, velocity and shape, and which endcaps hold.
+
+    estimator = RobotEstimator(load_robot())
+    estimator.imu(InertialSample(...)); estimator.lengths(LengthSample(...)); estimator.reading(FootSample(...))
+    estimate = estimator.state()                        # at the newest sample; None until it has stood a while
+    estimate = estimator.state(at=now_s)                # predicted to a later time, or as it was
+
+Samples may come late, twice or out of order: the answer depends on their capture times only. docs/robot.md says how the
+estimate is made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cad.errors import ParameterError
+from sensing.robot.contact import contact_of
+from sensing.robot.estimate import RobotEstimate
+from sensing.robot.filter import Filter
+from sensing.robot.history import AnySample, History
+from sensing.robot.layout import layout_of
+from sensing.robot.report import report_of
+from sensing.robot.samples_check import SampleCheck
+from sensing.robot.settings import DEFAULTS, KnownContact, Settings
+from sensing.robot.start import Gathered, begin, nothing_gathered
+from sensing.robot.state import State, empty_state
+from sensing.tensegrity.description import TensegrityRobot
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
+
+
+@dataclass
+class _Progress:
+    """What is gathered before the start, and the state after it."""
+
+    gathered: Gathered
+    state: State | None
+
+    def copy(self) -> _Progress:
+        if self.state is None:
+            return _Progress(self.gathered.copy(), None)
+        return _Progress(self.gathered, self.state.copy())
+
+
+class RobotEstimator:
+    """Estimates one robot from its samples; deterministic: the same samples give the same bits.
+
+    Args:
+        robot: its description. settings: what is assumed of sensors and contacts.
+
+    Raises:
+        ParameterError: a description that cannot be estimated (two inertial sensors on a bar, no stated ends).
+    """
+
+    def __init__(self, robot: TensegrityRobot, settings: Settings = DEFAULTS) -> None:
+        self.robot, self.settings = robot, settings
+        self._layout = layout_of(robot)
+        self._filter = Filter(self._layout, settings)
+        self._check = SampleCheck(self._layout)
+        self._number = {endcap.name: number for number, endcap in enumerate(robot.endcaps)}
+        self._bar_of = {name: bar for bar, name in enumerate(self._layout.sensor_of_bar) if name}
+        self._ignored = 0
+        first = _Progress(nothing_gathered(self._layout), None)
+        self._history = History(first, self._take, settings.history_s)
+
+    @property
+    def newest_s(self) -> float:
+        """Capture time of the newest sample; -inf before the first."""
+        return self._history.newest_s
+
+    def imu(self, sample: InertialSample) -> None:
+        """Take a sample of an inertial sensor.
+
+        Raises:
+            ParameterError: an unknown sensor, another count of numbers, another clock; the same for the other samples.
+        """
+        self._put(sample)
+
+    def lengths(self, sample: LengthSample) -> None:
+        """Take the lengths of the cables; NaN where one is missing."""
+        self._put(sample)
+
+    def reading(self, sample: FootSample) -> None:
+        """Take the wrench of an endcap (:func:`sensing.robot.readings.foot_sample` makes it from a live reading)."""
+        self._put(sample)
+
+    def known(self, sample: KnownContact) -> None:
+        """Take what a simulation knows of a contact, before its reading; for ``Contacts.KNOWN`` only."""
+        self._put(sample)
+
+    def state(self, at: float | None = None) -> RobotEstimate | None:
+        """The robot at a time; None before the start.
+
+        Args:
+            at: time, s; None for that of the newest sample. Later than that: predicted with the last rates.
+
+        Raises:
+            ParameterError: a time that is not finite, or longer ago than the kept past.
+        """
+        time_s = self.newest_s if at is None else float(at)
+        if at is not None and not np.isfinite(time_s):
+            raise ParameterError(f"at={at}: not a time: give seconds on the samples' clock", name="at", value=at)
+        if time_s < self.newest_s - self.settings.history_s:
+            raise ParameterError(
+                f"at={time_s:.3f} is {self.newest_s - time_s:.2f} s before the newest sample: the past is kept for "
+                f"{self.settings.history_s:g} s (Settings.history_s)",
+                name="at", value=at,
+            )  # fmt: skip
+        progress = self._history.at(time_s)
+        if progress.state is None:
+            return None
+        state, measured_s = progress.state.copy(), progress.state.time_s
+        if time_s > measured_s:
+            self._filter.predict(state, min(time_s, measured_s + self.settings.history_s), [])
+        return report_of(state, measured_s, self._ignored, self._layout, self.settings)
+
+    def _put(self, sample: AnySample) -> None:
+        if not self._check.counts(sample, self.newest_s) or not self._history.put(sample):
+            self._ignored += 1
+
+    def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:
+        if progress.state is not None:
+            self._filter.take(progress.state, time_s, samples)
+            return
+        gathered = progress.gathered
+        self._gather(gathered, time_s, samples)
+        enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
+        if enough and (gathered.length_counts > 0).any():
+            state = empty_state(self._layout, time_s)
+            begin(state, gathered, self._layout, self.settings)
+            progress.state = state
+
+    def _gather(self, gathered: Gathered, time_s: float, samples: list[AnySample]) -> None:
+        if np.isnan(gathered.first_s):
+            gathered.first_s = time_s
+        for sample in samples:
+            if isinstance(sample, InertialSample):
+                bar = self._bar_of[sample.sensor]
+                rate = self._layout.sensor_turn[bar] @ sample.rate_rad_s
+                gathered.rate[bar] += rate
+                gathered.squares[bar] += float(rate @ rate)
+                gathered.counts[bar, 0] += 1
+                if sample.acceleration_m_s2 is not None and self._layout.has_force[bar]:
+                    gathered.force[bar] += self._layout.sensor_turn[bar] @ sample.acceleration_m_s2
+                    gathered.counts[bar, 1] += 1
+            elif isinstance(sample, LengthSample):
+                good = np.isfinite(sample.lengths_m)
+                gathered.lengths[good] += np.asarray(sample.lengths_m)[good]
+                gathered.length_counts += good
+            elif isinstance(sample, FootSample):
+                number = self._number[sample.endcap]
+                gathered.contacts[number] = contact_of(sample, number, self._layout, self.settings)

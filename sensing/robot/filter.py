@@ -1,0 +1,167 @@
+"""The filter's steps: prediction by gyroscopes and accelerometer, cable lengths, contacts (docs/robot.md)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensing.robot import contacts
+from sensing.robot.history import AnySample
+from sensing.robot.kernels import predict_step
+from sensing.robot.layout import Layout
+from sensing.robot.measurement_kernels import correct, length_slopes, update_step
+from sensing.robot.settings import Contacts, KnownContact, Settings
+from sensing.robot.state import State
+from sensing.tensegrity.description import GRAVITY_M_S2, Array
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
+
+LONGEST_STEP_S = 0.01
+SILENT_S = 0.05  # after this time the last sample of an inertial sensor no longer counts
+LIMIT = 25.0  # squared innovation over its variance beyond which a length is left out
+MISFIT = 4.0  # mean squared innovation over its variance from which the shape is loosened
+LOOSE, LOOSE_M = 0.02, 0.005  # E: by so much a sample, rad and m
+FREE_NOISE = 5.0  # E: acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
+LATELY = 0.02  # part that a new innovation has in the mean
+
+
+class Filter:
+    """Moves a :class:`sensing.robot.state.State` from sample to sample.
+
+    Args:
+        layout: of the robot. settings: what is assumed.
+    """
+
+    def __init__(self, layout: Layout, settings: Settings) -> None:
+        self.layout, self.settings = layout, settings
+        self._bar_of = {name: bar for bar, name in enumerate(layout.sensor_of_bar) if name}
+        self._endcap_of = {endcap.name: number for number, endcap in enumerate(layout.robot.endcaps)}
+        self._walk = np.tile([settings.rate_bias_walk**2, settings.force_bias_walk**2], (layout.bars, 1))
+        self._walk[layout.has_force == 0, 1] = 0.0
+        rolls = settings.contacts not in (Contacts.BIT_FIXED, Contacts.NONE)
+        self._roll = np.full(layout.endcaps, int(rolls), np.int64)
+
+    def take(self, state: State, time_s: float, samples: list[AnySample]) -> None:
+        """Move the state to a time and take all samples of that time.
+
+        Args:
+            state: is changed. time_s: not before the state's. samples: inertial ones, then lengths, then endcaps.
+        """
+        inertial = [sample for sample in samples if isinstance(sample, InertialSample)]
+        self.predict(state, time_s, inertial)
+        for sample in samples:
+            if isinstance(sample, LengthSample):
+                self.lengths(state, sample)
+            elif isinstance(sample, FootSample):
+                contacts.take(state, self._endcap_of[sample.endcap], sample, self.layout, self.settings)
+            elif isinstance(sample, KnownContact):
+                state.known[self._endcap_of[sample.endcap]] = sample
+
+    def predict(self, state: State, time_s: float, samples: list[InertialSample]) -> None:
+        """Move the state to a time.
+
+        Args:
+            state: is changed. time_s: not before the state's. samples: inertial ones of that time.
+        """
+        step = time_s - state.time_s
+        rate, force = state.rate.copy(), state.force.copy()
+        heard = np.stack([time_s - state.rate_s, time_s - state.force_s]) <= SILENT_S
+        for sample in samples:
+            bar = self._bar_of[sample.sensor]
+            turn = self.layout.sensor_turn[bar]
+            new = turn @ sample.rate_rad_s
+            rate[bar] = _over_step(new, state.rate_used[bar], time_s - state.rate_s[bar], step)
+            state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
+            state.rate_used[bar] = -rate[bar] * step
+            if sample.acceleration_m_s2 is not None and self.layout.has_force[bar]:
+                new = turn @ sample.acceleration_m_s2
+                force[bar] = _over_step(new, state.force_used[bar], time_s - state.force_s[bar], step)
+                state.force[bar], state.force_s[bar], heard[1, bar] = new, time_s, True
+                state.force_used[bar] = -force[bar] * step
+        if step > 0:
+            state.rate_used += rate * step
+            state.force_used += force * step
+            self._move(state, time_s, rate - state.rate_bias, force - state.force_bias, heard)
+        state.time_s = time_s
+
+    def _move(self, state: State, time_s: float, rate: Array, force: Array, heard: np.ndarray) -> None:
+        layout, leader = self.layout, self.layout.leader
+        rate[~heard[0]] = 0.0
+        own = (layout.has_force == 1) & heard[1]
+        has_force = np.where(own, 1, 2 if own[leader] else 0).astype(np.int64)
+        noise = self._noise(force[leader], has_force, heard[0])
+        step = time_s - state.time_s
+        count = max(1, int(np.ceil(step / LONGEST_STEP_S - 1e-9)))
+        for _ in range(count):
+            predict_step(
+                state.covariance, state.turn, state.place, state.velocity, state.anchor, state.normal, state.anchored,
+                rate, force, has_force, leader, layout.endcap_bar, layout.radius_m, self._roll, noise, self._walk,
+                step / count, GRAVITY_M_S2,
+            )  # fmt: skip
+
+    def _noise(self, force: Array, has_force: np.ndarray, heard: np.ndarray) -> Array:
+        settings = self.settings
+        noise = np.empty((self.layout.bars, 3))
+        noise[:, 0] = np.where(heard, settings.rate_noise, settings.unknown_rate_noise) ** 2
+        noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
+        if not has_force.any():
+            noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
+            return noise
+        accelerates = abs(float(force @ force) ** 0.5 - GRAVITY_M_S2)
+        relative = settings.relative_noise + settings.relative_share * accelerates
+        noise[:, 1] = np.where(has_force == 1, settings.force_noise, relative) ** 2
+        noise[:, 2] = np.where(has_force == 2, settings.force_noise**2, 0.0)
+        if has_force[self.layout.leader] == 1:
+            noise[self.layout.leader, 1:] = 0.0, settings.force_noise**2
+        return noise
+
+    def lengths(self, state: State, sample: LengthSample) -> None:
+        """Take the lengths of the cables.
+
+        Args:
+            state: of the sample's time, is changed. sample: of all measured cables.
+        """
+        layout = self.layout
+        length, slopes = length_slopes(
+            state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
+        )
+        innovation = np.asarray(sample.lengths_m, float) - length
+        since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
+        spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
+        expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + spread
+        off = float(np.nanmean(innovation**2 / expected))
+        if off > MISFIT:  # the steps were too long for straight lines, or the first shape was wrong
+            self._loosen(state)
+        variance, found = np.full(len(length), spread), np.empty(len(length))
+        change = update_step(state.covariance, slopes, innovation, variance, LIMIT if off < MISFIT else np.inf, found)
+        state.rejected = int((found < -1).sum())
+        taken = found[found >= 0]
+        if len(taken):
+            state.consistency[0] += LATELY * (float(taken.mean()) - state.consistency[0])
+        state.lengths_s = state.time_s
+        apply(state, change, layout.leader)
+
+    def _loosen(self, state: State) -> None:
+        """Let the shape change, where the lengths no longer fit it."""
+        for bar in range(self.layout.bars):
+            if bar != self.layout.leader:
+                turn, place = self.layout.turn(bar), self.layout.place(bar)
+                state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
+                state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
+
+
+def apply(state: State, change: Array, leader: int) -> None:
+    """Add a correction to the state.
+
+    Args:
+        state: is changed. change: (N,). leader: bar whose turn the errors of places refer to.
+    """
+    correct(
+        change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
+        leader,
+    )  # fmt: skip
+
+
+def _over_step(new: Array, used: Array, gap_s: float, step_s: float) -> Array:
+    """Mean over the last step with which the integral since the last sample is the new one, a mean over that time."""
+    if not 0 < gap_s <= SILENT_S or not step_s > 0:
+        return new
+    return np.asarray((new * gap_s - used) / step_s)

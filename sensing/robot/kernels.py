@@ -1,0 +1,231 @@
+"""Compiled prediction of the robot's filter: in numpy their small steps would take a tenth of a core and more.
+
+The error state holds three numbers each, in this order: turns of the B bars (world axes), places, velocities,
+gyroscope biases, accelerometer biases, then the E anchors. The error of a place, a velocity or an anchor x is
+``x_true - exp(turn of the leading bar) x``: a turn of the whole robot about the vertical, which nothing measures, is
+then the same vector at every estimate, and the filter does not come to think that it knows its heading (Barrau and
+Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
+"""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from sensing.compiled import SHORT
+
+EXACTLY = SHORT | {"fastmath": False}  # bits do not depend on what is inlined: helpers need not be
+
+
+@numba.njit(**EXACTLY)
+def _skew(out, k, x, y, z, scale):
+    """Write scale * [x y z] x into out[k]."""
+    out[k, 0, 0] = out[k, 1, 1] = out[k, 2, 2] = 0.0
+    out[k, 0, 1], out[k, 0, 2] = -scale * z, scale * y
+    out[k, 1, 0], out[k, 1, 2] = scale * z, -scale * x
+    out[k, 2, 0], out[k, 2, 1] = -scale * y, scale * x
+
+
+@numba.njit(**EXACTLY)
+def turned_by(turn, x, y, z):
+    """A rotation turned by a vector: exp([x y z] x) turn.
+
+    Args:
+        turn: (3, 3). x, y, z: rad.
+    """
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle > 1e-7:
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
+    else:
+        a, b = 1.0, 0.5
+    out = np.empty((3, 3))
+    for k in range(3):
+        u, v, w = turn[0, k], turn[1, k], turn[2, k]
+        cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
+        out[0, k] = u + a * cx + b * (y * cz - z * cy)
+        out[1, k] = v + a * cy + b * (z * cx - x * cz)
+        out[2, k] = w + a * cz + b * (x * cy - y * cx)
+    return out
+
+
+@numba.njit(**EXACTLY)
+def _times(a, b):
+    """(3, 3) a b; numba's own product needs scipy."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+    return out
+
+
+@numba.njit(**EXACTLY)
+def times_vector(a, x):
+    """(3,) a x."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = a[i, 0] * x[0] + a[i, 1] * x[1] + a[i, 2] * x[2]
+    return out
+
+
+@numba.njit(**EXACTLY)
+def predict_step(
+    covariance, turn, place, velocity, anchor, normal, anchored, rate, force, has_force, leader, endcap_bar, radius,
+    roll, noise, walk, step_s, gravity,
+):  # fmt: skip
+    """Move the state by a time step, in place.
+
+    Args:
+        covariance: (N, N). turn: (B, 3, 3) bar to world. place, velocity: (B, 3) of each bar's reference point.
+        anchor, normal: (E, 3) world. anchored: (E,) whether its anchor counts. rate, force: (B, 3) angular velocity and
+            specific force without bias, bar axes. has_force: (B,) 1 where the bar has an accelerometer, 2 where it
+            follows that of the leading bar, 0 where nothing is known. leader: that bar.
+        endcap_bar: (E,) bar of each endcap. radius: (E,) m. roll: (E,) 1 where the sphere rolls.
+        noise: (B, 3) variances a second: rate, velocity, leader's force (in all that follow it).
+        walk: (B, 2) of the biases. step_s: time. gravity: m/s^2.
+    """
+    bars, endcaps, size = len(turn), len(anchor), len(covariance)
+    most = 7 * bars + 4 * endcaps
+    at, blocks = np.zeros((most, 2), np.int64), np.zeros((most, 3, 3))
+    middle, spin, push = np.empty((bars, 3, 3)), np.empty((bars, 3)), np.zeros((bars, 3))
+    for b in range(bars):
+        spin[b] = times_vector(turn[b], rate[b])
+        middle[b] = turned_by(turn[b], 0.5 * step_s * spin[b, 0], 0.5 * step_s * spin[b, 1], 0.5 * step_s * spin[b, 2])
+        if has_force[b] == 1:
+            push[b] = times_vector(middle[b], force[b])
+    drive = np.zeros((size, 3))  # what a turn of the leader by its gyroscope's noise does to all
+    for k in range(3):
+        drive[3 * leader + k, k] = 1.0
+    count = _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, leader, step_s, gravity)
+    moved = np.zeros((endcaps, 3))
+    for e in range(endcaps):
+        if anchored[e] != 0:
+            row, b = 3 * (5 * bars + e), endcap_bar[e]
+            count = _follow(at, blocks, drive, count, row, anchor[e], middle[leader], leader, bars, step_s)
+            if roll[e] != 0:
+                length = radius[e] * step_s
+                count = _roll(at, blocks, count, row, moved[e], normal[e], spin[b], middle[b], b, leader, bars, length)
+    _congruence(covariance, at, blocks, count)
+    _add_noise(covariance, drive, noise, walk, leader, step_s)
+    for b in range(bars):
+        change = np.zeros(3)
+        if has_force[b] > 0:
+            f = push[b] if has_force[b] == 1 else push[leader]
+            change[0], change[1], change[2] = step_s * f[0], step_s * f[1], step_s * (f[2] - gravity)
+        turn[b] = turned_by(turn[b], step_s * spin[b, 0], step_s * spin[b, 1], step_s * spin[b, 2])
+        for k in range(3):
+            place[b, k] += step_s * (velocity[b, k] + 0.5 * change[k])
+            velocity[b, k] += change[k]
+    for e in range(endcaps):
+        for k in range(3):
+            anchor[e, k] += moved[e, k]
+
+
+@numba.njit(**EXACTLY)
+def _follow(at, blocks, drive, count, row, x, middle, leader, bars, step_s):
+    """The error of x turns with the leader: what the leader's gyroscope does to it, bias and noise."""
+    at[count, 0], at[count, 1] = row, 3 * (3 * bars + leader)
+    _skew(blocks, count, x[0], x[1], x[2], 1.0)
+    drive[row : row + 3] = blocks[count]
+    blocks[count] = -step_s * _times(blocks[count], middle)
+    return count + 1
+
+
+@numba.njit(**EXACTLY)
+def _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, leader, step_s, gravity):
+    """Blocks of all bars: turns after gyroscope biases, places after velocities, velocities after turns and biases."""
+    bars, count = len(middle), 0
+    for b in range(bars):
+        p, v = 3 * (bars + b), 3 * (2 * bars + b)
+        at[count, 0], at[count, 1] = 3 * b, 3 * (3 * bars + b)
+        blocks[count] = -step_s * middle[b]
+        at[count + 1, 0], at[count + 1, 1] = p, v
+        for k in range(3):
+            blocks[count + 1, k, k] = step_s
+        count = _follow(at, blocks, drive, count + 2, p, place[b], middle[leader], leader, bars, step_s)
+        count = _follow(at, blocks, drive, count, v, velocity[b], middle[leader], leader, bars, step_s)
+        if has_force[b] == 0:
+            continue
+        source = b if has_force[b] == 1 else leader
+        f = push[source]
+        at[count, 0], at[count, 1] = v, 3 * (4 * bars + source)
+        blocks[count] = -step_s * middle[source]
+        at[count + 1, 0], at[count + 1, 1] = v, 3 * source
+        _skew(blocks, count + 1, f[0], f[1], f[2], -step_s)
+        at[count + 2, 0], at[count + 2, 1] = v, 3 * leader
+        _skew(blocks, count + 2, f[0], f[1], f[2] - gravity, step_s)
+        count += 3
+    return count
+
+
+@numba.njit(**EXACTLY)
+def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length):
+    """Blocks of an anchor that moves by w x n times a length; writes the motion."""
+    mx, my, mz = w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0]
+    moved[0], moved[1], moved[2] = length * mx, length * my, length * mz
+    across = np.empty((3, 3, 3))
+    _skew(across, 0, n[0], n[1], n[2], 1.0)
+    _skew(across, 1, w[0], w[1], w[2], 1.0)
+    _skew(across, 2, mx, my, mz, 1.0)
+    at[count, 0], at[count, 1] = row, 3 * (3 * bars + bar)
+    blocks[count] = length * _times(across[0], middle)  # d(w x n) = -n x dw, dw = -turn times the bias's error
+    at[count + 1, 0], at[count + 1, 1] = row, 3 * bar
+    blocks[count + 1] = length * _times(across[0], across[1])  # dw = error of the turn x w
+    at[count + 2, 0], at[count + 2, 1] = row, 3 * leader  # the normal turns with the leader, and so does the anchor
+    blocks[count + 2] = length * (across[2] - _times(across[1], across[0]))
+    return count + 3
+
+
+@numba.njit(**EXACTLY)
+def _add_noise(covariance, drive, noise, walk, leader, step_s):
+    """Process noise of one step."""
+    bars, size, quiet = len(noise), len(covariance), noise[leader, 0] * step_s
+    for i in range(size):
+        if drive[i, 0] != 0.0 or drive[i, 1] != 0.0 or drive[i, 2] != 0.0:
+            for j in range(size):
+                dot = drive[i, 0] * drive[j, 0] + drive[i, 1] * drive[j, 1] + drive[i, 2] * drive[j, 2]
+                covariance[i, j] += quiet * dot
+    for b in range(bars):
+        for k in range(3):
+            if b != leader:
+                i = 3 * b + k
+                covariance[i, i] += noise[b, 0] * step_s
+            i = 3 * (2 * bars + b) + k
+            covariance[i, i] += noise[b, 1] * step_s
+            for c in range(bars):
+                if noise[b, 2] > 0.0 and noise[c, 2] > 0.0:
+                    covariance[i, 3 * (2 * bars + c) + k] += noise[leader, 2] * step_s
+            i = 3 * (3 * bars + b) + k
+            covariance[i, i] += walk[b, 0] * step_s
+            i = 3 * (4 * bars + b) + k
+            covariance[i, i] += walk[b, 1] * step_s
+
+
+@numba.njit(**EXACTLY)
+def _congruence(covariance, at, blocks, count):
+    """(1 + A) P (1 + A)' in place; A has blocks at rows and columns."""
+    size = len(covariance)
+    left = covariance.copy()
+    for k in range(count):
+        for i in range(3):
+            for j in range(3):
+                x = blocks[k, i, j]
+                if x != 0.0:
+                    target, source = left[at[k, 0] + i], covariance[at[k, 1] + j]
+                    for c in range(size):
+                        target[c] += x * source[c]
+    across = left.T.copy()
+    covariance[:] = across
+    for k in range(count):
+        for i in range(3):
+            for j in range(3):
+                x = blocks[k, i, j]
+                if x != 0.0:
+                    target, source = covariance[at[k, 0] + i], across[at[k, 1] + j]
+                    for c in range(size):
+                        target[c] += x * source[c]
+    for i in range(size):
+        for j in range(i):
+            covariance[i, j] = covariance[j, i] = 0.5 * (covariance[i, j] + covariance[j, i])

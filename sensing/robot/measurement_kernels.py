@@ -1,0 +1,141 @@
+"""Compiled measurements of the robot's filter: where points are, their slopes, and the update (errors: see kernels)."""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from sensing.robot.kernels import EXACTLY, times_vector, turned_by
+
+
+@numba.njit(**EXACTLY)
+def update_step(covariance, slopes, innovation, variance, limit, found):
+    """Take measurements one after the other; the covariance changes in place.
+
+    Args:
+        covariance: (N, N). slopes: (M, N). innovation, variance: (M,) of independent measurements; NaN is left out.
+        limit: squared innovation over its variance above which a measurement is left out.
+        found: (M,) receives that ratio; negative where the measurement was left out.
+
+    Returns:
+        (N,) correction of the error state.
+    """
+    size = len(covariance)
+    change, gain = np.zeros(size), np.empty(size)
+    for m in range(len(innovation)):
+        found[m] = -1.0
+        if innovation[m] - innovation[m] != 0.0:  # NaN
+            continue
+        row = slopes[m]
+        total, left = variance[m], innovation[m]
+        for i in range(size):
+            value = 0.0
+            for j in range(size):
+                if row[j] != 0.0:
+                    value += covariance[i, j] * row[j]
+            gain[i] = value
+        for i in range(size):
+            if row[i] != 0.0:
+                total += row[i] * gain[i]
+                left -= row[i] * change[i]
+        ratio = left * left / total
+        if not ratio <= limit:
+            found[m] = -1.0 - ratio
+            continue
+        found[m] = ratio
+        for i in range(size):
+            change[i] += gain[i] * left / total
+        for i in range(size):
+            for j in range(size):
+                covariance[i, j] -= gain[i] * gain[j] / total
+    return change
+
+
+@numba.njit(**EXACTLY)
+def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal, leader):
+    """Add the error state to the state, in place.
+
+    Args:
+        change: (N,). turn, place, velocity, anchor, normal: as in :func:`predict_step`. rate_bias, force_bias: (B, 3).
+        leader: bar whose turn the errors of places refer to.
+    """
+    bars = len(turn)
+    lx, ly, lz = change[3 * leader], change[3 * leader + 1], change[3 * leader + 2]
+    whole = turned_by(np.eye(3), lx, ly, lz)
+    for b in range(bars):
+        turn[b] = turned_by(turn[b], change[3 * b], change[3 * b + 1], change[3 * b + 2])
+        place[b] = times_vector(whole, place[b]) + change[3 * (bars + b) : 3 * (bars + b) + 3]
+        velocity[b] = times_vector(whole, velocity[b]) + change[3 * (2 * bars + b) : 3 * (2 * bars + b) + 3]
+        rate_bias[b] += change[3 * (3 * bars + b) : 3 * (3 * bars + b) + 3]
+        force_bias[b] += change[3 * (4 * bars + b) : 3 * (4 * bars + b) + 3]
+    for e in range(len(anchor)):
+        anchor[e] = times_vector(whole, anchor[e]) + change[3 * (5 * bars + e) : 3 * (5 * bars + e) + 3]
+        normal[e] = times_vector(whole, normal[e])
+
+
+@numba.njit(**EXACTLY)
+def _add_cross(out, row, column, x, y, z, scale):
+    """Add scale * (-[x y z] x) to a (3, 3) part of out: the slope of a point at a lever after a turn."""
+    out[row, column + 1] += scale * z
+    out[row, column + 2] -= scale * y
+    out[row + 1, column] -= scale * z
+    out[row + 1, column + 2] += scale * x
+    out[row + 2, column] += scale * y
+    out[row + 2, column + 1] -= scale * x
+
+
+@numba.njit(**EXACTLY)
+def point_slopes(turn, place, bar, lever, leader, size):
+    """Where a point of a bar is, and its slopes after the error state.
+
+    Args:
+        turn, place: of the bars. bar: which. lever: (3,) from its reference point, bar axes. leader: bar whose turn
+            the errors of places refer to. size: N.
+
+    Returns:
+        (3,) world, (3, N).
+    """
+    bars = len(turn)
+    out = np.zeros((3, size))
+    arm = times_vector(turn[bar], lever)
+    here = place[bar]
+    for k in range(3):
+        out[k, 3 * (bars + bar) + k] = 1.0
+    _add_cross(out, 0, 3 * leader, here[0], here[1], here[2], 1.0)
+    _add_cross(out, 0, 3 * bar, arm[0], arm[1], arm[2], 1.0)
+    return here + arm, out
+
+
+@numba.njit(**EXACTLY)
+def length_slopes(turn, place, pairs, levers, leader, size):
+    """Cable lengths and their slopes after the error state.
+
+    Args:
+        turn, place: of the bars. pairs: (C, 2) bars of each cable. levers: (C, 2, 3) attachments from the reference
+            points, bar axes. leader: as in :func:`point_slopes`. size: N.
+
+    Returns:
+        (C,) m, (C, N).
+    """
+    bars, cables = len(turn), len(pairs)
+    length, slopes = np.empty(cables), np.zeros((cables, size))
+    for c in range(cables):
+        first, second = pairs[c, 0], pairs[c, 1]
+        one, two = times_vector(turn[first], levers[c, 0]), times_vector(turn[second], levers[c, 1])
+        along = place[second] + two - place[first] - one
+        length[c] = math.sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
+        along = along / max(length[c], 1e-9)
+        for bar, arm, sign in ((first, one, -1.0), (second, two, 1.0)):
+            x, y, z = sign * along[0], sign * along[1], sign * along[2]
+            here = place[bar]
+            for column, lever in ((3 * leader, here), (3 * bar, arm)):
+                slopes[c, column] += lever[1] * z - lever[2] * y
+                slopes[c, column + 1] += lever[2] * x - lever[0] * z
+                slopes[c, column + 2] += lever[0] * y - lever[1] * x
+            slopes[c, 3 * (bars + bar)] += x
+            slopes[c, 3 * (bars + bar) + 1] += y
+            slopes[c, 3 * (bars + bar) + 2] += z
+    return length, slopes

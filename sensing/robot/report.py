@@ -1,0 +1,133 @@
+"""The filter's state as the record that goes out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensing.robot.contacts import LONGEST_GAP_S, world_rate
+from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
+from sensing.robot.filter import SILENT_S
+from sensing.robot.friction import moments
+from sensing.robot.layout import Layout
+from sensing.robot.measurement_kernels import point_slopes
+from sensing.robot.settings import Contacts, Settings
+from sensing.robot.state import State
+from sensing.tensegrity.description import Array
+
+ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre from which a contact counts as rolling
+WRONG_BIT = 0.02  # E: how often whether it touches is wrong
+INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a note
+WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
+SILENT_LENGTHS_S = 0.2
+NAN_3 = np.full(3, np.nan)
+UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)
+
+
+def report_of(state: State, measured_s: float, ignored: int, layout: Layout, settings: Settings) -> RobotEstimate:
+    """The record of a state.
+
+    Args:
+        state: of the filter. measured_s: of the newest sample in it. ignored: samples left out so far.
+        layout, settings: of the estimator.
+    """
+    masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
+    share = layout.mass_kg / layout.mass_kg.sum()
+    centre = sum((part * point for part, (point, _) in zip(share, masses, strict=True)), np.zeros(3))
+    slopes = sum((part * slope for part, (_, slope) in zip(share, masses, strict=True)), np.zeros((3, layout.size)))
+    friction, friction_sd = moments(state.friction)
+    return RobotEstimate(
+        state.time_s, measured_s,
+        tuple(_bar(state, bar, layout) for bar in range(layout.bars)),
+        tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
+        centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
+        _health(state, ignored, layout, settings),
+    )  # fmt: skip
+
+
+def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
+    return point_slopes(state.turn, state.place, bar, np.ascontiguousarray(lever), layout.leader, layout.size)  # type: ignore[no-any-return]
+
+
+def _minus_cross(x: Array) -> Array:
+    return np.array([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
+
+
+def _bar(state: State, bar: int, layout: Layout) -> BarEstimate:
+    lever = -layout.reference_m[bar]
+    origin, slopes = _point(state, bar, lever, layout)
+    rate = world_rate(state, bar)
+    arm = state.turn[bar] @ lever
+    velocity = state.velocity[bar] + np.cross(rate, arm)
+    rows = np.zeros((9, layout.size))
+    rows[:3] = slopes
+    rows[3:6, layout.turn(bar)] = np.eye(3)
+    rows[6:, layout.velocity(bar)] = np.eye(3)
+    rows[6:, layout.turn(layout.leader)] += _minus_cross(state.velocity[bar])
+    across = _minus_cross(arm)  # d(rate x arm) = -arm x d rate + rate x d arm
+    rows[6:, layout.turn(bar)] += _minus_cross(np.cross(rate, arm))
+    rows[6:, layout.rate_bias(bar)] -= across @ state.turn[bar]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
+    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, rows @ state.covariance @ rows.T)
+
+
+def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> EndcapEstimate:
+    bar = int(layout.endcap_bar[endcap])
+    centre, slopes = _point(state, bar, layout.endcap_lever[endcap], layout)
+    spread = slopes @ state.covariance @ slopes.T
+    name, contact = layout.robot.endcaps[endcap].name, state.contacts[endcap]
+    old = state.time_s - state.reading_s[endcap] > LONGEST_GAP_S
+    if contact is None or contact.touching is None or old:
+        return EndcapEstimate(name, centre, spread, UNKNOWN, NAN_3, NAN_3, np.nan, NAN_3, np.nan, np.nan)
+    hold = _hold(state, endcap, bar, bool(contact.touching), layout)
+    force = state.turn[bar] @ contact.force_n
+    counts = bool(state.anchored[endcap]) or (contact.known and settings.contacts is Contacts.NONE)
+    if not (contact.touching and counts):
+        return EndcapEstimate(name, centre, spread, hold, NAN_3, NAN_3, np.nan, force, np.nan, np.nan)
+    normal = state.normal[endcap].copy()
+    return EndcapEstimate(
+        name, centre, spread, hold, centre - layout.radius_m[endcap] * normal, normal,
+        float(np.sqrt(state.normal_variance[endcap])), force, contact.ratio, contact.ratio_sd,
+    )  # fmt: skip
+
+
+def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -> Hold:
+    free = WRONG_BIT if touching else 1 - WRONG_BIT
+    speed = layout.radius_m[endcap] * float(np.linalg.norm(np.cross(world_rate(state, bar), state.normal[endcap])))
+    rolls = 1 / (1 + float(np.exp(np.clip((ROLLING_M_S - speed) / ROLLING_SPREAD, -40, 40))))
+    slips = (1 - free) * float(state.slips[endcap])
+    rest = 1 - free - slips
+    return Hold((1 - rolls) * rest, rolls * rest, slips, free)
+
+
+def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> Health:
+    notes = []
+    for bar, name in enumerate(layout.sensor_of_bar):
+        label = layout.robot.bars[bar].name
+        if name is None:
+            notes.append(f"bar {label} has no gyroscope: its turn comes from cables and contacts alone")
+        elif state.time_s - state.rate_s[bar] > SILENT_S:
+            notes.append(f"{name}: no sample for {_ago(state.time_s - state.rate_s[bar])}: bar {label} is less sure")
+    if not layout.has_force.any():
+        notes.append("no accelerometer: shape and steps of the contacts only; which way is up is not measured")
+    elif state.time_s - state.force_s[layout.leader] > SILENT_S:
+        notes.append("accelerometer: no sample: shape and steps of the contacts only")
+    if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
+        notes.append(f"cable lengths: no sample for {_ago(state.time_s - state.lengths_s)}: the shape drifts")
+    for endcap, reading_s in zip(layout.robot.endcaps, state.reading_s, strict=True):
+        if state.time_s - reading_s > LONGEST_GAP_S:
+            notes.append(f"endcap {endcap.name}: no reading for {_ago(state.time_s - reading_s)}")
+    lengths, anchors = (float(value) for value in state.consistency)
+    if lengths > INCONSISTENT:
+        notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
+    if anchors > INCONSISTENT:
+        notes.append(f"contacts are off by {anchors**0.5:.1f} times what is expected")
+    if abs(state.weight_ratio - 1) > WEIGHT_OFF:
+        notes.append(
+            f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"
+        )
+    return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
+
+
+def _ago(seconds: float) -> str:
+    return f"{seconds:.1f} s" if np.isfinite(seconds) else "all the time"

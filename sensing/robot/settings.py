@@ -1,0 +1,94 @@
+"""What the estimator assumes of sensors and contacts, and how much of the endcaps it uses (m, s, N, rad)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from sensing.tensegrity.description import Array
+
+
+class Contacts(Enum):
+    """What of the endcaps is used; all but WRENCH are for comparison."""
+
+    NONE = "none"  # inertial sensors and cable lengths alone
+    BIT_FIXED = "bit_fixed"  # whether it touches; the sphere's centre stays where it is
+    BIT_ROLLING = "bit_rolling"  # whether it touches; the sphere rolls on level ground
+    WRENCH = "wrench"  # force, normal, friction ratio and their covariance
+    KNOWN = "known"  # what a simulation knows: normal, and whether it slips
+
+
+@dataclass(frozen=True)
+class KnownContact:
+    """What a simulation knows of one contact, for ``Contacts.KNOWN``.
+
+    Attributes:
+        time_s: of a reading of the same endcap. endcap: its name.
+        holds: whether it touches and does not slip. normal: (3,) unit, out of the endcap, endcap frame.
+    """
+
+    time_s: float
+    endcap: str
+    holds: bool
+    normal: Array
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Assumptions of the estimator; E: our estimates, tuned on simulated walks that no published number uses.
+
+    Attributes:
+        contacts: what of the endcaps is used.
+        rate_noise, force_noise: of gyroscope (rad/s/sqrt(Hz)) and accelerometer (m/s^2/sqrt(Hz)).
+        rate_bias_walk, force_bias_walk: of their biases (rad/s, m/s^2 per sqrt(s)).
+        rate_bias_sd, force_bias_sd: of the biases at the start.
+        shape_rate_noise: added to the rates of all bars but the leading one, for what linear steps leave of the shape.
+        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)).
+        relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
+            (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
+        length_sd_m: of a cable's length, independent from sample to sample. length_error_m: what stays for a second.
+        compliance_m_n: by which an endcap yields under a newton. compliance_share: error of it, as a part.
+        anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
+        bit_sd_m: of a contact of which only the bit is known.
+        roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
+            (m/sqrt(s)).
+        slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
+            slip_across: of it, across the friction force.
+        spin_lever_m: torque about the normal that a newton of push holds.
+        normal_sd: error of a measured normal that does not average out. normal_walk: rad/sqrt(s).
+        least_force_n: below it nothing is known of a contact but that it touches.
+        start_s: how long the robot stands still at the start. history_s: how late a sample may come.
+    """
+
+    contacts: Contacts = Contacts.WRENCH
+    rate_noise: float = 3e-4
+    force_noise: float = 5e-3
+    rate_bias_walk: float = 2e-5
+    force_bias_walk: float = 2e-4
+    rate_bias_sd: float = 0.01
+    force_bias_sd: float = 0.03
+    shape_rate_noise: float = 1.5e-3
+    unknown_rate_noise: float = 0.5
+    relative_noise: float = 0.5
+    relative_share: float = 0.1
+    length_sd_m: float = 2e-3
+    length_error_m: float = 1e-3
+    compliance_m_n: float = 2.5e-4
+    compliance_share: float = 0.15
+    anchor_sd_m: float = 1e-3
+    error_stays_s: float = 0.3
+    bit_sd_m: float = 8e-3
+    roll_share: float = 0.01
+    anchor_walk: float = 5e-4
+    slip_sd_m_s: float = 0.05
+    slip_share: float = 1.0
+    slip_across: float = 0.3
+    spin_lever_m: float = 0.01
+    normal_sd: float = 0.01
+    normal_walk: float = 0.1
+    least_force_n: float = 1.5
+    start_s: float = 0.5
+    history_s: float = 1.0
+
+
+DEFAULTS = Settings()

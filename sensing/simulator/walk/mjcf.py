@@ -1,0 +1,147 @@
+"""MJCF of a tensegrity robot: bars, endcaps that give, cables that only pull (m, kg, s, N).
+
+An endcap's dome is a rigid sphere on three slides with springs, and touches the ground with a hard contact: its force
+at a depth does not depend on what it carries. The contact's own compliance (``solref``) would scale with
+the carried mass. The integrator is explicit: an implicit one changes a light dome's velocity after the contact
+was solved, and held contacts slide.
+A cable is a spatial tendon whose spring begins at its rest length; an actuator adds the damping and never more than
+the spring pulls. Bars do not collide, neither with one another nor with the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from cad.params import EndcapParams
+from sensing.simulator.walk.terrain import HARD, Ground
+from sensing.tensegrity.description import GRAVITY_M_S2, Array, Bar, MountedEndcap, TensegrityRobot
+
+TIMESTEP_S = 0.001
+
+
+@dataclass(frozen=True)
+class Dome:
+    """How the dome of an endcap gives.
+
+    Attributes:
+        stiffness_n_m: of each slide; 4 N/mm is that of D=130 T=8 under 5 to 10 mm (docs/verification.md).
+        damping_ns_m: of each slide (E). mass_kg: of the moving shell.
+    """
+
+    stiffness_n_m: float = 4000.0
+    damping_ns_m: float = 40.0
+    mass_kg: float = 0.09
+
+
+def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome = Dome()) -> str:
+    """The model as XML; ``ground.heights`` go into the compiled model.
+
+    Args:
+        robot: what to build. ground: what it stands on. poses: (B, 4, 4) m, T_world_bar at the start.
+        dome: how its endcaps give.
+    """
+    bodies = "".join(_bar(robot, bar, pose, dome) for bar, pose in zip(robot.bars, poses, strict=True))
+    return f"""<mujoco model={quoteattr(robot.name)}>
+<compiler angle="radian" autolimits="true" inertiafromgeom="false"/>
+<option timestep="{TIMESTEP_S}" gravity="0 0 {-GRAVITY_M_S2}" integrator="Euler" cone="elliptic" impratio="100">
+<flag eulerdamp="disable"/></option>
+<size memory="16M"/>
+<asset>{ground.assets}</asset>
+<worldbody>{ground.xml}{bodies}</worldbody>
+<tendon>{"".join(_cable(robot, place) for place in range(len(robot.cables)))}</tendon>
+<actuator>{"".join(f'<motor tendon="cable{place}" gear="-1"/>' for place in range(len(robot.cables)))}</actuator>
+</mujoco>"""
+
+
+def sphere_centre_m(endcap: MountedEndcap) -> Array:
+    """(3,) centre of the untouched sphere in the frame of its bar."""
+    height = EndcapParams(endcap.diameter_mm, endcap.wall_mm).centre_height_mm / 1000
+    return np.asarray(endcap.T_bar_endcap[:3, 3] + height * endcap.T_bar_endcap[:3, 2])
+
+
+def _bar(robot: TensegrityRobot, bar: Bar, pose: Array, dome: Dome) -> str:
+    shells = [endcap for endcap in robot.endcaps if endcap.bar == bar.name]
+    mass, centre, inertia = _without_shells(bar, [sphere_centre_m(endcap) for endcap in shells], dome.mass_kg)
+    full = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+    sites = "".join(
+        f'<site name="cable{place}_{end}" pos="{_text(cable.points_m[end])}" size="0.008"/>'
+        for place, cable in enumerate(robot.cables)
+        for end in (0, 1)
+        if cable.bars[end] == bar.name
+    )
+    return (
+        f'<body name={quoteattr(bar.name)} pos="{_text(pose[:3, 3])}" quat="{_text(quaternion(pose[:3, :3]))}">'
+        f'<freejoint/><inertial pos="{_text(centre)}" mass="{mass:.9g}" fullinertia="{_text(full)}"/>'
+        f'<geom type="capsule" fromto="0 0 {-bar.length_m / 2:g} 0 0 {bar.length_m / 2:g}" size="0.015" '
+        f'contype="0" conaffinity="0"/>{sites}{"".join(_shell(robot, endcap, dome) for endcap in shells)}</body>'
+    )
+
+
+def _without_shells(bar: Bar, places: list[Array], shell_kg: float) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of what is left of a bar when its shells are bodies of their own."""
+    mass = bar.mass_kg - shell_kg * len(places)
+    moment = bar.mass_kg * bar.centre_of_mass_m - shell_kg * np.sum(places, axis=0) if places else np.zeros(3)
+    centre = moment / mass if places else bar.centre_of_mass_m
+    inertia = bar.inertia_kg_m2 + bar.mass_kg * _steiner(bar.centre_of_mass_m)
+    inertia = inertia - sum((shell_kg * _steiner(place) for place in places), np.zeros((3, 3)))
+    return mass, centre, inertia - mass * _steiner(centre) - len(places) * _sphere_inertia(shell_kg)
+
+
+def _sphere_inertia(shell_kg: float) -> Array:
+    return 2 / 3 * shell_kg * 0.06**2 * np.eye(3)  # a thin shell of 60 mm
+
+
+def _steiner(place: Array) -> Array:
+    return np.asarray(place @ place * np.eye(3) - np.outer(place, place))
+
+
+def _shell(robot: TensegrityRobot, endcap: MountedEndcap, dome: Dome) -> str:
+    number = robot.endcaps.index(endcap)
+    inertia = _sphere_inertia(dome.mass_kg)[0, 0]
+    slides = "".join(
+        f'<joint type="slide" axis="{axis}" stiffness="{dome.stiffness_n_m:g}" damping="{dome.damping_ns_m:g}"/>'
+        for axis in ("1 0 0", "0 1 0", "0 0 1")
+    )
+    return (
+        f'<body name="shell{number}" pos="{_text(sphere_centre_m(endcap))}">{slides}'
+        f'<inertial pos="0 0 0" mass="{dome.mass_kg:g}" diaginertia="{inertia:.6g} {inertia:.6g} {inertia:.6g}"/>'
+        f'<geom name="dome{number}" type="sphere" size="{endcap.diameter_mm / 2000:g}" contype="2" conaffinity="1" '
+        f'condim="4" friction="0 0 0" {HARD}/></body>'
+    )
+
+
+def _cable(robot: TensegrityRobot, place: int) -> str:
+    cable = robot.cables[place]
+    spring = f'stiffness="{cable.stiffness_n_m:g}" springlength="0 {cable.rest_m:g}"'
+    return (
+        f'<spatial name="cable{place}" {spring} width="0.003">'
+        f'<site site="cable{place}_0"/><site site="cable{place}_1"/></spatial>'
+    )
+
+
+def quaternion(rotation: Array) -> Array:
+    """(4,) w, x, y, z of a rotation matrix (Shepperd 1978, doi:10.2514/3.55767b)."""
+    trace = float(np.trace(rotation))
+    size = np.array([trace, *np.diag(rotation)])
+    largest = int(np.argmax(size))
+    result = np.zeros(4)
+    result[largest] = math.sqrt(max(0.0, 1 + 2 * size[largest] - trace))
+    off = rotation - rotation.T
+    if largest == 0:
+        result[1:] = np.array([off[2, 1], off[0, 2], off[1, 0]]) / result[0]
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        result[0] = off[k, j] / result[largest]
+        result[1 + j] = (rotation[j, i] + rotation[i, j]) / result[largest]
+        result[1 + k] = (rotation[k, i] + rotation[i, k]) / result[largest]
+    result = result / np.linalg.norm(result)
+    return np.asarray(result if result[0] >= 0 else -result)
+
+
+def _text(values: Array | list[float]) -> str:
+    return " ".join(f"{float(value):.10g}" for value in values)

@@ -1,0 +1,107 @@
+"""Ground on which the simulated robot rolls: flat, rough, slope, stairs, slippery; a drop on it, a push (m, N, s).
+
+    ground(Terrain.ROUGH, seed=3).xml, .heights, .friction
+
+The robot starts over the origin; the ground is level there except on the slope.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from sensing.tensegrity.description import Array
+
+FRICTION = 0.7  # silicone on concrete or wood (E)
+SLIPPERY = 0.3
+SPIN_LEVER_M = 0.01  # of friction about the normal: 2/3 of a contact of 15 mm radius
+ROUGH_M = 0.04  # between the lowest and the highest places, which are cut off level beyond it
+ROUGH_LENGTH_M = 0.15  # standard deviation of the window that smooths the heights
+HALF_M, CELL_M = 12.0, 0.05  # of the rough ground: half its side, distance of its grid points
+SLOPE_DEG = 6.0
+STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along +x from 0.8 m on
+FIRST_STEP_M = 0.8
+DROP_M = 0.3
+HARD = 'solref="0.002 1" solimp="0.9 0.95 0.001"'  # of every contact: a hard one
+PUSH_N, PUSH_FROM_S, PUSH_FOR_S = 60.0, 12.0, 0.25
+
+
+class Terrain(Enum):
+    """What the robot meets."""
+
+    FLAT = "flat"
+    ROUGH = "rough"
+    SLOPE = "slope"
+    STAIRS = "stairs"
+    LOW_FRICTION = "low_friction"
+    DROP = "drop"
+    PUSH = "push"
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The ground as MJCF.
+
+    Attributes:
+        xml: its geoms. assets: what they refer to. heights: (N, N) m of a height field, empty without.
+        friction: Coulomb's mu. up: (3,) its normal. drop_m: height of fall. push_n: force of a push.
+    """
+
+    xml: str
+    friction: float = FRICTION
+    assets: str = ""
+    heights: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    drop_m: float = 0.0
+    push_n: float = 0.0
+
+
+def ground(terrain: Terrain, seed: int = 0) -> Ground:
+    """The ground of a terrain; the seed shapes the rough one and turns the slope."""
+    plane = '<geom name="ground" type="plane" size="0 0 1" {} {}/>'
+    rng = np.random.default_rng([seed, 17])
+    if terrain is Terrain.ROUGH:
+        heights = rough_heights(rng)
+        assets = (
+            f'<hfield name="rough" nrow="{len(heights)}" ncol="{len(heights)}" size="{HALF_M} {HALF_M} {ROUGH_M} 1"/>'
+        )
+        xml = f'<geom name="ground" type="hfield" hfield="rough" {_friction(FRICTION)}/>'
+        return Ground(xml, assets=assets, heights=heights)
+    if terrain is Terrain.SLOPE:
+        angle, azimuth = math.radians(SLOPE_DEG), rng.uniform(0, 2 * math.pi)
+        axis = f"{math.cos(azimuth):.9f} {math.sin(azimuth):.9f} 0"
+        up = np.array([math.sin(azimuth) * math.sin(angle), -math.cos(azimuth) * math.sin(angle), math.cos(angle)])
+        return Ground(plane.format(f'axisangle="{axis} {angle:.9f}"', _friction(FRICTION)), up=up)
+    if terrain is Terrain.STAIRS:
+        return Ground(plane.format("", _friction(FRICTION)) + "".join(_stair(k) for k in range(STEPS)))
+    friction = SLIPPERY if terrain is Terrain.LOW_FRICTION else FRICTION
+    drop = DROP_M if terrain is Terrain.DROP else 0.0
+    push = PUSH_N if terrain is Terrain.PUSH else 0.0
+    return Ground(plane.format("", _friction(friction)), friction, drop_m=drop, push_n=push)
+
+
+def rough_heights(rng: np.random.Generator) -> Array:
+    """(N, N) m, smooth noise from 0 to :data:`ROUGH_M`."""
+    count = round(2 * HALF_M / CELL_M) + 1
+    wave = np.fft.fftfreq(count, CELL_M) * 2 * math.pi
+    window = np.exp(-((ROUGH_LENGTH_M * wave) ** 2) / 2)
+    noise = np.fft.ifft2(np.fft.fft2(rng.normal(size=(count, count))) * np.outer(window, window)).real
+    low, high = np.quantile(noise, [0.02, 0.98])
+    return np.asarray(ROUGH_M * np.clip((noise - low) / (high - low), 0, 1))
+
+
+def _friction(value: float) -> str:
+    """Coulomb's mu and the lever of the friction about the normal; MuJoCo takes the larger of two geoms' values."""
+    return f'friction="{value:g} {SPIN_LEVER_M:g} 0" condim="4" {HARD}'
+
+
+def _stair(number: int) -> str:
+    height = (number + 1) * STEP_M
+    begin = FIRST_STEP_M + number * TREAD_M
+    return (
+        f'<geom type="box" pos="{begin + TREAD_M / 2:g} 0 {height / 2:g}" '
+        f'size="{TREAD_M / 2:g} {HALF_M:g} {height / 2:g}" {_friction(FRICTION)}/>'
+    )

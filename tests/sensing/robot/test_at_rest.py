@@ -1,0 +1,70 @@
+"""A robot that stands still: the first state, its covariance, what is refused and what is said of missing streams."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing_robot import feed, standing_samples
+
+from cad.errors import ParameterError
+from sensing.robot.estimator import RobotEstimator
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
+
+ROBOT = load_robot()
+
+
+def test_it_stands_where_it_is():
+    poses, samples = standing_samples(ROBOT, 2.0)
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, samples)
+    estimate = estimator.state()
+    centre = poses[:, :3, 3].mean(axis=0)
+    for bar, pose in zip(estimate.bars, poses, strict=True):
+        assert bar.velocity_m_s @ np.linalg.solve(bar.covariance[6:, 6:], bar.velocity_m_s) < 16
+        turned = bar.T_world_bar[:3, :3] @ pose[:3, :3].T  # the prism is singular: how much so, its covariance says
+        turn = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
+        assert (np.abs(turn) < 4 * np.sqrt(bar.covariance.diagonal()[3:6]) + 1e-3).all() and abs(turn[2]) < 0.1
+        assert np.linalg.norm(bar.T_world_bar[:2, 3] - (pose[:3, 3] - centre)[:2]) < 0.02
+    assert [endcap.hold.word for endcap in estimate.endcaps] == ["holds", "free"] * 3
+    assert all(abs(endcap.normal[2] - 1) < 0.01 for endcap in estimate.endcaps[::2])
+    assert estimate.health.good and abs(estimate.health.weight_ratio - 1) < 0.05
+
+
+def test_before_it_has_stood_a_while_there_is_none():
+    estimator = RobotEstimator(ROBOT)
+    assert estimator.state() is None
+    feed(estimator, standing_samples(ROBOT, 0.4)[1])
+    assert estimator.state() is None
+
+
+@pytest.mark.parametrize(
+    ("sample", "word"),
+    [
+        (InertialSample(1.0, "imu_pink", np.zeros(3)), 'inertial sensor "imu_pink": not in the description'),
+        (FootSample(1.0, "9", np.zeros(3), np.zeros(3)), 'endcap "9": not in the description'),
+        (LengthSample(1.0, np.ones(8)), "give 9, in the order"),
+        (InertialSample(1.0, "imu_red", np.zeros(2)), "give 3, in the order"),
+        (LengthSample(1e6, np.ones(9)), "give times of one clock"),
+    ],
+)
+def test_what_is_not_of_this_robot_is_refused_in_one_line(sample, word):
+    estimator = RobotEstimator(ROBOT)
+    estimator.lengths(LengthSample(0.0, np.ones(9)))
+    with pytest.raises(ParameterError, match=word) as caught:
+        estimator._put(sample)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_streams_are_named():
+    silent = replace(ROBOT, sensors=ROBOT.sensors[1:2])
+    _, samples = standing_samples(silent, 1.0)
+    estimator = RobotEstimator(silent)
+    feed(estimator, [sample for sample in samples if not isinstance(sample, FootSample)])
+    notes = "\n".join(estimator.state().health.notes)
+    assert "bar red has no gyroscope" in notes and "which way is up is not measured" in notes
+    assert "endcap 0: no reading for all the time" in notes
+    later = "\n".join(estimator.state(at=1.5).health.notes)
+    assert "cable lengths: no sample for 0.5 s" in later and "imu_green: no sample for 0.5 s" in later

@@ -1,0 +1,147 @@
+"""The command robot-model: masses against closed forms, the folder whole or not at all, one line for bad words."""
+
+from __future__ import annotations
+
+import csv
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import trimesh
+
+from cad.params import EndcapParams
+from endcap.robot_model import __main__ as command
+from endcap.robot_model import checked, folder, usd
+from endcap.robot_model.parts import EndcapParts, plastic_share, solid_inertial
+from endcap.robot_model.urdf import endcap_urdf
+from sensing.simulator.robot_model.model import MOVING_SHARE, robot_model
+
+SIDES_MM = np.array([40.0, 60.0, 100.0])
+
+
+def box(offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> trimesh.Trimesh:
+    mesh = trimesh.creation.box(SIDES_MM)
+    mesh.apply_translation(offset_mm)
+    return mesh
+
+
+def parts(variant, progress) -> EndcapParts:
+    """Stands in for the CAD."""
+    drawn = {name: trimesh.creation.icosphere(3, 0.05) for name in ("base", "shell")}
+    return EndcapParts({"base": solid_inertial(box((0, 0, -10)), 1.24)}, solid_inertial(box((0, 0, 50)), 1.24), drawn)
+
+
+@pytest.fixture
+def stub(monkeypatch):
+    monkeypatch.setattr(folder, "endcap_parts", parts)
+
+
+def test_mass_and_inertia_of_a_box_and_of_a_ball():
+    a, b, c = SIDES_MM / 1000
+    found = solid_inertial(box((5, -3, 20)), 1.2)
+    assert found.mass_kg == pytest.approx(1200 * a * b * c)
+    assert found.centre_m == pytest.approx([0.005, -0.003, 0.02])
+    diagonal = found.mass_kg / 12 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    assert found.inertia_kg_m2 == pytest.approx(np.diag(diagonal), abs=1e-12)
+    ball = solid_inertial(trimesh.creation.icosphere(5, 50.0), 1.0)
+    assert ball.inertia_kg_m2 == pytest.approx(0.4 * ball.mass_kg * 0.05**2 * np.eye(3), rel=2e-3, abs=1e-9)
+
+
+def test_base_and_moving_shell_are_together_all_parts():
+    made = parts(None, None)
+    bodies, silicone, base = made.bodies, made.silicone, made.by_part["base"]
+    assert bodies.shell.mass_kg == pytest.approx(MOVING_SHARE * silicone.mass_kg)
+    whole = base + silicone
+    assert bodies.whole.mass_kg == pytest.approx(whole.mass_kg)
+    assert bodies.whole.centre_m == pytest.approx(whole.centre_m)
+    assert bodies.whole.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
+
+
+def test_a_thin_print_is_all_plastic_and_a_thick_one_skin_and_infill():
+    assert plastic_share(trimesh.creation.box([50, 50, 1.0])) == 1.0
+    cube = trimesh.creation.box([100, 100, 100])
+    assert plastic_share(cube) == pytest.approx(0.09 + 0.4 * 0.91)
+
+
+def test_the_folder_is_written_whole_and_the_record_lists_every_file(tmp_path, stub, capsys):
+    pytest.importorskip("mujoco")
+    assert command.main(["D=99", "T=6.5", f"exports={tmp_path}"]) == 0
+    made = tmp_path / "D99_T6.5" / "robot_model"
+    record = json.loads((made / "robot_model.json").read_text())
+    on_disk = {path.name for path in made.iterdir()} - {"robot_model.json"}
+    assert set(record["files"]) == on_disk >= {"endcap.xml", "endcap.urdf", "base.stl", "shell.stl", "check.csv"}
+    assert record["mujoco"]["force_within_limit"] and all(check["ok"] for check in record["mujoco"]["checks"])
+    assert any("held out" in fact and "%" in fact for fact in record["facts"])
+    comment = (made / "endcap.xml").read_text().split("-->")[0].lower()
+    assert all(fact.lower() in comment for fact in record["facts"])
+    rows = list(csv.DictReader((made / "check.csv").open()))
+    assert {float(row["tilt_deg"]) for row in rows} >= {0.0, 25.0, 54.0}
+    assert max(float(row["error"]) for row in rows) == pytest.approx(record["mujoco"]["force_error"], rel=1e-3)
+    out = capsys.readouterr().out
+    assert "not published" in out and "two carried masses" in out
+    first = {path.name: path.read_bytes() for path in made.iterdir()}
+    assert command.main(["D=99", "T=6.5", f"exports={tmp_path}"]) == 0
+    assert {path.name: path.read_bytes() for path in made.iterdir()} == first
+
+
+def test_without_mujoco_it_says_so_and_writes(tmp_path, stub, capsys, monkeypatch):
+    monkeypatch.setattr(checked, "is_installed", lambda: False)
+    monkeypatch.setattr(usd, "is_installed", lambda: False)
+    assert command.main([f"exports={tmp_path}", "friction=0.5"]) == 0
+    out = capsys.readouterr().out
+    assert checked.NOT_CHECKED in out and usd.MISSING in out
+    made = tmp_path / "D130_T8" / "robot_model"
+    assert json.loads((made / "robot_model.json").read_text())["mujoco"] == checked.NOT_CHECKED
+    assert 'friction="0.5 ' in (made / "endcap.xml").read_text() and not (made / "check.csv").exists()
+
+
+def test_a_file_that_creeps_is_not_kept(tmp_path, stub, capsys, monkeypatch):
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr(checked, "CREEP_LIMIT_MM_S", 0.0)
+    assert command.main([f"exports={tmp_path}"]) == 1
+    assert "robot_model.creep_mm_s" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.xml"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["D=130"], "D=130 without T"),
+        (["friction=0"], "friction=0 outside 0..3"),
+        (["friction=slippery"], "friction=slippery is not a number"),
+        (["material=Jelly"], "choose one of"),
+        (["stiffness=4"], "'stiffness=4' is not an option"),
+    ],
+)
+def test_bad_words_are_one_line(tmp_path, words, said, capsys):
+    assert command.main([*words, f"exports={tmp_path}"]) == 2
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert len(errors) == 1 and said in errors[0] and not list(tmp_path.iterdir())
+
+
+def test_urdf_has_the_endcap_s_mass_sphere_and_meshes():
+    model = robot_model(EndcapParams(130, 8))
+    whole = parts(None, None).bodies.whole
+    root = ElementTree.fromstring(endcap_urdf(model, whole, {"base": "base.stl"}, "endcap_D130_T8"))
+    inertial = root.find("link/inertial")
+    assert float(inertial.find("mass").get("value")) == pytest.approx(whole.mass_kg, rel=1e-5)
+    assert float(inertial.find("inertia").get("izz")) == pytest.approx(whole.inertia_kg_m2[2, 2], rel=1e-5)
+    assert float(root.find("link/collision/geometry/sphere").get("radius")) == pytest.approx(0.065)
+    assert root.find("link/visual/geometry/mesh").get("filename") == "base.stl"
+
+
+def test_usd_has_the_endcap_s_mass_and_inertia(tmp_path):
+    pxr = pytest.importorskip("pxr")
+    from pxr import Gf, Usd, UsdPhysics
+
+    assert pxr
+    whole = parts(None, None).bodies.whole
+    path = tmp_path / "endcap.usda"
+    usd.write_usd(path, robot_model(EndcapParams(130, 8)), whole, {"base": box()})
+    stage = Usd.Stage.Open(str(path))
+    mass = UsdPhysics.MassAPI(stage.GetDefaultPrim())
+    axes = np.array(Gf.Matrix3d(Gf.Rotation(Gf.Quatd(mass.GetPrincipalAxesAttr().Get())))).T
+    tensor = axes @ np.diag(mass.GetDiagonalInertiaAttr().Get()) @ axes.T
+    assert mass.GetMassAttr().Get() == pytest.approx(whole.mass_kg)
+    assert tensor == pytest.approx(whole.inertia_kg_m2, abs=1e-9)

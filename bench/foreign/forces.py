@@ -43,9 +43,9 @@ def force_rows(folder: Path, model: LiveModel) -> list[dict[str, Any]]:
         sizes = [GRAINS[grain].touch_mm for grain in THEIRS], [1 / DENSITIES[density].core for density in OURS]
         rows += _rows("CalculiX", THEIRS, path, sizes[0], theirs)
         rows += _rows("ours", OURS, path, sizes[1], [forces for forces, _ in ours])
-        told = [_told(shown_of(state)[:PRESSES], model) for state in states]
-        rows += _rows("weights on CalculiX's dots", THEIRS, path, sizes[0], told)
-        rows += _rows("weights on our dots", OURS, path, sizes[1], [_told(shown, model) for _, shown in ours])
+        answered = [_answered(shown_of(state)[:PRESSES], model) for state in states]
+        rows += _rows("weights on CalculiX's dots", THEIRS, path, sizes[0], answered)
+        rows += _rows("weights on our dots", OURS, path, sizes[1], [_answered(shown, model) for _, shown in ours])
     return rows
 
 
@@ -92,7 +92,7 @@ def our_presses(folder: Path, path: PlanePath, density: str) -> tuple[Array, Arr
         return found["forces"], found["shown"]
 
 
-def _told(shown_mm: Array, model: LiveModel) -> Array:
+def _answered(shown_mm: Array, model: LiveModel) -> Array:
     """(places,) forces that the model answers."""
     return np.asarray(np.linalg.norm(nominal_answers(shown_mm, model)[:, :3], axis=1))
 

@@ -93,6 +93,7 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand("weigh", "sensing.weigh", "known weights, or a robot's own, to the gain of each endcap"),
             Subcommand("dwell", "sensing.dwell", "rate effects of the silicone from one dwell test"),
             Subcommand("live", "sensing.live.cli", "wrench and contact: terminal, page, recording, ROS 2"),
+            Subcommand("robot", "sensing.robot.__main__", "a tensegrity robot: pose, shape, and which endcaps hold"),
             Subcommand(
                 "ros-package", "sensing.live.ros_package", "ROS 2 packages: message with covariance, launch file"
             ),

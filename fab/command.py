@@ -81,14 +81,14 @@ class Command:
         name: as typed, for example ``make molds``.
         usage: names of the options.
         description: one sentence.
-        help: the options, what is written, exit statuses.
+        help: the options, what is written, exit statuses; a function where tables name the choices.
         defaults: every option with its default.
     """
 
     name: str
     usage: str
     description: str
-    help: str
+    help: str | Callable[[], str]
     defaults: Mapping[str, str]
 
     def run(self, argv: Sequence[str] | None, act: Callable[[dict[str, str], Interrupts], int]) -> int:
@@ -98,11 +98,16 @@ class Command:
             argv: words, by default those of the process.
             act: takes the options and what has been heard of signals; returns the exit status.
         """
+        try:
+            epilog = self.help if isinstance(self.help, str) else self.help()
+        except EndcapError as error:  # a row of a table that cannot be read
+            LOG.error(f"{self.name}: {error}")
+            return 2
         parser = argparse.ArgumentParser(
             prog=program(self.name),
             usage=f"{program(self.name)} {self.usage}",
             description=self.description,
-            epilog=self.help,
+            epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.add_argument("options", nargs="*", metavar="NAME=VALUE", help=argparse.SUPPRESS)

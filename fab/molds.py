@@ -49,19 +49,25 @@ exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    from fab.slice.printers import DEFAULT_PRINTER, printers
+    from fab.slice.printers import DEFAULT_PRINTER
 
-    low, high = diameter_range_mm()
-    names: dict[str, Iterable[str]] = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
     command = Command(
         "make molds",
         "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION] "
         "[printer=NAME] [exports=DIR] [cache=no]",
         "Make the mold, the TPU interface, the base and the assembly of one endcap.",
-        HELP.format(low=low, high=high, **{name: ", ".join(rows) for name, rows in names.items()}),
+        _help,
         {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "cache": "yes"},
     )
     return command.run(argv, _act)
+
+
+def _help() -> str:
+    from fab.slice.printers import printers
+
+    low, high = diameter_range_mm()
+    names: dict[str, Iterable[str]] = {"materials": silicones(), "robots": robot_sides(), "printers": printers()}
+    return HELP.format(low=low, high=high, **{name: ", ".join(rows) for name, rows in names.items()})
 
 
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:

@@ -48,6 +48,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "robot": {"tensegrity"},  # state of the robot from six wrenches, cables and inertial sensors
     "sources": set(),
     "simulator": {"camera", "tensegrity"},
+    "robot.demo": {"simulator", "tensegrity"},  # the simulated robot; nothing else of robot knows the simulator
     "calibration": {"camera"},
     "tracking": {"camera"},
     "wrench": {"camera", "tracking"},
@@ -60,6 +61,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.web": {"design", "live.core", "live.outputs"},  # design: the shape of a pressed dome that the page draws
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
+    "robot.node": {"live", "live.core", "live.outputs", "live.web", "robot", "robot.demo", "tensegrity"},  # it runs
     "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
     "evaluation": {
         "calibration",
@@ -79,6 +81,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
         "live",
         "live.core",
         "recording",
+        "robot.node",
         "sources",
         "tracking",
         "weighing",
@@ -147,7 +150,7 @@ def own(names: set[str]) -> set[str]:
 def part(module: str) -> str:
     """Package of sensing that a module lies in, "" for commands: modules beside the packages, and that of sources."""
     names = module.split(".")
-    if module == "sensing.sources.__main__":
+    if module in ("sensing.sources.__main__", "sensing.robot.__main__"):
         return ""
     inner = ".".join(names[1:3])
     return next((name for name in (inner, *names[1:2]) if name in ARROWS), "")

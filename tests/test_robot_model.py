@@ -129,3 +129,19 @@ def test_urdf_has_the_endcap_s_mass_sphere_and_meshes():
     assert float(inertial.find("inertia").get("izz")) == pytest.approx(whole.inertia_kg_m2[2, 2], rel=1e-5)
     assert float(root.find("link/collision/geometry/sphere").get("radius")) == pytest.approx(0.065)
     assert root.find("link/visual/geometry/mesh").get("filename") == "base.stl"
+
+
+def test_usd_has_the_endcap_s_mass_and_inertia(tmp_path):
+    pxr = pytest.importorskip("pxr")
+    from pxr import Gf, Usd, UsdPhysics
+
+    assert pxr
+    whole = parts(None, None).bodies.whole
+    path = tmp_path / "endcap.usda"
+    usd.write_usd(path, robot_model(EndcapParams(130, 8)), whole, {"base": box()})
+    stage = Usd.Stage.Open(str(path))
+    mass = UsdPhysics.MassAPI(stage.GetDefaultPrim())
+    axes = np.array(Gf.Matrix3d(Gf.Rotation(Gf.Quatd(mass.GetPrincipalAxesAttr().Get())))).T
+    tensor = axes @ np.diag(mass.GetDiagonalInertiaAttr().Get()) @ axes.T
+    assert mass.GetMassAttr().Get() == pytest.approx(whole.mass_kg)
+    assert tensor == pytest.approx(whole.inertia_kg_m2, abs=1e-9)

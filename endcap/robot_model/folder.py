@@ -57,8 +57,8 @@ class RobotModelFiles:
         return [
             f"springs of the sphere's centre: radial {spring.radial_n_mm:.4g} N/mm + {spring.radial_cubic_n_mm3:.4g} "
             f"N/mm3, axial {spring.axial_n_mm:.4g} N/mm + {spring.axial_cubic_n_mm3:.4g} N/mm3",
-            f"normal force against the pressed shell, {depths}, 0 to 54 degrees: within {100 * found.fitted:.1f} % at "
-            f"tilts of the fit, {100 * found.held_out:.1f} % at tilts held out",
+            f"normal force against the pressed shell, {depths} at 0, 25 and 50 degrees, less deep at seven tilts more: "
+            f"within {100 * found.fitted:.1f} % at tilts of the fit, {100 * found.held_out:.1f} % at tilts held out",
             f"shear force after the same travel sideways: {found.shear:.2f} of the shell's (median)",
             f"torque at the mount within {100 * TORQUE_LIMIT:.0f} %: {100 * found.torque_same_force:.0f} % of the "
             f"states under the shell's force, {100 * found.torque_same_motion:.0f} % after its motion: not published",

@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "make sheet",
         "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR]",
         "Write the build sheet of an exported endcap.",
-        HELP.format(materials=", ".join(silicones())),
+        lambda: HELP.format(materials=", ".join(silicones())),
         VARIANT_DEFAULTS,
     )
     return command.run(argv, lambda options, _: make_sheet(parse_variant(options), Path(options["exports"])))

@@ -52,7 +52,7 @@ COMMAND = Command(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    command = replace(COMMAND, help=HELP.format(printers=", ".join(printers())))
+    command = replace(COMMAND, help=lambda: HELP.format(printers=", ".join(printers())))
     return command.run(argv, _act)
 
 

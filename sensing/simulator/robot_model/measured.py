@@ -126,6 +126,10 @@ class Rig:
             places.append(float(self.data.joint("travel").qpos[0]))
         return 1000 * abs(places[last - 1] - places[first]) / CREEP_S
 
+    def step_free(self) -> None:
+        """One step under nothing but gravity."""
+        self._mujoco.mj_step(self.model, self.data)
+
     def _step(self, load_n: float, pull_n: float = 0.0) -> None:
         """One step under a load, and a pull along the plane where the rig travels; the rig brakes."""
         data, mass = self.data, self.weight_n / GRAVITY_M_S2

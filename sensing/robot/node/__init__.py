@@ -1,0 +1,1 @@
+"""The running estimator: where samples come from, and where estimates go."""

@@ -1,0 +1,153 @@
+"""Command line: ``python -m sensing.robot --help``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from cad.errors import EndcapError, ParameterError, printable
+from cad.extras import program
+from cad.messages import LOG, transient
+from cad.plain_numbers import plain_number
+from sensing.live.ending import LOST, Stop
+from sensing.live.outputs.lines import Lines
+from sensing.robot.node.record import Report, report_text
+from sensing.robot.node.run import Output
+from sensing.robot.node.terminal import RobotTerminal
+from sensing.tensegrity.description import TensegrityRobot
+from sensing.tensegrity.robot_file import SHIPPED, load_robot
+from sensing.tensegrity.samples import Sample
+
+DESCRIPTION = """\
+Pose and shape of a tensegrity robot, and which of its endcaps hold, roll, slip or are free: from the wrenches of the
+endcaps, inertial sensors and cable lengths. Without arguments: a simulated robot, the truth beside the estimate.
+
+  python -m sensing.robot                                  three bars that tip over flat ground
+  python -m sensing.robot --terrain rough --seed 3         flat, rough, slope, stairs, low_friction, drop or push
+  python -m sensing.robot --config robot.toml              another robot (docs/robot.md has the format)
+  python -m sensing.robot --record run.mcap                every sample and every estimate
+  python -m sensing.robot --replay run.mcap                computes them again and compares the bits
+  python -m sensing.robot --json --speed 0 | jq .drift_m
+"""
+EPILOG = """\
+exit status: 0 ended or stopped; 1 a recording is not whole, or a replay differs (one line on stderr); 2 bad input (one
+line on stderr); 130 or 143 stopped before it began
+"""
+SIMULATED_ONLY = ("terrain", "seed", "seconds", "speed")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what the options ask for; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        return _replay(options) if options.replay is not None else _run(options)
+    except EndcapError as error:
+        LOG.error(f"sensing.robot: {error}")
+        return 2
+    except KeyboardInterrupt:  # before it runs
+        return 130
+
+
+class JsonOutput:
+    """One line of JSON a report, on standard output.
+
+    Args:
+        lines: where. robot: of the reports.
+    """
+
+    def __init__(self, lines: Lines, robot: TensegrityRobot) -> None:
+        self._lines, self._robot = lines, robot
+
+    def sample(self, sample: Sample) -> None:
+        """Nothing."""
+
+    def report(self, report: Report) -> None:
+        """A line."""
+        while not self._lines.write(report_text(report, self._robot) + "\n") and not self._lines.failed:
+            time.sleep(0.01)  # nothing is left out for a program that reads
+
+
+def _run(options: argparse.Namespace) -> int:
+    from sensing.robot.demo.simulated import SimulatedRobot
+    from sensing.robot.estimator import RobotEstimator
+    from sensing.robot.node.run import run_robot
+
+    file = options.config or SHIPPED
+    robot, description = load_robot(file), file.read_bytes()
+    asked = {name: value for name in SIMULATED_ONLY if (value := getattr(options, name)) is not None}
+    source = SimulatedRobot(robot, **asked, say=lambda at_s: transient(f"simulating: {at_s:.0f} s"))
+    estimator = RobotEstimator(robot)
+    out = Lines(sys.stdout)
+    lines = Lines(sys.stderr) if options.json else out
+    terminal = RobotTerminal(lines, robot, quiet=options.json)
+    outputs: list[Output] = [terminal]
+    recorder = None
+    if options.json:
+        outputs.append(JsonOutput(out, robot))
+    if options.record is not None:
+        from sensing.robot.node.recorder import RobotRecorder
+
+        recorder = RobotRecorder(options.record, robot, description)
+        outputs.append(recorder)
+    try:
+        with Stop() as stop:
+            run_robot(source, estimator, outputs, lambda: stop.asked.is_set() or out.gone)
+    finally:
+        if recorder is not None:
+            recorder.close()
+            lines.write(printable(recorder.note) + "\n")
+        for stream in {id(each): each for each in (lines, out)}.values():
+            stream.close(5.0)
+    if terminal.last is None and not out.gone and not stop.asked.is_set():
+        raise ParameterError("no estimate: the robot must stand for half a second first, and cables report lengths")
+    return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from sensing.robot.node.replay import Recording
+
+    given = [name for name in (*SIMULATED_ONLY, "config", "record") if getattr(options, name) is not None]
+    if given:
+        raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
+    recording = Recording(options.replay)
+    out = Lines(sys.stdout)
+    lines = Lines(sys.stderr) if options.json else out
+    outputs: list[Output] = [RobotTerminal(lines, recording.robot, quiet=options.json)]
+    if options.json:
+        outputs.append(JsonOutput(out, recording.robot))
+    try:
+        found = recording.replay(outputs)
+        for note in found.notes:
+            lines.write(printable(note) + "\n")
+        lines.write(
+            printable(f"{options.replay}: {found.compared} estimates computed again from {found.samples} samples, ")
+            + f"{found.different} differ\n"
+        )
+    finally:
+        for stream in {id(each): each for each in (lines, out)}.values():
+            stream.close(5.0)
+    if found.end is not None:
+        LOG.error(f"sensing.robot: {found.end}")
+    return LOST if found.different or found.end is not None else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=program("python -m sensing.robot"),
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it the three-bar robot")
+    parser.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="MCAP of all samples and estimates")
+    parser.add_argument("--json", action="store_true", help="a line of JSON an estimate on stdout; the rest on stderr")
+    simulated = parser.add_argument_group("the simulated robot")
+    simulated.add_argument("--terrain", metavar="NAME", help="what it walks on (flat)")
+    simulated.add_argument("--seed", type=int, metavar="N", help="of the ground and all noise (1)")
+    simulated.add_argument("--seconds", type=plain_number, metavar="S", help="length of the run (40)")
+    simulated.add_argument("--speed", type=plain_number, metavar="X", help="0: as fast as possible (1)")
+    return parser

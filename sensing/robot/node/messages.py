@@ -1,0 +1,159 @@
+"""Samples and estimates as ROS 2 messages, and samples back from them (m, s, N, rad, as ROS has them).
+
+Stamps are wall time; ``wall_ns`` is what is added to the samples' clock. A stamp holds whole nanoseconds, as the times
+of samples do, and numbers are doubles: a sample comes back to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros.messages import (
+    CONTACT_FREE,
+    CONTACT_TOUCHING,
+    CONTACT_UNKNOWN,
+    transforms,
+    unit_quaternion,
+)
+from sensing.robot.estimate import BarEstimate, RobotEstimate
+from sensing.robot.node.run import NS, whole_ns
+from sensing.tensegrity.description import Array
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
+
+IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
+ODOMETRY, POSES = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseArray"
+WORLD = "world"
+TO_MM = np.where(np.arange(16).reshape(4, 4) % 4 == 3, 1000.0, 1.0)
+TO_MM[3] = 1.0
+NO_ACCELEROMETER = -1.0  # first number of the covariance, as sensor_msgs/Imu has it for what is not measured
+
+
+def sample_message(sample: Sample, cables: tuple[str, ...], wall_ns: int) -> tuple[str, bytes]:
+    """(type, bytes) of a sample.
+
+    Args:
+        sample: any. cables: names of the measured ones, in order. wall_ns: added to its time.
+    """
+    types = ros.typestore().types
+    stamp = wall_ns + (whole_ns(sample.time_s) if math.isfinite(sample.time_s) else 0)
+    if isinstance(sample, InertialSample):
+        force = sample.acceleration_m_s2
+        message = types[IMU](
+            header=ros.header(stamp, sample.sensor), orientation=_quaternion(np.eye(3)),
+            orientation_covariance=np.full(9, NO_ACCELEROMETER), angular_velocity=_vector(sample.rate_rad_s),
+            angular_velocity_covariance=np.zeros(9),
+            linear_acceleration=_vector(np.zeros(3) if force is None else force),
+            linear_acceleration_covariance=np.full(9, NO_ACCELEROMETER if force is None else 0.0),
+        )  # fmt: skip
+        return IMU, ros.encode(IMU, message)
+    if isinstance(sample, LengthSample):
+        none = np.zeros(0)
+        lengths = np.ascontiguousarray(sample.lengths_m, float)
+        message = types[JOINTS](
+            header=ros.header(stamp, "cables"), name=list(cables), position=lengths, velocity=none, effort=none
+        )
+        return JOINTS, ros.encode(JOINTS, message)
+    seen = CONTACT_TOUCHING if sample.touching else CONTACT_FREE
+    force, torque = (_vector(part) for part in (sample.force_n, sample.torque_nm))
+    message = types[ros.ENDCAP_WRENCH](
+        header=ros.header(stamp, sample.endcap), wrench=types["geometry_msgs/msg/Wrench"](force=force, torque=torque),
+        covariance=np.ascontiguousarray(sample.covariance, float).ravel(),
+        valid=bool(np.isfinite(sample.force_n).all()), contact=CONTACT_UNKNOWN if sample.touching is None else seen,
+        state="", reason="", flags=sorted(sample.flags),
+    )  # fmt: skip
+    return ros.ENDCAP_WRENCH, ros.encode(ros.ENDCAP_WRENCH, message)
+
+
+def sample_of(kind: str, data: bytes, wall_ns: int) -> Sample:
+    """The sample of a message.
+
+    Args:
+        kind: its type. data: CDR. wall_ns: subtracted from its stamp.
+
+    Raises:
+        ValueError: bytes that are no such message.
+    """
+    message = ros.decode(kind, data)
+    stamp = message.header.stamp
+    time_s = (stamp.sec * NS + stamp.nanosec - wall_ns) / NS
+    if kind == IMU:
+        without = message.linear_acceleration_covariance[0] == NO_ACCELEROMETER
+        force = None if without else _three(message.linear_acceleration)
+        return InertialSample(time_s, message.header.frame_id, _three(message.angular_velocity), force)
+    if kind == JOINTS:
+        return LengthSample(time_s, np.array(message.position, float))
+    if kind == ros.WRENCH:
+        return FootSample(time_s, message.header.frame_id, _three(message.wrench.force), _three(message.wrench.torque))
+    touching = None if message.contact == CONTACT_UNKNOWN else message.contact == CONTACT_TOUCHING
+    return FootSample(
+        time_s, message.header.frame_id, _three(message.wrench.force), _three(message.wrench.torque),
+        np.array(message.covariance, float).reshape(6, 6), touching, frozenset(message.flags),
+    )  # fmt: skip
+
+
+def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
+    """nav_msgs/Odometry of a bar: pose in the world, twist in the bar's axes, as the message has it.
+
+    Args:
+        bar: the estimate. stamp_ns: wall time.
+    """
+    types, R = ros.typestore().types, bar.T_world_bar[:3, :3]
+    twist_covariance = np.zeros((6, 6))
+    twist_covariance[:3, :3] = R.T @ bar.covariance[6:, 6:] @ R
+    message = types[ODOMETRY](
+        header=ros.header(stamp_ns, WORLD), child_frame_id=f"bar_{bar.name}",
+        pose=types["geometry_msgs/msg/PoseWithCovariance"](
+            pose=_pose(bar.T_world_bar), covariance=np.ascontiguousarray(bar.covariance[:6, :6]).ravel()
+        ),
+        twist=types["geometry_msgs/msg/TwistWithCovariance"](
+            twist=types["geometry_msgs/msg/Twist"](
+                linear=_vector(R.T @ bar.velocity_m_s), angular=_vector(R.T @ bar.rate_rad_s)
+            ),
+            covariance=twist_covariance.ravel(),
+        ),
+    )  # fmt: skip
+    return ros.encode(ODOMETRY, message)
+
+
+def endcap_poses(estimate: RobotEstimate, stamp_ns: int) -> bytes:
+    """geometry_msgs/PoseArray: centres of the endcaps' spheres, in the order of the description, world axes."""
+    poses = []
+    for endcap in estimate.endcaps:
+        pose = np.eye(4)
+        pose[:3, 3] = endcap.centre_m
+        poses.append(pose)
+    return pose_array(np.array(poses), stamp_ns)
+
+
+def pose_array(poses: Array, stamp_ns: int) -> bytes:
+    """geometry_msgs/PoseArray of (N, 4, 4) m."""
+    message = ros.typestore().types[POSES](header=ros.header(stamp_ns, WORLD), poses=[_pose(pose) for pose in poses])
+    return ros.encode(POSES, message)
+
+
+def bar_transforms(estimate: RobotEstimate, stamp_ns: int) -> bytes:
+    """tf2_msgs/TFMessage: world to every bar."""
+    children = {f"bar_{bar.name}": (WORLD, bar.T_world_bar * TO_MM) for bar in estimate.bars}
+    return transforms(children, stamp_ns)
+
+
+def _three(vector: Any) -> Array:
+    return np.array([vector.x, vector.y, vector.z], float)
+
+
+def _vector(values: Array) -> Any:
+    return ros.typestore().types["geometry_msgs/msg/Vector3"](*(float(value) for value in values))
+
+
+def _pose(T: Array) -> Any:
+    types = ros.typestore().types
+    place = types["geometry_msgs/msg/Point"](*(float(value) for value in T[:3, 3]))
+    return types["geometry_msgs/msg/Pose"](position=place, orientation=_quaternion(T[:3, :3]))
+
+
+def _quaternion(R: Array) -> Any:
+    return ros.typestore().types["geometry_msgs/msg/Quaternion"](*(float(value) for value in unit_quaternion(R)))

@@ -1,0 +1,102 @@
+"""An estimate as plain words and numbers: lines of JSON, what a recording is compared by, what the page draws."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sensing.robot.estimate import RobotEstimate
+from sensing.tensegrity.description import Array, TensegrityRobot
+
+
+@dataclass(frozen=True)
+class Report:
+    """One estimate of a run.
+
+    Attributes:
+        estimate: of the robot. truth: (B, 4, 4) m where the bars truly are, in the estimate's world; None where nobody
+            knows. path_m: way of the centre of mass so far, along the ground.
+    """
+
+    estimate: RobotEstimate
+    truth: Array | None
+    path_m: float
+
+    def true_centre_m(self, robot: TensegrityRobot) -> Array | None:
+        """(3,) centre of mass as it truly is."""
+        if self.truth is None:
+            return None
+        total = np.zeros(3)
+        for bar, pose in zip(robot.bars, self.truth, strict=True):
+            total += bar.mass_kg * (pose[:3, :3] @ bar.centre_of_mass_m + pose[:3, 3])
+        return total / robot.mass_kg
+
+    def drift_m(self, robot: TensegrityRobot) -> float | None:
+        """Distance of estimated and true centre of mass."""
+        true = self.true_centre_m(robot)
+        return None if true is None else float(np.linalg.norm(self.estimate.centre_of_mass_m - true))
+
+
+def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
+    """All that the estimate says; arrays as lists, NaN as None (m, s, N, rad)."""
+    return {
+        "time_s": estimate.time_s,
+        "measured_s": estimate.measured_s,
+        "centre_of_mass_m": _plain(estimate.centre_of_mass_m),
+        "centre_of_mass_covariance": _plain(estimate.centre_of_mass_covariance),
+        "friction": _plain(estimate.friction),
+        "friction_sd": _plain(estimate.friction_sd),
+        "bars": [
+            {
+                "name": bar.name, "T_world_bar": _plain(bar.T_world_bar), "velocity_m_s": _plain(bar.velocity_m_s),
+                "rate_rad_s": _plain(bar.rate_rad_s), "covariance": _plain(bar.covariance),
+            }
+            for bar in estimate.bars
+        ],
+        "endcaps": [
+            {
+                "name": endcap.name, "state": endcap.hold.word, "holds": _plain(endcap.hold.holds),
+                "rolls": _plain(endcap.hold.rolls), "slips": _plain(endcap.hold.slips),
+                "free": _plain(endcap.hold.free), "centre_m": _plain(endcap.centre_m),
+                "covariance": _plain(endcap.covariance), "contact_m": _plain(endcap.contact_m),
+                "normal": _plain(endcap.normal), "normal_sd_rad": _plain(endcap.normal_sd_rad),
+                "force_n": _plain(endcap.force_n), "friction_ratio": _plain(endcap.friction_ratio),
+                "friction_ratio_sd": _plain(endcap.friction_ratio_sd),
+            }
+            for endcap in estimate.endcaps
+        ],
+        "health": {
+            "good": estimate.health.good, "notes": list(estimate.health.notes),
+            "lengths_consistency": _plain(estimate.health.lengths_consistency),
+            "anchors_consistency": _plain(estimate.health.anchors_consistency),
+            "weight_ratio": _plain(estimate.health.weight_ratio),
+            "rejected": estimate.health.rejected, "ignored": estimate.health.ignored,
+        },
+    }  # fmt: skip
+
+
+def estimate_text(estimate: RobotEstimate) -> str:
+    """The same as one line of JSON, from which every number comes back to the bit."""
+    return json.dumps(estimate_record(estimate), allow_nan=False, separators=(",", ":"))
+
+
+def report_text(report: Report, robot: TensegrityRobot) -> str:
+    """A line for programs: the estimate with the way so far, and the truth where it is known."""
+    true = report.true_centre_m(robot)
+    more = {
+        "path_m": report.path_m,
+        "true_centre_of_mass_m": None if true is None else _plain(true),
+        "drift_m": report.drift_m(robot),
+    }
+    return json.dumps(estimate_record(report.estimate) | more, allow_nan=False, separators=(",", ":"))
+
+
+def _plain(value: Any) -> Any:
+    """Lists and floats; None for what is no finite number."""
+    values = np.asarray(value, float)
+    if values.ndim:
+        return [_plain(each) for each in values]
+    return float(values) if np.isfinite(values) else None

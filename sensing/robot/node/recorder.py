@@ -1,0 +1,117 @@
+"""Records a run as MCAP: every sample as it came, every estimate, and the robot's description.
+
+Samples and estimates lie in the file in the order in which they were taken and made: ``--replay`` computes the
+estimates again from the samples and compares them to the bit. Foxglove and ``ros2 bag`` open it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+
+from mcap.writer import CompressionType, Writer
+
+from cad.errors import FileError
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros.messages import TRANSFORMS
+from sensing.robot.node import messages
+from sensing.robot.node.record import Report, estimate_text
+from sensing.robot.node.run import whole_ns
+from sensing.tensegrity.description import TensegrityRobot
+from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
+
+METADATA, FORMAT, DESCRIPTION = "endcap_robot", "1", "robot.toml"
+LENGTHS, ESTIMATE = "/cable_lengths", "/robot/estimate"
+FLUSH_S = 1.0  # what a killed run may lose
+
+
+class RobotRecorder:
+    """Writes one file.
+
+    Args:
+        path: must not exist. robot: whose samples. description: bytes of its file.
+
+    Attributes:
+        samples, reports: written. failed: why no more is written; empty while all is.
+
+    Raises:
+        FileError: the file exists or cannot be made.
+    """
+
+    def __init__(self, path: Path, robot: TensegrityRobot, description: bytes) -> None:
+        self.path, self._robot = path, robot
+        self.samples, self.reports, self.failed = 0, 0, ""
+        self.wall_ns = time.time_ns() - time.monotonic_ns()
+        self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
+        try:
+            self._stream = path.open("xb")
+        except FileExistsError:
+            raise FileError(f"{path}: is there already: choose another name for the recording") from None
+        except OSError as error:
+            raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
+        self._writer = Writer(self._stream, chunk_size=1 << 18, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._flushed_s = time.monotonic()
+        self._writer.start(profile="ros2", library="endcap-toolkit")
+        digest = hashlib.sha256(description).hexdigest()
+        about = {"format": FORMAT, "wall_ns": str(self.wall_ns), "robot": robot.name, "sha256": digest}
+        self._writer.add_metadata(METADATA, about)
+        self._writer.add_attachment(time.time_ns(), time.time_ns(), DESCRIPTION, "", description)
+
+    def sample(self, sample: Sample) -> None:
+        """A sample as it comes."""
+        kind, data = messages.sample_message(sample, self._cables, self.wall_ns)
+        if isinstance(sample, InertialSample):
+            topic = f"/imu/{sample.sensor}"
+        else:
+            topic = LENGTHS if isinstance(sample, LengthSample) else f"/{sample.endcap}/wrench/with_covariance"
+        self._add(topic, kind, data)
+        self.samples += 1
+
+    def report(self, report: Report) -> None:
+        """An estimate, and the truth where it is known."""
+        estimate = report.estimate
+        stamp = self.wall_ns + whole_ns(estimate.time_s)
+        self._add(ESTIMATE, ros.STRING, ros.string(estimate_text(estimate)))
+        for bar in estimate.bars:
+            self._add(f"/robot/bar/{bar.name}/odometry", messages.ODOMETRY, messages.odometry(bar, stamp))
+        self._add("/robot/endcaps", messages.POSES, messages.endcap_poses(estimate, stamp))
+        self._add("/tf", TRANSFORMS, messages.bar_transforms(estimate, stamp))
+        if report.truth is not None:
+            self._add("/robot/truth", messages.POSES, messages.pose_array(report.truth, stamp))
+        self.reports += 1
+
+    @property
+    def note(self) -> str:
+        """What the file holds, in one line."""
+        what = f"{self.path}: {self.samples} samples and {self.reports} estimates recorded"
+        return f"{what}, then stopped ({self.failed})" if self.failed else what
+
+    def close(self) -> None:
+        """The end of the file."""
+        try:
+            if not self.failed:
+                self._writer.finish()
+            self._stream.close()
+        except OSError as error:
+            self.failed = self.failed or str(error.strerror)
+
+    def _add(self, topic: str, kind: str, data: bytes) -> None:
+        if self.failed:
+            return
+        try:
+            if topic not in self._channels:
+                if kind not in self._schemas:
+                    text = ros.definition(kind).encode()
+                    self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
+                self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            now = time.time_ns()
+            self._writer.add_message(self._channels[topic], now, data, now)
+            if time.monotonic() >= self._flushed_s + FLUSH_S:
+                self._writer.flush()
+                self._stream.flush()
+                self._flushed_s = time.monotonic()
+        except OSError as error:  # disk full: the estimates go on, the file is readable up to here
+            self.failed = str(error.strerror)

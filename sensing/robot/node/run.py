@@ -1,0 +1,142 @@
+"""One run: samples as they arrive, through the estimator, to the outputs.
+
+Reports are made at moments of the samples' arrival, so a recording that holds samples and reports in their order gives
+the same reports again, to the bit. Times of samples are whole nanoseconds: what a recording or a topic can hold.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from sensing.robot.estimate import RobotEstimate
+from sensing.robot.estimator import RobotEstimator
+from sensing.robot.node.record import Report
+from sensing.tensegrity.description import Array, TensegrityRobot
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
+
+REPORT_S = 0.05
+NS = 10**9
+STEP_M = 0.05  # of the path: shorter ones are noise
+
+
+class RobotSource(Protocol):
+    """Where samples come from."""
+
+    robot: TensegrityRobot
+
+    def arrivals(self) -> Iterator[tuple[float, Sample] | None]:
+        """(time of arrival, sample) on the samples' clock; None now and then while none comes."""
+        ...
+
+    def truth(self, time_s: float) -> Array | None:
+        """(B, 4, 4) m where the bars truly are, in a world of its own; None where nobody knows."""
+        ...
+
+
+class Output(Protocol):
+    """Where samples and reports go."""
+
+    def sample(self, sample: Sample) -> None:
+        """A sample that the estimator takes next."""
+        ...
+
+    def report(self, report: Report) -> None:
+        """An estimate of this moment."""
+        ...
+
+
+def give(estimator: RobotEstimator, sample: Sample) -> None:
+    """Hand a sample to the estimator.
+
+    Raises:
+        ParameterError: one that is not of this robot, or of another clock.
+    """
+    if isinstance(sample, InertialSample):
+        estimator.imu(sample)
+    elif isinstance(sample, LengthSample):
+        estimator.lengths(sample)
+    else:
+        assert isinstance(sample, FootSample)
+        estimator.reading(sample)
+
+
+def whole_ns(time_s: float) -> int:
+    """Nanoseconds of a time, s."""
+    return round(time_s * NS)
+
+
+class Way:
+    """Where the robot has been, and where it truly is in the world of the estimate."""
+
+    def __init__(self, robot: TensegrityRobot) -> None:
+        self._robot, self._last, self._align = robot, np.full(2, np.nan), np.eye(4)
+        self._begun, self.path_m = False, 0.0
+
+    def report(self, estimate: RobotEstimate, truth: Array | None) -> Report:
+        """The report of an estimate.
+
+        Args:
+            estimate: of this moment. truth: (B, 4, 4) m of the same, in the world of whoever knows it.
+        """
+        if not self._begun and truth is not None:
+            self._align = _alignment(np.array([bar.T_world_bar for bar in estimate.bars]), truth)
+        now = estimate.centre_of_mass_m[:2]
+        if not self._begun:
+            self._last = now
+        step = float(np.linalg.norm(now - self._last))
+        if step > STEP_M:
+            self.path_m, self._last = self.path_m + step, now
+        self._begun = True
+        return Report(estimate, None if truth is None else self._align @ truth, self.path_m)
+
+
+def run_robot(
+    source: RobotSource, estimator: RobotEstimator, outputs: Sequence[Output], stopped: Callable[[], bool]
+) -> int:
+    """Until the source ends or somebody stops it; returns the number of reports.
+
+    Args:
+        source: of samples. estimator: of the same robot. outputs: take samples and reports.
+        stopped: asked all the time.
+
+    Raises:
+        ParameterError: a sample that is not of this robot, or of another clock.
+    """
+    way, count, next_s = Way(source.robot), 0, -math.inf
+    for arrival in source.arrivals():
+        if stopped():
+            break
+        if arrival is None:
+            continue
+        at_s, sample = arrival
+        sample = replace(sample, time_s=whole_ns(sample.time_s) / NS) if math.isfinite(sample.time_s) else sample
+        for output in outputs:
+            output.sample(sample)
+        give(estimator, sample)
+        if at_s < next_s:
+            continue
+        next_s = at_s + REPORT_S
+        estimate = estimator.state()
+        if estimate is not None:
+            report = way.report(estimate, source.truth(estimate.time_s))
+            count += 1
+            for output in outputs:
+                output.report(report)
+    return count
+
+
+def _alignment(estimated: Array, true: Array) -> Array:
+    """(4, 4) turn about z and shift from the true world to the estimate's, as bars lie at one moment."""
+    ends = np.array([[0, 0, -0.5, 1.0], [0, 0, 0.5, 1.0]])
+    a, b = ((poses @ ends.T).transpose(0, 2, 1).reshape(-1, 4)[:, :3] for poses in (estimated, true))
+    flat_a, flat_b = ((points - points.mean(axis=0))[:, :2] @ [1, 1j] for points in (a, b))
+    angle = float(np.angle(np.vdot(flat_b, flat_a)))
+    pose = np.eye(4)
+    pose[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    pose[:3, 3] = a.mean(axis=0) - pose[:3, :3] @ b.mean(axis=0)
+    return pose

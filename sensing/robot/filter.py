@@ -17,6 +17,8 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 LONGEST_STEP_S = 0.01
 SILENT_S = 0.05  # after this time the last sample of an inertial sensor no longer counts
 LIMIT = 25.0  # squared innovation over its variance beyond which a length is left out
+MISFIT = 4.0  # mean squared innovation over its variance from which the shape is loosened
+LOOSE, LOOSE_M = 0.02, 0.005  # E: by so much a sample, rad and m
 FREE_NOISE = 5.0  # E: acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 LATELY = 0.02  # part that a new innovation has in the mean
 
@@ -99,6 +101,7 @@ class Filter:
         settings = self.settings
         noise = np.empty((self.layout.bars, 3))
         noise[:, 0] = np.where(heard, settings.rate_noise, settings.unknown_rate_noise) ** 2
+        noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
         if not has_force.any():
             noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
             return noise
@@ -123,18 +126,26 @@ class Filter:
         innovation = np.asarray(sample.lengths_m, float) - length
         since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
         spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
+        expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + spread
+        off = float(np.nanmean(innovation**2 / expected))
+        if off > MISFIT:  # the steps were too long for straight lines, or the first shape was wrong
+            self._loosen(state)
         variance, found = np.full(len(length), spread), np.empty(len(length))
-        covariance = state.covariance.copy()
-        change = update_step(state.covariance, slopes, innovation, variance, LIMIT, found)
+        change = update_step(state.covariance, slopes, innovation, variance, LIMIT if off < MISFIT else np.inf, found)
         state.rejected = int((found < -1).sum())
-        if state.rejected > len(length) / 2:  # it is the state that is wrong
-            state.covariance = covariance
-            change = update_step(state.covariance, slopes, innovation, variance, np.inf, found)
         taken = found[found >= 0]
         if len(taken):
             state.consistency[0] += LATELY * (float(taken.mean()) - state.consistency[0])
         state.lengths_s = state.time_s
         apply(state, change, layout.leader)
+
+    def _loosen(self, state: State) -> None:
+        """Let the shape change, where the lengths no longer fit it."""
+        for bar in range(self.layout.bars):
+            if bar != self.layout.leader:
+                turn, place = self.layout.turn(bar), self.layout.place(bar)
+                state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
+                state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
 
 
 def apply(state: State, change: Array, leader: int) -> None:

@@ -42,6 +42,7 @@ class Settings:
         rate_noise, force_noise: of gyroscope (rad/s/sqrt(Hz)) and accelerometer (m/s^2/sqrt(Hz)).
         rate_bias_walk, force_bias_walk: of their biases (rad/s, m/s^2 per sqrt(s)).
         rate_bias_sd, force_bias_sd: of the biases at the start.
+        shape_rate_noise: added to the rates of all bars but the leading one, for what linear steps leave of the shape.
         unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)).
         relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
             (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
@@ -66,6 +67,7 @@ class Settings:
     force_bias_walk: float = 2e-4
     rate_bias_sd: float = 0.01
     force_bias_sd: float = 0.03
+    shape_rate_noise: float = 1.5e-3
     unknown_rate_noise: float = 0.5
     relative_noise: float = 0.5
     relative_share: float = 0.1

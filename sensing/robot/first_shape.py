@@ -1,0 +1,208 @@
+"""The shape and attitude in which a robot stands at the start, from what is measured there.
+
+Notes:
+    Poses near the ends that the description states, by Gauss and Newton's steps on: cable lengths; gravity in the
+    leading bar's accelerometer; where the endcaps' forces are known, that each bar is in balance under its weight, its
+    contacts and its cables. The tensions are unknowns, near those of the stated rest lengths; the forces are scaled to
+    carry the weight, so that a silicone of another stiffness does not matter. Lengths alone do not fix the shape: at
+    the symmetric prism one motion leaves them as they are to first order, and no bar that turns about its own axis
+    changes the length of a cable on that axis. What they leave open keeps a width, so that the covariance says it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sensing.robot.contact import Contact
+from sensing.robot.layout import Layout
+from sensing.robot.settings import Settings
+from sensing.tensegrity.description import GRAVITY_M_S2, Array
+from sensing.tensegrity.shape import cable_lengths, moved, rotation_of, standing_poses
+
+GUESS_SD_M, GUESS_SD, SPIN_SD = 0.1, 0.3, 1.0  # E: of the stated ends, of a bar's turn, of one about its own axis
+LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
+BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of one bar
+REST_SD_M = 0.005  # E: of a rest length, which a motor may have moved
+OPEN_SD_M, REACH_M = 0.05, 0.4  # E: along the motion that the lengths leave open; half a bar
+FIXED_SD = 1e-5  # of what a convention sets: origin and heading
+ROUNDS, STEP, HALVED = 15, 1e-6, 5
+SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0  # first guesses, those that are followed, a residual that counts no more
+
+
+class FirstShape:
+    """Residuals of the shape, each over its standard deviation, and the poses that make them least.
+
+    Args:
+        lengths: (C,) of the measured cables, NaN where unknown. force: (3,) of the leader's accelerometer, bar axes,
+            NaN where unknown. contacts: of the endcaps by number. layout, settings: of the estimator.
+    """
+
+    def __init__(
+        self, lengths: Array, force: Array, contacts: dict[int, Contact], layout: Layout, settings: Settings
+    ) -> None:
+        self.layout = layout
+        self.contacts = {k: c for k, c in contacts.items() if c.known and c.touching}
+        self.lengths = lengths
+        self.cables = [cable for cable in layout.robot.cables if cable.measured]
+        self.length_sd = settings.length_sd_m
+        self.force_sd = settings.force_bias_sd / GRAVITY_M_S2
+        self.up = force / np.linalg.norm(force) if np.isfinite(force).all() else None
+        self.compliance = settings.compliance_m_n
+        self.guess = self._guess(0.0)
+
+    def _guess(self, spin: float) -> Array:
+        """The stated shape as it lies when the leader has been turned about its own axis by an angle."""
+        poses, leader = standing_poses(self.layout.robot), self.layout.leader
+        if self.up is None:
+            return poses
+        poses[leader, :3, :3] = poses[leader, :3, :3] @ rotation_of(np.array([0.0, 0.0, spin]))
+        up = poses[leader, :3, :3] @ self.up
+        axis = np.cross(up, [0.0, 0.0, 1.0])
+        size = float(np.linalg.norm(axis))
+        turn = rotation_of(axis / max(size, 1e-9) * math.atan2(size, up[2]))
+        poses[:, :3] = turn @ poses[:, :3]
+        return self._spun(poses)
+
+    def _spun(self, poses: Array) -> Array:
+        """Bars that touch, turned about their axes until their normals point down as far as that can be."""
+        down = {}
+        for endcap, contact in self.contacts.items():
+            down.setdefault(int(self.layout.endcap_bar[endcap]), []).append(contact.normal)
+        for bar, normals in down.items():
+            if bar != self.layout.leader:
+                x, y = np.sum(normals, axis=0)[:2]
+                wanted = -poses[bar, 2, :2]  # of the world's z, in bar axes
+                angle = math.atan2(wanted[1], wanted[0]) - math.atan2(y, x)
+                poses[bar, :3, :3] = poses[bar, :3, :3] @ rotation_of(np.array([0.0, 0.0, angle]))
+        return poses
+
+    def solved(self) -> tuple[Array, Array]:
+        """(poses, covariance of their steps): the best of several starts, since there are several solutions."""
+        count = SPINS if self.contacts else 1
+        guesses = [self._guess(spin) for spin in np.linspace(0, 2 * math.pi, count, endpoint=False)]
+        guesses.sort(key=self._cost)
+        best = min((self._descended(guess) for guess in guesses[:STARTS]), key=lambda found: found[0])
+        _, self.guess, step, jacobian = best
+        poses = moved(self.guess, step)
+        motion = self._open_motion(poses)
+        return poses, np.linalg.inv(jacobian.T @ jacobian) + OPEN_SD_M**2 * np.outer(motion, motion)
+
+    def _cost(self, guess: Array) -> float:
+        self.guess = guess
+        value = self.residuals(np.zeros(6 * len(guess)))
+        return float(np.minimum(value**2, MOST_SQUARE).sum())
+
+    def _descended(self, guess: Array) -> tuple[float, Array, Array, Array]:
+        """(cost, guess, step, Jacobian) after Gauss and Newton's steps, each shortened until it descends."""
+        self.guess, step = guess, np.zeros(6 * len(guess))
+        value = self.residuals(step)
+        cost, jacobian = float(value @ value), np.zeros((len(value), len(step)))
+        for _ in range(ROUNDS):
+            jacobian = np.array([(self.residuals(step + STEP * e) - value) / STEP for e in np.eye(len(step))]).T
+            change = np.linalg.lstsq(jacobian, -value, rcond=None)[0]
+            change *= min(1.0, 0.3 / max(float(np.abs(change).max()), 1e-12))
+            for _ in range(HALVED):
+                tried = self.residuals(step + change)
+                if float(tried @ tried) < cost:
+                    break
+                change = change / 2
+            else:
+                break
+            gained, cost = cost - float(tried @ tried), float(tried @ tried)
+            step, value = step + change, tried
+            if gained < 1e-3 * cost:
+                break
+        return cost, guess, step, jacobian
+
+    def _open_motion(self, poses: Array) -> Array:
+        """(6 B,) motion by a metre that changes the cables least: lengths curve along it, and have two solutions."""
+        jacobian = cable_lengths(self.layout.robot, poses, self.cables)[1]
+        first = 6 * self.layout.leader
+        others = [k for k in range(jacobian.shape[1]) if not first <= k < first + 6]
+        rows = np.array(jacobian[:, others])
+        spins = np.zeros((len(others), len(poses) - 1))
+        for column, bar in enumerate(b for b in range(len(poses)) if b != self.layout.leader):
+            spins[6 * column + 3 : 6 * column + 6, column] = poses[bar, :3, 2]
+        across = np.eye(len(others)) - spins @ spins.T
+        metres = np.tile(np.repeat([1.0, REACH_M], 3), len(poses) - 1)  # a turn counts as what it moves an end by
+        _, motions = np.linalg.eigh(across @ (rows.T @ rows / np.outer(metres, metres)) @ across + spins @ spins.T)
+        motion = np.zeros(jacobian.shape[1])
+        motion[others] = motions[:, 0] / metres
+        return motion
+
+    def residuals(self, step: Array) -> Array:
+        """(M,) at poses that lie a step from the guess."""
+        poses = moved(self.guess, step)
+        length = cable_lengths(self.layout.robot, poses, self.cables)[0]
+        parts = [np.nan_to_num((length - self.lengths) / self.length_sd)]
+        parts += [self._near_guess(step)]
+        if self.up is not None:
+            parts.append((poses[self.layout.leader, :3, :3] @ self.up)[:2] / self.force_sd)
+        if self.contacts:
+            parts += [self._balance(poses), self._level_ground(poses)]
+        return np.concatenate(parts)
+
+    def _near_guess(self, step: Array) -> Array:
+        """(6 B,) of the steps; turns in bar axes, the leader's in those of the world, whose heading is fixed."""
+        steps = step.reshape(-1, 6).copy()
+        steps[:, :3] /= GUESS_SD_M
+        steps[:, 3:] = np.einsum("bji,bj->bi", self.guess[:, :3, :3], steps[:, 3:]) / [GUESS_SD, GUESS_SD, SPIN_SD]
+        leader = self.layout.leader
+        steps[leader] = step[6 * leader : 6 * leader + 6] / [FIXED_SD, FIXED_SD, FIXED_SD, GUESS_SD, GUESS_SD, FIXED_SD]
+        return np.asarray(steps.ravel())
+
+    def _balance(self, poses: Array) -> Array:
+        """(6 B + C,) of the forces on each bar and their torques about its centre of mass, at the best tensions."""
+        layout, cables = self.layout, self.layout.robot.cables
+        centre = poses[:, :3, 3] + np.einsum("bij,bj->bi", poses[:, :3, :3], layout.reference_m + layout.mass_lever)
+        loads = np.zeros((len(poses), 6))
+        weight, carried = float(layout.mass_kg.sum()) * GRAVITY_M_S2, 0.0
+        for endcap, contact in self.contacts.items():
+            bar = layout.endcap_bar[endcap]
+            turn = poses[bar, :3, :3]
+            force = turn @ contact.force_n
+            point = self._centre(poses, endcap) + turn @ (layout.radius_m[endcap] * contact.normal)
+            loads[bar] += np.concatenate([force, np.cross(point - centre[bar], force)])
+            carried += float(force[2])
+        loads *= weight / max(carried, weight / 4)
+        loads[:, 2] -= layout.mass_kg * GRAVITY_M_S2
+        pulls = np.zeros((len(cables), len(poses), 6))
+        lengths = np.empty(len(cables))
+        for pull, cable, number in zip(pulls, cables, range(len(cables)), strict=True):
+            first, second = (layout.robot.bar_number(name) for name in cable.bars)
+            one, two = (
+                poses[bar, :3, :3] @ point + poses[bar, :3, 3]
+                for bar, point in zip((first, second), cable.points_m, strict=True)
+            )
+            lengths[number] = np.linalg.norm(two - one)
+            along = (two - one) / lengths[number]
+            pull[first] += np.concatenate([along, np.cross(one - centre[first], along)])
+            pull[second] -= np.concatenate([along, np.cross(two - centre[second], along)])
+        spread = np.tile(np.repeat([BALANCE_SD_N, BALANCE_SD_NM], 3), len(poses))
+        stiffness = np.array([cable.stiffness_n_m for cable in cables])
+        stated = stiffness * np.maximum(0.0, lengths - [cable.rest_m for cable in cables])
+        rows = np.concatenate(
+            [pulls.reshape(len(cables), -1).T / spread[:, None], np.diag(1 / (stiffness * REST_SD_M))]
+        )
+        wanted = np.concatenate([-loads.ravel() / spread, stated / (stiffness * REST_SD_M)])
+        return np.asarray(rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted)
+
+    def _level_ground(self, poses: Array) -> Array:
+        turn = poses[:, :3, :3]
+        normals = [turn[self.layout.endcap_bar[k]] @ contact.normal for k, contact in self.contacts.items()]
+        return np.concatenate([normal[:2] for normal in normals]) / LEVEL_SD
+
+    def _centre(self, poses: Array, endcap: int) -> Array:
+        bar = self.layout.endcap_bar[endcap]
+        return np.asarray(
+            poses[bar, :3, 3] + poses[bar, :3, :3] @ (self.layout.endcap_lever[endcap] + self.layout.reference_m[bar])
+        )
+
+    def ground(self, poses: Array) -> float:
+        """Height of the ground: below the endcaps that touch, else below the lowest."""
+        layout = self.layout
+        low = [self._centre(poses, k)[2] - layout.radius_m[k] for k in range(layout.endcaps)]
+        yields = {k: self.compliance * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
+        return float(np.mean([low[k] + by for k, by in yields.items()])) if yields else min(low)

@@ -1,0 +1,180 @@
+"""Slopes of the filter against finite differences, what nobody can measure, and what lengths leave open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from standing_robot import UP
+
+from sensing.robot.contact_kernels import line_of_action_slopes
+from sensing.robot.friction import COEFFICIENTS, FIRST, learned, moments, slip_probability
+from sensing.robot.kernels import predict_step
+from sensing.robot.layout import layout_of
+from sensing.robot.measurement_kernels import correct, length_slopes, point_slopes, update_step
+from sensing.tensegrity.description import GRAVITY_M_S2
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.shape import balanced_shape, cable_lengths, rotation_of
+
+ROBOT = load_robot()
+LAYOUT = layout_of(ROBOT)
+NO_NOISE = np.zeros((3, 3)), np.zeros((3, 2))
+
+
+class Moving:
+    """A state of the robot in motion, with three anchors."""
+
+    def __init__(self, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        poses = balanced_shape(ROBOT).T_world_bar
+        self.turn = np.array([rotation_of(rng.normal(0, 0.2, 3)) @ pose[:3, :3] for pose in poses])
+        self.place = poses[:, :3, 3] + rng.normal(0, 0.3, (3, 3)) + [2.0, -1.0, 0.5]
+        self.velocity, self.rate_bias, self.force_bias = rng.normal(0, 0.5, (3, 3, 3))
+        self.rate, self.force = rng.normal(0, 1.0, (3, 3)), rng.normal(0, 3.0, (3, 3)) + GRAVITY_M_S2 * UP
+        self.anchor, normal = rng.normal(0, 1.0, (6, 3)), rng.normal(0, 0.3, (6, 3)) + UP
+        self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+        self.anchored = np.array([1, 0, 1, 0, 1, 0])
+
+    def parts(self):
+        return self.turn, self.place, self.velocity, self.rate_bias, self.force_bias, self.anchor, self.normal
+
+    def copy(self) -> Moving:
+        other = Moving()
+        for name, value in vars(self).items():
+            setattr(other, name, value.copy())
+        return other
+
+    def corrected(self, change) -> Moving:
+        other = self.copy()
+        correct(change, *other.parts(), LAYOUT.leader)
+        return other
+
+    def predicted(self, covariance, step_s: float, noise=NO_NOISE) -> Moving:
+        other = self.copy()
+        has_force = np.array([1, 2, 2])
+        predict_step(
+            covariance, other.turn, other.place, other.velocity, other.anchor, other.normal, other.anchored,
+            other.rate - other.rate_bias, other.force - other.force_bias, has_force, LAYOUT.leader, LAYOUT.endcap_bar,
+            LAYOUT.radius_m, np.ones(6, np.int64), *noise, step_s, GRAVITY_M_S2,
+        )  # fmt: skip
+        return other
+
+    def less(self, other: Moving):
+        """(N,) error state that takes the other to this one."""
+        change, leader = np.zeros(LAYOUT.size), LAYOUT.leader
+        for bar in range(3):
+            turned = self.turn[bar] @ other.turn[bar].T
+            change[LAYOUT.turn(bar)] = 0.5 * (turned - turned.T)[[2, 0, 1], [1, 2, 0]]
+        whole = self.turn[leader] @ other.turn[leader].T
+        for bar in range(3):
+            change[LAYOUT.place(bar)] = self.place[bar] - whole @ other.place[bar]
+            change[LAYOUT.velocity(bar)] = self.velocity[bar] - whole @ other.velocity[bar]
+            change[LAYOUT.rate_bias(bar)] = self.rate_bias[bar] - other.rate_bias[bar]
+            change[LAYOUT.force_bias(bar)] = self.force_bias[bar] - other.force_bias[bar]
+        for endcap in range(6):
+            change[LAYOUT.anchor(endcap)] = self.anchor[endcap] - whole @ other.anchor[endcap]
+        return change
+
+
+def test_the_prediction_moves_errors_as_finite_differences_do():
+    state, step_s, size = Moving(), 1e-3, 1e-6
+    after = state.predicted(np.zeros((LAYOUT.size, LAYOUT.size)), step_s)
+    some = np.arange(LAYOUT.size)
+    for column in some:
+        spread = np.zeros((LAYOUT.size, LAYOUT.size))
+        spread[column, column] = 1.0
+        state.predicted(spread, step_s)
+        change = np.zeros(LAYOUT.size)
+        change[column] = size
+        slope = state.corrected(change).predicted(np.zeros_like(spread), step_s).less(after) / size
+        free = np.ones(LAYOUT.size, bool)
+        for endcap in (1, 3, 5):  # without an anchor nothing moves there
+            free[LAYOUT.anchor(endcap)] = False
+        assert np.abs(spread - np.outer(slope, slope))[np.ix_(free, free)].max() < 2e-4, column  # of order step^2
+
+
+def test_points_and_lengths_have_the_slopes_of_finite_differences():
+    state, size = Moving(1), 1e-6
+    lever = np.array([0.1, -0.2, 0.3])
+    _, slopes = point_slopes(state.turn, state.place, 1, lever, LAYOUT.leader, LAYOUT.size)
+    length, rows = length_slopes(
+        state.turn, state.place, LAYOUT.cable_bars, LAYOUT.cable_levers, LAYOUT.leader, LAYOUT.size
+    )
+    for column in range(LAYOUT.size):
+        change = np.zeros(LAYOUT.size)
+        change[column] = size
+        more, less = state.corrected(change), state.corrected(-change)
+        moved = [s.place[1] + s.turn[1] @ lever for s in (more, less)]
+        assert np.abs((moved[0] - moved[1]) / (2 * size) - slopes[:, column]).max() < 1e-7
+        lengths = [
+            length_slopes(s.turn, s.place, LAYOUT.cable_bars, LAYOUT.cable_levers, LAYOUT.leader, LAYOUT.size)[0]
+            for s in (more, less)
+        ]
+        assert np.abs((lengths[0] - lengths[1]) / (2 * size) - rows[:, column]).max() < 1e-7
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3, :3] = state.turn
+    poses[:, :3, 3] = state.place - np.einsum("bij,bj->bi", state.turn, LAYOUT.reference_m)
+    assert np.abs(length - cable_lengths(ROBOT, poses)[0]).max() < 1e-12
+
+
+def test_heading_and_place_are_never_known_better():
+    """A turn about the vertical and a shift leave every measurement as it is, at any state and at all times."""
+    unknown = np.zeros((LAYOUT.size, 4))
+    for bar in range(3):
+        unknown[LAYOUT.turn(bar), 3] = UP
+        unknown[LAYOUT.place(bar), :3] = np.eye(3)
+    for endcap in range(6):
+        unknown[LAYOUT.anchor(endcap), :3] = np.eye(3)
+    for seed in range(3):
+        state = Moving(seed)
+        _, rows = length_slopes(
+            state.turn, state.place, LAYOUT.cable_bars, LAYOUT.cable_levers, LAYOUT.leader, LAYOUT.size
+        )
+        assert np.abs(rows @ unknown).max() < 1e-12
+        spread = unknown @ unknown.T
+        state.anchored[:] = 1
+        state.predicted(spread, 0.005)
+        assert np.abs(spread - unknown @ unknown.T).max() < 1e-12
+
+
+def test_at_the_prism_lengths_leave_one_motion_and_three_turns_open():
+    poses = balanced_shape(ROBOT).T_world_bar
+    slopes = cable_lengths(ROBOT, poses)[1]
+    values = np.linalg.svd(slopes, compute_uv=False)
+    assert (values > 1e-3).sum() == 8  # nine lengths, eight motions: the ninth is of second order
+    assert slopes.shape[1] - 8 - 6 - 3 == 1  # 18 less eight, less the rigid motions, less the turns about the bars
+
+
+def test_normal_ratio_and_need_have_the_slopes_of_finite_differences_and_no_scale():
+    wrench = np.array([4.0, -3.0, -30.0, 0.2, 0.35, 0.05])
+    value, slopes = line_of_action_slopes(wrench, 0.065, 0.01)
+    for column, size in enumerate([1e-4] * 3 + [1e-6] * 3):
+        step = np.zeros(6)
+        step[column] = size
+        more, less = (line_of_action_slopes(wrench + sign * step, 0.065, 0.01)[0] for sign in (1, -1))
+        assert np.allclose((more - less) / (2 * size), slopes[:, column], rtol=1e-4, atol=1e-4)
+    scaled, _ = line_of_action_slopes(1.35 * wrench, 0.065, 0.01)
+    assert np.allclose(np.delete(scaled, 3), np.delete(value, 3)) and np.isclose(scaled[3], 1.35 * value[3])
+
+
+def test_independent_updates_are_those_of_the_kalman_filter():
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(LAYOUT.size, LAYOUT.size))
+    spread, rows, seen = root @ root.T, rng.normal(size=(4, LAYOUT.size)), rng.normal(size=4)
+    variance, found = np.array([0.5, 1.0, 2.0, 3.0]), np.empty(4)
+    gain = spread @ rows.T @ np.linalg.inv(rows @ spread @ rows.T + np.diag(variance))
+    expected = spread - gain @ rows @ spread
+    change = update_step(spread, rows, seen, variance, np.inf, found)
+    assert np.allclose(change, gain @ seen) and np.allclose(spread, expected, atol=1e-8) and (found >= 0).all()
+
+
+@pytest.mark.parametrize("truth", [0.3, 0.7])
+def test_friction_is_learned_from_contacts_of_which_some_slip(truth):
+    rng, weights = np.random.default_rng(1), FIRST
+    for _ in range(400):
+        slips = rng.random() < 0.2
+        ratio = (truth if slips else truth * rng.random()) + rng.normal(0, 0.02)
+        weights = learned(weights, ratio, 0.02, slip_probability(weights, ratio, 0.02))
+    mean, spread = moments(weights)
+    assert abs(mean - truth) < 0.1 * truth + 0.02 and spread < 0.1
+    assert slip_probability(weights, truth, 0.02) > 0.5 > 0.05 > slip_probability(weights, 0.5 * truth, 0.02)
+    assert len(weights) == len(COEFFICIENTS)

@@ -69,7 +69,7 @@ class PageServer:
     def __init__(self, run: LiveRun, recording: Recording, host: str = "127.0.0.1", port: int | None = None) -> None:
         self._run, self._recording = run, recording
         self.token = "" if is_loopback(host) else page_token()
-        self._socket = _listen(host, port)
+        self._socket = listen(host, port)
         self.address: tuple[str, int] = self._socket.getsockname()[:2]
         self.url = page_address(host, self.address[1], self.token)
         self._link, self._theirs = socket.socketpair()
@@ -211,13 +211,18 @@ def _plain(reported: dict[str, Any]) -> bytes:
     return json.dumps(reported, allow_nan=False, separators=(",", ":")).encode()
 
 
-def _listen(host: str, port: int | None) -> socket.socket:
+def listen(host: str, port: int | None) -> socket.socket:
+    """A listening socket; without a port 8008 or, where that is taken, any free one.
+
+    Raises:
+        ParameterError: no such address, or the port is taken.
+    """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, 8008 if port is None else port), family=family)
     except (OSError, OverflowError, UnicodeError) as error:
         if port is None:
-            return _listen(host, 0)
+            return listen(host, 0)
         raise ParameterError(
             f"--host {host} --port {port}: {error}: choose another port, or leave --port out", name="port", value=port
         ) from None

@@ -166,7 +166,7 @@ def build_app(run: Link, port: int) -> Starlette:
     viewers, cookie = _Viewers(), COOKIE.format(port)
 
     async def socket_(websocket: WebSocket) -> None:
-        if _refusal(websocket, run.token, cookie) or not _same_origin(websocket) or viewers.count >= MOST_VIEWERS:
+        if refusal(websocket, run.token, cookie) or not same_origin(websocket) or viewers.count >= MOST_VIEWERS:
             await websocket.close(1008)
             return
         await websocket.accept()
@@ -185,9 +185,9 @@ def _files(run: Link, cookie: str) -> list[Route]:
     """The page itself."""
 
     async def file(request: Request) -> Response:
-        refusal = _refusal(request, run.token, cookie)
-        if refusal:
-            return HTMLResponse(LOCKED.format(refusal), 403, HEADERS)
+        said = refusal(request, run.token, cookie)
+        if said:
+            return HTMLResponse(LOCKED.format(said), 403, HEADERS)
         name, kind = STATIC[request.url.path]
         text = importlib.resources.files("sensing.live.web").joinpath("static", name).read_text("utf-8")
         response = Response(text, media_type=kind, headers=HEADERS)
@@ -217,9 +217,9 @@ def _answers(run: Link, cookie: str) -> list[Route]:
 
     def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
         async def checked(request: Request) -> Response:
-            refusal = _refusal(request, run.token, cookie)
-            if refusal or not _same_origin(request):
-                return PlainTextResponse(refusal or "Asked for by another page.", 403, HEADERS)
+            said = refusal(request, run.token, cookie)
+            if said or not same_origin(request):
+                return PlainTextResponse(said or "Asked for by another page.", 403, HEADERS)
             return await answer(request)
 
         return checked
@@ -250,8 +250,12 @@ async def _answer(websocket: WebSocket, run: Link) -> None:
             await websocket.send_bytes(jpeg)
 
 
-def _refusal(connection: HTTPConnection, token: str, cookie: str) -> str:
-    """Why a request is refused, and what to do; empty if it is not."""
+def refusal(connection: HTTPConnection, token: str, cookie: str) -> str:
+    """Why a request is refused, and what to do; empty if it is not.
+
+    Args:
+        connection: what asks. token: that it must know; empty for none, on loopback. cookie: name under which it may.
+    """
     if token:
         given = connection.query_params.get("token") or connection.cookies.get(cookie) or ""
         if secrets.compare_digest(given.encode(), token.encode()):
@@ -268,7 +272,7 @@ def _refusal(connection: HTTPConnection, token: str, cookie: str) -> str:
     )  # fmt: skip
 
 
-def _same_origin(connection: HTTPConnection) -> bool:
+def same_origin(connection: HTTPConnection) -> bool:
     """Pages of other sites may not talk to this one through a viewer's browser."""
     origin = connection.headers.get("origin")
     return origin is None or urlsplit(origin).netloc == connection.headers.get("host", "")

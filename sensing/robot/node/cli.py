@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
@@ -20,6 +21,10 @@ from sensing.robot.node.terminal import RobotTerminal
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.robot_file import SHIPPED, load_robot
 from sensing.tensegrity.samples import Sample
+
+if TYPE_CHECKING:
+    from sensing.robot.node.page import RobotPage
+    from sensing.robot.node.ros_topics import RobotTopics
 
 DESCRIPTION = """\
 Pose and shape of a tensegrity robot, and which of its endcaps hold, roll, slip or are free: from the wrenches of the
@@ -92,10 +97,14 @@ def _run(options: argparse.Namespace) -> int:
 
         recorder = RobotRecorder(options.record, robot, description)
         outputs.append(recorder)
+    shown = _shown(options, robot, lines)
+    outputs += shown
     try:
         with Stop() as stop:
             run_robot(source, estimator, outputs, lambda: stop.asked.is_set() or out.gone)
     finally:
+        for each in shown:
+            each.close()
         if recorder is not None:
             recorder.close()
             lines.write(printable(recorder.note) + "\n")
@@ -104,6 +113,19 @@ def _run(options: argparse.Namespace) -> int:
     if terminal.last is None and not out.gone and not stop.asked.is_set():
         raise ParameterError("no estimate: the robot must stand for half a second first, and cables report lengths")
     return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+
+
+def _shown(options: argparse.Namespace, robot: TensegrityRobot, lines: Lines) -> list[RobotPage | RobotTopics]:
+    """Page and topics, as far as they are asked for."""
+    from sensing.robot.node.page import RobotPage
+    from sensing.robot.node.ros_topics import RobotTopics
+
+    shown: list[RobotPage | RobotTopics] = [RobotTopics(robot)] if options.ros else []
+    if not options.no_page:
+        shown.append(page := RobotPage(robot, options.port))
+        page.start()
+        lines.write(f"page: {page.url}\n")
+    return shown
 
 
 def _replay(options: argparse.Namespace) -> int:
@@ -145,6 +167,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
     parser.add_argument("--record", type=Path, metavar="FILE", help="MCAP of all samples and estimates")
     parser.add_argument("--json", action="store_true", help="a line of JSON an estimate on stdout; the rest on stderr")
+    parser.add_argument("--no-page", action="store_true", help="numbers here only")
+    parser.add_argument("--port", type=int, metavar="N", help="port of the page (8008, or any free one)")
+    parser.add_argument("--ros", action="store_true", help="ROS 2 topics over DDS, domain ROS_DOMAIN_ID")
     simulated = parser.add_argument_group("the simulated robot")
     simulated.add_argument("--terrain", metavar="NAME", help="what it walks on (flat)")
     simulated.add_argument("--seed", type=int, metavar="N", help="of the ground and all noise (1)")

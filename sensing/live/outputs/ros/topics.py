@@ -85,17 +85,8 @@ class RosTopics(QueuedSink):
         self._writers: dict[str, dict[str, Any]] = {}
         self._diagnostics: Any = None
         self._transforms: Any = None
-        try:
-            from cyclonedds.core import DDSException
-        except ImportError:
-            raise ParameterError("--ros needs Cyclone DDS: run pip install 'endcap-toolkit[ros]'", name="ros") from None
-        try:
-            self._participant, self._owner = _participant(self._domain)
-            self._open()
-        except DDSException as error:
-            raise ParameterError(
-                f"--ros: DDS cannot start in domain {self._domain} ({error}): is there a network interface?", name="ros"
-            ) from None
+        self._participant, self._owner = open_participant(self._domain)
+        self._open()
 
     @property
     def note(self) -> str:
@@ -185,8 +176,26 @@ def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, A
     return found
 
 
+def open_participant(domain: int | None = None) -> tuple[Any, Any]:
+    """(participant of the domain, what keeps its configuration), on the network that ROS's variables ask for.
+
+    Raises:
+        ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.
+    """
+    number = domain_id(domain)
+    try:
+        from cyclonedds.core import DDSException
+    except ImportError:
+        raise ParameterError("--ros needs Cyclone DDS: run pip install 'endcap-toolkit[ros]'", name="ros") from None
+    try:
+        return _participant(number)
+    except DDSException as error:
+        raise ParameterError(
+            f"--ros: DDS cannot start in domain {number} ({error}): is there a network interface?", name="ros"
+        ) from None
+
+
 def _participant(domain: int) -> tuple[Any, Any]:
-    """(participant of the domain, what keeps its configuration), on the network that ROS's variables ask for."""
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain, DomainParticipant
 

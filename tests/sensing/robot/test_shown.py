@@ -1,0 +1,139 @@
+"""What a run shows: its page on loopback, and its ROS 2 topics as a second process sees them."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from standing_robot import feed, standing_samples
+
+from sensing.live.web.process import HEADERS
+from sensing.robot.estimator import RobotEstimator
+from sensing.robot.node.page import RobotPage, ellipse
+from sensing.robot.node.record import Report
+from sensing.tensegrity.robot_file import load_robot
+
+ROOT, PATIENCE_S = Path(__file__).resolve().parents[3], 180.0
+ROBOT = load_robot()
+SUBSCRIBER = """
+import json, sys, time
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import dds
+from sensing.live.outputs.ros.messages import TRANSFORMS
+from sensing.live.outputs.ros.topics import open_participant
+from sensing.robot.node import messages
+participant, owner = open_participant(int(sys.argv[1]))
+kinds = {"rt/robot/bar/green/odometry": messages.ODOMETRY, "rt/robot/endcaps": messages.POSES,
+         "rt/robot/estimate": ros.STRING, "rt/tf": TRANSFORMS}
+qos = dds.quality()
+readers = {name: DataReader(participant, Topic(participant, name, dds.idl_type(kind), qos=qos), qos=qos)
+           for name, kind in kinds.items()}
+print("ready", flush=True)
+end, got = time.monotonic() + float(sys.argv[2]), {}
+while len(got) < len(readers) and time.monotonic() < end:
+    for name, reader in readers.items():
+        for sample in reader.take(1):
+            got[name] = sample
+    time.sleep(0.01)
+odometry, poses, text, tf = (got[name] for name in kinds)
+place = odometry.pose.pose.position
+print(json.dumps({
+    "frames": [odometry.header.frame_id, odometry.child_frame_id], "place": [place.x, place.y, place.z],
+    "covariance": list(odometry.pose.covariance), "endcaps": [[p.position.x, p.position.y] for p in poses.poses],
+    "time_s": json.loads(text.data)["time_s"], "children": [t.child_frame_id for t in tf.transforms],
+}), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def report():
+    poses, samples = standing_samples(ROBOT, 1.0)
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, samples)
+    return Report(estimator.state(), poses, 0.0)
+
+
+@pytest.fixture
+def page():
+    served = RobotPage(ROBOT, 0)
+    served.start()
+    yield served
+    served.close()
+
+
+def asked(url, **headers):
+    """(status, headers, body)."""
+    for _ in range(500):
+        try:
+            with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=PATIENCE_S) as answer:
+                return answer.status, dict(answer.headers), answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, dict(error.headers), error.read()
+        except urllib.error.URLError:
+            time.sleep(0.02)
+    raise AssertionError("no answer")
+
+
+def test_the_page_shows_the_newest_report(page, report):
+    assert json.loads(asked(page.url + "state.json")[2]) is None
+    page.report(report)
+    state = json.loads(asked(page.url + "state.json")[2])
+    assert state["time_s"] == report.estimate.time_s and state["drift_m"] == report.drift_m(ROBOT)
+    assert np.shape(state["truth"]) == (3, 4, 4) and len(state["path"]) == len(state["drift"]) == 1
+    about = json.loads(asked(page.url + "about.json")[2])
+    assert [bar["name"] for bar in about["bars"]] == ["red", "green", "blue"] and len(about["cables"]) == 9
+    for name in ("", "robot.js", "robot.css", "favicon.svg"):
+        status, headers, body = asked(page.url + name)
+        assert status == 200 and body
+        assert all(headers[key.lower()] == value for key, value in HEADERS.items())
+
+
+def test_the_page_is_for_this_computer_and_its_own_scripts(page):
+    assert asked(page.url + "state.json", Host="example.org")[0] == 403
+    assert asked(page.url, Host="example.org")[0] == 403
+    assert asked(page.url + "state.json", Origin="http://example.org")[0] == 403
+    assert asked(page.url + "../record.py")[0] == 404
+
+
+def test_the_ellipse_is_that_of_two_standard_deviations():
+    covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
+    away = ellipse(np.array([1.0, 2.0]), covariance) - [1.0, 2.0]
+    assert np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away) == pytest.approx(4.0)
+
+
+def test_a_second_process_sees_the_topics(report, monkeypatch):
+    pytest.importorskip("cyclonedds")
+    from sensing.robot.node.ros_topics import RobotTopics
+
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    domain = 101 + os.getpid() % 100  # beside other runs on this computer
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", SUBSCRIBER, str(domain), str(PATIENCE_S)]
+    other = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    topics = RobotTopics(ROBOT, domain)
+    try:
+        assert other.stdout.readline() == "ready\n"
+        end = time.monotonic() + PATIENCE_S
+        while other.poll() is None and time.monotonic() < end:
+            topics.report(report)
+            time.sleep(0.05)
+        found = json.loads(other.stdout.read())
+    finally:
+        topics.close()
+        other.kill()
+        other.wait()
+    bar = report.estimate.bars[1]
+    assert found["frames"] == ["world", "bar_green"] and found["children"] == ["bar_red", "bar_green", "bar_blue"]
+    assert found["place"] == bar.T_world_bar[:3, 3].tolist()
+    assert found["covariance"] == bar.covariance[:6, :6].ravel().tolist()
+    assert found["endcaps"] == [endcap.centre_m[:2].tolist() for endcap in report.estimate.endcaps]
+    assert found["time_s"] == report.estimate.time_s

@@ -3,17 +3,20 @@
     PYTHONPATH=. python bench/bench_contact.py law STATES...          # sets written with --render off
     PYTHONPATH=. python bench/bench_contact.py slip STATES...         # needs torch
     PYTHONPATH=. python bench/bench_contact.py curvature              # solves some twenty states
+    PYTHONPATH=. python bench/bench_contact.py places FRAMES...       # rendered sets, as sensing.evaluate reads them
 
 ``law`` fits the constants of :mod:`sensing.wrench.plane_contact` to three quarters of the paths and prints what they
 leave on the others. ``slip`` asks a perceptron for the share of slipping contact, from the true displacements of all
 dots with the tracker's noise, of paths never seen. ``curvature`` gives the least standard deviation of the curvature of
-the ground (Cramer-Rao) where tilt, forces and azimuth are unknown, too.
+the ground (Cramer-Rao) where tilt, forces and azimuth are unknown, too. ``places`` runs the live pipeline, calibrated
+from the rest picture, and prints by how much contact centre and normal are off.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +26,10 @@ from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 from sensing.design.bound import BORDER_PX, MOVING_PX, SHARE, SIZE_PX, STILL_PX, smallest_covariance
+from sensing.evaluation.live_answers import live_answers
 from sensing.frames import T_sphere_endcap, wrench_adjoint
+from sensing.learning.found_camera import found_camera
+from sensing.live.core.model import load_model
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -37,20 +43,52 @@ PARAMS = EndcapParams(130, 8)
 LOADS_N, STEEPEST_DEG = (1.0, 40.0), 52.0  # of the states that count
 NOISE_MM = 0.01  # E: the tracker's, on the dome
 CURVED_MM = 200.0  # radius of the slightly curved ground whose difference from a plane gives the slope
+PLACE_RANGES = ((5, 35, 50), (1, 5, 50), (0, 1000, 90))  # N from, N to, degrees at most
+CIRCLE_95 = np.sqrt(-2 * np.log(0.05))  # radius in standard deviations of one direction that holds 95 %
 EPOCHS, HIDDEN, COMPONENTS = 25, 96, 80
 
 
 def main() -> int:
     """Run the study asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("study", choices=("law", "slip", "curvature"))
+    parser.add_argument("study", choices=("law", "slip", "curvature", "places"))
     parser.add_argument("states", type=Path, nargs="*")
     options = parser.parse_args()
     if options.study == "curvature":
         curvature()
+    elif options.study == "places":
+        places(options.states)
     else:
         {"law": law, "slip": slip}[options.study](pushed(options.states))
     return 0
+
+
+def places(folders: list[Path]) -> None:
+    """Medians by load and tilt, and how many lie inside the stated 95 %.
+
+    Args:
+        folders: of rendered sets; all frames count together.
+    """
+    off, load, tilt = [], [], []
+    for folder in folders:
+        data = LabelledSet(folder)
+        with tempfile.TemporaryDirectory() as kept:
+            camera = Path(kept) / "camera.json"
+            found_camera(data).save(camera)
+            answers = live_answers(data, load_model("default", data.params), camera)
+        answers = answers.take(answers.contact & np.isfinite(answers.place).all(axis=1))
+        off.append(answers.place)
+        load.append(np.linalg.norm(answers.truth[:, :3], axis=1))
+        tilt.append(answers.tilt_deg)
+    place, force, steep = np.concatenate(off), np.concatenate(load), np.concatenate(tilt)
+    for low, high, most in PLACE_RANGES:
+        use = (force >= low) & (force < high) & (steep <= most)
+        inside = 100 * (place[use, :2] <= CIRCLE_95 * place[use, 2:]).mean(axis=0)
+        centre, normal = np.median(place[use, :2], axis=0)
+        print(
+            f"{low:g} to {high:g} N, to {most:g} degrees: {use.sum()} frames, centre off {centre:.2f}, normal off "
+            f"{normal:.2f} degrees, within the stated 95 %: {inside[0]:.0f} %, {inside[1]:.0f} %"
+        )
 
 
 def pushed(folders: list[Path]) -> dict[str, Array]:

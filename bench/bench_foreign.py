@@ -3,11 +3,13 @@
     sudo apt-get install calculix-ccx
     python -m pip install --target exports/blender bpy==4.2.0        # 500 MB, GPL: for this bench alone
     PYTHONPATH=. python bench/bench_foreign.py --blender exports/blender
+    PYTHONPATH=. python bench/bench_foreign.py --forces              # whose force is right; needs no bpy
 
 Solves two paths of the plane and renders them as two sensors see them: one with another lens, one whose camera is
-turned and shifted, too, with another lens law and shiny ink (six minutes of one core; what is there is kept). Then each
-is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs; ``python -m
-sensing.evaluate exports/foreign/other*/`` reads the same sets. Writes bench/foreign.csv and bench/foreign.jpg.
+turned and shifted, too, with another lens law and shiny ink (half an hour of one core; what is there is kept). Then
+each is calibrated from its rest picture and answered by the pipeline that ``sensing.live`` runs; ``python -m
+sensing.evaluate exports/foreign/other*/`` reads the same sets. Writes bench/foreign.csv, foreign_links.csv (which link
+of the chain costs what), foreign_forces.csv (the same presses on finer and finer meshes) and foreign.jpg.
 """
 
 from __future__ import annotations
@@ -21,31 +23,21 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.interpolate import RBFInterpolator
 
+from bench.foreign.forces import force_rows
 from bench.foreign.ink import Hand
-from bench.foreign.mesh import Shell
-from bench.foreign.press import PlanePath, Pressed, Silicone, pressed
+from bench.foreign.links import Link, links, our_states
+from bench.foreign.solved import DESIGN, PATHS, solved
 from bench.foreign.world import Look, write_set
-from cad.materials import silicone
-from cad.params import EndcapParams
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import found_camera
 from sensing.live.core.model import load_model
 from sensing.records_labelled import LabelledSet
-from sensing.simulator.contact.indenter import Indenter
-from sensing.simulator.levels import Simulator
-from sensing.simulator.press.press import Target
-from sensing.simulator.scene import Scene
-from sensing.simulator.solid.geometry import shell_geometry
 
 HERE = Path(__file__).parent
-SEEN_MM = 20.0  # height above which the inner surface is compared
 NORMAL_95 = 1.959964
-PATHS = (  # tilt, friction, (depth, travel) of the plane; the last state is on the way back
-    PlanePath(24, 0.8, ((1.2, 0.0), (2.8, -0.5), (4.6, 0.6), (6.6, 0.6), (4.0, 0.9))),
-    PlanePath(42, 0.35, ((2.0, 0.0), (3.8, 1.0), (5.6, 0.3), (7.2, -0.5), (3.4, -0.5))),
-)
+LOADS_N = (5.0, 35.0)  # true forces that count
+OURS = ("data",)  # meshes of our simulator on the same paths: that of the training
 LOOKS = {
     "other lens": Look("equisolid", 245.0, azimuth_deg=35.0),
     "other law, turned": Look(
@@ -59,68 +51,71 @@ LOOKS = {
 def main() -> int:
     """Solve and render what is missing, answer, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--blender", type=Path, required=True, help="folder into which bpy was installed")
+    parser.add_argument("--blender", type=Path, help="folder into which bpy was installed")
+    parser.add_argument("--forces", action="store_true", help="compare the forces of both programs, mesh by mesh")
     parser.add_argument("--sets", type=Path, default=Path("exports/foreign"), help="where states and pictures are put")
     parser.add_argument("--weights", type=Path, help="of the model (those that ship)")
-    parser.add_argument("--samples", type=int, default=3, help="of the renderer, a pixel")
+    parser.add_argument("--samples", type=int, default=6, help="of the renderer, a pixel")
     parser.add_argument("--threads", type=int, default=1, help="of the renderer")
-    parser.add_argument("--compare", nargs="*", default=[], metavar="DENSITY", help="our own meshes on the same paths")
     parser.add_argument("--out", type=Path, default=HERE / "foreign.csv")
     options = parser.parse_args()
-    states = [_solved(options.sets, number) for number in range(len(PATHS))]
-    for density in options.compare:
-        compare(states, density)
-    rows = []
+    if options.blender is None and not options.forces:
+        parser.error("give --blender FOLDER (pictures), --forces (forces of both programs), or both")
+    options.sets.mkdir(parents=True, exist_ok=True)
+    if options.forces:
+        _write(
+            options.out.with_stem("foreign_forces"),
+            force_rows(options.sets, load_model("default", DESIGN, options.weights)),
+        )
+    if options.blender is not None:
+        _pictures(options)
+    return 0
+
+
+def _pictures(options: argparse.Namespace) -> None:
+    """Both sensors: their pictures, answers and links."""
+    states = [solved(options.sets, path) for path in PATHS]
+    ours = {density: our_states(PATHS, density) for density in OURS}
+    rows, chains = [], []
     for name, look in LOOKS.items():
         folder = options.sets / name.replace(",", "").replace(" ", "_")
         if len(list((folder / "shards").glob("*.npz"))) < len(PATHS):
             write_set(folder, list(PATHS), states, look, options.blender, options.samples, options.threads)
-        rows += _answered(name, LabelledSet(folder), options.weights)
-    with options.out.open("w", newline="") as stream:
+        data = LabelledSet(folder)
+        model = load_model("default", data.params, options.weights)
+        rows += _answered(name, data, options.weights)
+        chains += _summed(name, links(data, model, states, ours))
+    _write(options.out, rows)
+    _write(options.out.with_stem("foreign_links"), chains)
+    picture = options.sets / "other_law_turned" / "pictures" / "00" / "00003.png"
+    cv2.imwrite(str(options.out.with_suffix(".jpg")), cv2.imread(str(picture)), [cv2.IMWRITE_JPEG_QUALITY, 80])
+
+
+def _write(path: Path, rows: list[dict[str, Any]]) -> None:
+    """A table, and its lines on the screen."""
+    with path.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    picture = options.sets / "other_law_turned" / "pictures" / "00" / "00004.png"
-    cv2.imwrite(str(options.out.with_suffix(".jpg")), cv2.imread(str(picture)), [cv2.IMWRITE_JPEG_QUALITY, 80])
+        writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     for row in rows:
         print(*(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()), sep="  ")
-    return 0
 
 
-def compare(states: list[Pressed], density: str) -> None:
-    """Our simulator's force over theirs with the plane in the same place, and their displacements over ours.
-
-    Args:
-        states: theirs, of every path. density: of our mesh.
-    """
-    simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), density)
-    rest = simulator.surface.position
-    use = (rest[:, 1] >= 0) & (rest[:, 2] > SEEN_MM)
-    for path, theirs in zip(PATHS, states, strict=True):
-        targets = [Target(depth_mm=depth, shift_mm=(shift, 0.0)) for depth, shift in path.places]
-        ours = simulator.follow(Scene(Indenter(path.tilt_deg), path.friction), targets)
-        for state, moved, wrench in zip(ours, theirs.moved, theirs.wrench, strict=True):
-            force = np.linalg.norm(state.force_n) / np.linalg.norm(wrench[:3])
-            surface, other = state.surface_mm[use], RBFInterpolator(theirs.rest, moved, neighbors=30)(rest[use])
-            scale = (surface * other).sum() / (surface**2).sum()
-            where = f"{density}, {path.tilt_deg:g} degrees, {np.linalg.norm(wrench[:3]):.1f} N"
-            print(f"{where}: our force {force:.3f} of theirs, their displacement {scale:.3f} of ours", flush=True)
-
-
-def _solved(folder: Path, number: int) -> Pressed:
-    """A path's states, solved once."""
-    file = folder / f"path_{number}.npz"
-    if not file.exists():
-        params, law = EndcapParams(130, 8), silicone().neo_hooke()
-        shell = Shell(
-            params.outer_radius_mm, params.inner_radius_mm, params.centre_height_mm, params.flange_thickness_mm
-        )
-        made = pressed(shell, Silicone(law.c10_mpa, law.bulk_mpa), PATHS[number], folder / f"ccx_{number}")
-        np.savez(folder / f"ccx_{number}" / "states.npz", **vars(made))
-        (folder / f"ccx_{number}" / "states.npz").rename(file)
-        print(f"path {number}: forces", *np.linalg.norm(made.wrench[:, :3], axis=1).round(1), flush=True)
-    with np.load(file) as found:
-        return Pressed(**{name: found[name] for name in found.files})
+def _summed(name: str, found: list[Link]) -> list[dict[str, Any]]:
+    """Error of every chain of one sensor, over the loads that count."""
+    rows = []
+    for chain in dict.fromkeys(link.chain for link in found):
+        of_chain = [link for link in found if link.chain == chain]
+        use = [link for link in of_chain if LOADS_N[0] <= np.linalg.norm(link.truth[:3]) <= LOADS_N[1]]
+        error = np.array([link.error for link in use])
+        rmse = np.sqrt((error**2).mean(axis=0))
+        share = 100 * np.mean([link.error[2] / np.linalg.norm(link.truth[:3]) for link in use])
+        rows.append(
+            {"sensor": name, "chain": chain, "frames": len(use), "fx_n": rmse[0], "fy_n": rmse[1], "fz_n": rmse[2],
+             "fz_bias_n": error[:, 2].mean(), "fz_bias_percent": float(share),
+             "tracked_px": float(np.mean([link.tracked_px for link in use]))}
+        )  # fmt: skip
+    return rows
 
 
 def _answered(name: str, data: LabelledSet, weights: Path | None) -> list[dict[str, Any]]:
@@ -140,7 +135,7 @@ def _answered(name: str, data: LabelledSet, weights: Path | None) -> list[dict[s
 def _errors(row: dict[str, Any], answers: LiveAnswers) -> list[dict[str, Any]]:
     """Over all frames, and tilt by tilt."""
     load = np.linalg.norm(answers.truth[:, :3], axis=1)
-    within = (load >= 5) & (load <= 35)
+    within = (load >= LOADS_N[0]) & (load <= LOADS_N[1])
     groups = {"all": within} | {
         f"{tilt:g}": within & (answers.tilt_deg == tilt) for tilt in np.unique(answers.tilt_deg)
     }

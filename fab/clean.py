@@ -19,7 +19,7 @@ from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
 
 EXPORTS = Path(__file__).resolve().parent.parent / "exports"
-RECORDS = ("manifest.json", "slice.json", "sheet.json", "coupons.json", "led_ring.json")
+RECORDS = ("manifest.json", "slice.json", "sheet.json", "coupons.json", "led_ring.json", "robot_model.json")
 KEPT = {EXPORTS / "README.md"}  # under version control
 LINES = 12  # of what stays
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from bench.foreign.forces import extrapolated
 from bench.foreign.ink import TEXELS, Hand, map_places, texture
-from bench.foreign.mesh import Shell, wedge_mesh
+from bench.foreign.mesh import GRAINS, Shell, brick_mesh
 from bench.foreign.press import PlanePath, Pressed
 from bench.foreign.world import Look, _plane, turn, whole_surface
 from cad.params import EndcapParams
@@ -20,19 +21,18 @@ def below(radius):
 
 @pytest.fixture(scope="module")
 def mesh():
-    return wedge_mesh(SHELL, 25, layers=1)
+    return brick_mesh(SHELL, 25, GRAINS["draft"])
 
 
 def test_the_mesh_fills_half_the_shell_and_lies_on_it(mesh):
-    a, b, c, d, e, f = (mesh.points[mesh.wedges[:, k]] for k in range(6))
-    tetrahedra = ((a, b, c, d), (b, e, f, d), (b, f, c, d))
-    volume = np.array([np.einsum("ij,ij->i", np.cross(q - p, r - p), s - p) / 6 for p, q, r, s in tetrahedra]).sum(
-        axis=0
-    )
+    corner = mesh.points[mesh.bricks[:, :8]]
+    tetrahedra = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
+    edges = [[corner[:, k] - corner[:, part[0]] for k in part[1:]] for part in tetrahedra]
+    volume = np.array([np.einsum("ij,ij->i", np.cross(p, q), r) / 6 for p, q, r in edges])
     assert volume.min() > 0
     assert volume.sum() == pytest.approx((below(65) - below(57)) / 2, rel=0.03)  # straight edges
     radius = np.linalg.norm(mesh.points - [0, 0, SHELL.centre_mm], axis=1)
-    assert np.allclose(radius[mesh.inner], 57, atol=1e-9) and np.allclose(radius[mesh.wedges[mesh.top][:, 3]], 65)
+    assert np.allclose(radius[mesh.inner], 57, atol=1e-9) and np.allclose(radius[mesh.bricks[mesh.top][:, 4:8]], 65)
     assert np.allclose(mesh.points[mesh.clamp, 2], SHELL.clamp_mm, atol=1e-9)
     assert (mesh.points[:, 1] > -1e-9).all() and np.abs(mesh.points[mesh.mirror, 1]).max() < 1e-9
 
@@ -69,3 +69,11 @@ def test_the_true_camera_has_the_lens_of_the_renderer():
     camera = Look("equisolid", 245.0).camera(EndcapParams(130, 8)).camera
     angle = np.radians([10, 50, 85])
     assert np.allclose(camera.radius(angle), 2 * np.sin(angle / 2), atol=2e-5)
+
+
+def test_the_limit_of_three_meshes_and_its_order():
+    sizes = [7.0, 5.0, 3.6]
+    limit, order = extrapolated(sizes, np.array([30.0 + 0.02 * h**1.7 for h in sizes]))
+    assert limit == pytest.approx(30.0, abs=1e-9) and order == pytest.approx(1.7, abs=1e-9)
+    swinging, unknown = extrapolated(sizes, np.array([30.0, 30.2, 30.1]))
+    assert swinging == 30.1 and np.isnan(unknown)

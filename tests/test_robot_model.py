@@ -15,6 +15,7 @@ from endcap.robot_model import __main__ as command
 from endcap.robot_model import checked, folder, usd
 from endcap.robot_model.parts import EndcapParts, plastic_share, solid_inertial
 from endcap.robot_model.urdf import endcap_urdf
+from fab.clean import remove_made
 from sensing.simulator.robot_model.model import MOVING_SHARE, robot_model
 
 SIDES_MM = np.array([40.0, 60.0, 100.0])
@@ -94,6 +95,7 @@ def test_without_mujoco_it_says_so_and_writes(tmp_path, stub, capsys, monkeypatc
     made = tmp_path / "D130_T8" / "robot_model"
     assert json.loads((made / "robot_model.json").read_text())["mujoco"] == checked.NOT_CHECKED
     assert 'friction="0.5 ' in (made / "endcap.xml").read_text() and not (made / "check.csv").exists()
+    assert remove_made(tmp_path) == 5 and not list(tmp_path.iterdir())  # make clean knows its record
 
 
 def test_a_file_that_creeps_is_not_kept(tmp_path, stub, capsys, monkeypatch):

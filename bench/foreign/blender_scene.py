@@ -38,7 +38,7 @@ def main() -> None:
             continue
         mesh.vertices.foreach_set("co", (MM * vertices).astype(np.float32).ravel())
         mesh.update()
-        bpy.context.scene.cycles.seed = number
+        bpy.context.scene.cycles.seed, bpy.context.scene.cycles.samples = number, int(scene["samples"][number])
         bpy.context.scene.render.filepath = str(picture)
         bpy.ops.render.render(write_still=True)
 
@@ -52,7 +52,7 @@ def settings(scene) -> None:
     here.world = world
     here.render.engine = "CYCLES"
     here.cycles.device = "CPU"
-    here.cycles.samples, here.cycles.use_denoising = int(scene["samples"]), False
+    here.cycles.use_denoising = False
     here.cycles.use_adaptive_sampling = False
     here.cycles.max_bounces, here.cycles.diffuse_bounces, here.cycles.glossy_bounces = 2, 2, 1
     here.cycles.sample_clamp_indirect = 3.0

@@ -1,8 +1,9 @@
-"""A mesh of the shell that is not the simulator's: triangles on a conformal map, stacked to quadratic wedges (mm).
+"""A mesh of the shell that is not the simulator's: triangles on a conformal map, cut into quadratic bricks (mm).
 
 Half of the shell, y >= 0, tip up, in the endcap frame. The surface is triangulated in its stereographic map by Persson
-and Strang's truss (2004, doi:10.1137/S0036144503429121), fine where the plane presses, then each triangle becomes a
-column of 15-node wedges (CalculiX's C3D15).
+and Strang's truss (2004, doi:10.1137/S0036144503429121), fine where the plane presses and along the clamp; each
+triangle is cut into three quadrangles, and each of those becomes a column of 20-node bricks (CalculiX's C3D20R: reduced
+integration, because fully integrated quadratic elements are too stiff for a nearly incompressible solid).
 """
 
 from __future__ import annotations
@@ -17,11 +18,33 @@ from scipy.spatial import Delaunay
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-FINE_MM, COARSE_MM, GROWTH = 4.5, 12.0, 0.22  # edges where the plane presses and far off, and how they grow between
-PATCH_MM = 20.0  # round the first touch, within which edges are fine
-LAYERS = 2
+PATCH_MM = 18.0  # round the first touch, within which edges are fine
+GROWTH = 0.22  # of edges with the way from what is fine
 ROUNDS, PUSH, STEP = 60, 1.2, 0.2  # of the truss
+CLAMP_MM, CLAMP_POWER = 16.0, 1.5  # toward the clamp bricks get thinner: its edge is singular
 EDGES = ((0, 1), (1, 2), (2, 0))
+
+
+@dataclass(frozen=True)
+class Grain:
+    """How fine the mesh is: edges of bricks, half of the truss's.
+
+    Attributes:
+        touch_mm, clamp_mm, far_mm: where the plane presses, along the clamp, between. layers: through the wall.
+    """
+
+    touch_mm: float
+    clamp_mm: float
+    far_mm: float
+    layers: int
+
+
+GRAINS = {
+    "draft": Grain(7.0, 8.5, 12.5, 2),
+    "coarse": Grain(5.0, 6.0, 9.0, 2),
+    "middle": Grain(3.6, 4.3, 6.5, 2),
+    "fine": Grain(2.6, 3.1, 4.7, 2),
+}
 
 
 @dataclass(frozen=True)
@@ -43,33 +66,39 @@ class Shell:
 
 
 @dataclass(frozen=True)
-class WedgeMesh:
-    """Nodes and wedges.
+class BrickMesh:
+    """Nodes and bricks.
 
     Attributes:
-        points: (n, 3) mm. wedges: (e, 15) in CalculiX's order, inner triangle first. top, bottom: (t,) wedges that own
-            the outer and the inner surface. inner: (t, 6) nodes of the inner surface's triangles, corners first.
+        points: (n, 3) mm. bricks: (e, 20) in CalculiX's order, inner face first. top: (q,) bricks that own the outer
+            surface. inner: (q, 8) nodes of the inner surface's quadrangles, corners first.
         clamp, mirror: nodes on the clamp and on y = 0.
     """
 
     points: Array
-    wedges: Index
+    bricks: Index
     top: Index
-    bottom: Index
     inner: Index
     clamp: Index
     mirror: Index
 
 
-def triangulated(shell: Shell, tilt_deg: float) -> tuple[Array, Index]:
-    """(points (n, 2) on the stereographic map of the mid surface, triangles (t, 3)), fine round a first touch."""
+def triangulated(shell: Shell, tilt_deg: float, grain: Grain) -> tuple[Array, Index]:
+    """Points (n, 2) on the stereographic map of the mid surface, and triangles (t, 3).
+
+    Args:
+        shell: the solid. tilt_deg: polar angle of first touch. grain: of the bricks.
+    """
     radius = (shell.outer_mm + shell.inner_mm) / 2
     rim = math.tan(shell.rim_rad(radius) / 2)
     touch = np.array([math.sin(math.radians(tilt_deg)), 0.0, math.cos(math.radians(tilt_deg))])
 
     def edge(at: Array) -> Array:
-        away = radius * np.arccos(np.clip(_direction(at) @ touch, -1, 1)) - PATCH_MM
-        wanted = np.clip(FINE_MM + GROWTH * np.maximum(away, 0), FINE_MM, COARSE_MM)
+        direction = _direction(at)
+        touched = radius * np.arccos(np.clip(direction @ touch, -1, 1)) - PATCH_MM
+        clamped = radius * (shell.rim_rad(radius) - np.arccos(np.clip(direction[:, 2], -1, 1)))
+        near = (grain.touch_mm + GROWTH * np.maximum(touched, 0), grain.clamp_mm + GROWTH * np.maximum(clamped, 0))
+        wanted = 2 * np.minimum(np.minimum(*near), grain.far_mm)
         return wanted / radius * (1 + (at**2).sum(axis=1)) / 2
 
     points = _scattered(rim, edge)
@@ -91,39 +120,56 @@ def triangulated(shell: Shell, tilt_deg: float) -> tuple[Array, Index]:
     return points, _cut(points, rim)
 
 
-def wedge_mesh(shell: Shell, tilt_deg: float, layers: int = LAYERS) -> WedgeMesh:
+def brick_mesh(shell: Shell, tilt_deg: float, grain: Grain) -> BrickMesh:
     """The half shell, fine round the first touch at a tilt.
 
     Args:
-        shell: the solid. tilt_deg: polar angle of first touch, on the meridian y = 0. layers: through the wall.
+        shell: the solid. tilt_deg: polar angle of first touch, on the meridian y = 0. grain: of the bricks.
     """
-    flat, triangles = triangulated(shell, tilt_deg)
-    edges, which = np.unique(
-        np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0, return_inverse=True
+    flat, quads = _quadrangles(*triangulated(shell, tilt_deg, grain))
+    sides, which = np.unique(
+        np.sort(quads[:, [[0, 1], [1, 2], [2, 3], [3, 0]]].reshape(-1, 2), axis=1), axis=0, return_inverse=True
     )
-    middle = len(flat) + which.reshape(-1, 3)
-    surface = np.concatenate([flat, flat[edges].mean(axis=1)])  # corners, then the middles of edges
-    on_rim = np.zeros(len(surface), dtype=bool)
-    size = np.linalg.norm(flat, axis=1)
-    on_rim[: len(flat)] = size > size.max() - 1e-9
-    on_rim[len(flat) :] = on_rim[edges].all(axis=1)
-    levels = [_level(shell, surface, on_rim, k / (2 * layers)) for k in range(2 * layers + 1)]
+    middle, corners = len(flat) + which.reshape(-1, 4), len(flat)
+    surface = _rimmed(np.concatenate([flat, flat[sides].mean(axis=1)]), sides, corners)
+    on_rim = np.linalg.norm(surface, axis=1) > np.linalg.norm(surface, axis=1).max() - 1e-9
+    levels = [_level(shell, surface, on_rim, k / (2 * grain.layers)) for k in range(2 * grain.layers + 1)]
     count = len(surface)
-    wedges = []
-    for layer in range(layers):
+    bricks = []
+    for layer in range(grain.layers):
         low, mid, high = (count * (2 * layer + k) for k in range(3))
-        wedges.append(
-            np.concatenate([low + triangles, high + triangles, low + middle, high + middle, mid + triangles], axis=1)
-        )
-    cells, used = _packed(np.concatenate(wedges))
+        bricks.append(np.concatenate([low + quads, high + quads, low + middle, high + middle, mid + quads], axis=1))
+    cells, used = _packed(np.concatenate(bricks))
     points = np.concatenate(levels)[used]
     back = np.full(count * len(levels), -1)
     back[used] = np.arange(len(used))
-    whole_rim = np.flatnonzero(np.tile(on_rim, len(levels))[used])
-    return WedgeMesh(
-        points, cells, np.arange((layers - 1) * len(triangles), layers * len(triangles)), np.arange(len(triangles)),
-        back[np.concatenate([triangles, middle], axis=1)], whole_rim, np.flatnonzero(np.abs(points[:, 1]) < 1e-9),
+    return BrickMesh(
+        points, cells, np.arange((grain.layers - 1) * len(quads), grain.layers * len(quads)),
+        back[np.concatenate([quads, middle], axis=1)], np.flatnonzero(np.tile(on_rim, len(levels))[used]),
+        np.flatnonzero(np.abs(points[:, 1]) < 1e-9),
     )  # fmt: skip
+
+
+def _quadrangles(flat: Array, triangles: Index) -> tuple[Array, Index]:
+    """Three quadrangles (3 t, 4) of every triangle (t, 3), and their corners."""
+    sides, which = np.unique(
+        np.sort(triangles[:, [list(pair) for pair in EDGES]].reshape(-1, 2), axis=1), axis=0, return_inverse=True
+    )
+    middle, inside = len(flat) + which.reshape(-1, 3), len(flat) + len(sides) + np.arange(len(triangles))
+    points = _rimmed(np.concatenate([flat, flat[sides].mean(axis=1)]), sides, len(flat))
+    points = np.concatenate([points, flat[triangles].mean(axis=1)])
+    return points, np.concatenate(
+        [np.stack([triangles[:, k], middle[:, k], inside, middle[:, k - 1]], axis=1) for k in range(3)]
+    )
+
+
+def _rimmed(points: Array, sides: Index, corners: int) -> Array:
+    """Points whose first ``corners`` are corners, then the middles of sides: those between two on the rim put on it."""
+    size = np.linalg.norm(points[:corners], axis=1)
+    rim = size.max()
+    outer = corners + np.flatnonzero((size[sides] > rim - 1e-9).all(axis=1))
+    points[outer] *= (rim / np.linalg.norm(points[outer], axis=1))[:, None]
+    return points
 
 
 def _packed(cells: Index) -> tuple[Index, Index]:
@@ -142,6 +188,8 @@ def _level(shell: Shell, surface: Array, on_rim: NDArray[np.bool_], share: float
     """Nodes of one level, ``share`` of the way from the inner to the outer sphere, its rim on the clamp."""
     radius, mid = shell.inner_mm + share * (shell.outer_mm - shell.inner_mm), (shell.outer_mm + shell.inner_mm) / 2
     polar = 2 * np.arctan(np.linalg.norm(surface, axis=1)) * shell.rim_rad(radius) / shell.rim_rad(mid)
+    left = np.maximum(shell.rim_rad(radius) - polar, 0) * radius / CLAMP_MM
+    polar = np.where(left < 1, shell.rim_rad(radius) - CLAMP_MM / radius * left**CLAMP_POWER, polar)
     polar = np.where(on_rim, shell.rim_rad(radius), polar)
     azimuth = np.arctan2(surface[:, 1], surface[:, 0])
     x, y = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth)

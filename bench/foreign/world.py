@@ -24,6 +24,7 @@ import numpy as np
 from bench.foreign.ink import Hand, map_places, texture
 from bench.foreign.mesh import Array, Index
 from bench.foreign.press import PlanePath, Pressed
+from bench.foreign.solved import DESIGN
 from cad.dots import dot_pattern
 from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
@@ -35,7 +36,8 @@ from sensing.records_labelled import COLUMNS, FORMAT
 
 SIZE = (640, 480)
 LAMP_W = 190.0  # E: gives a gray of about 110
-CUTS = 4  # parts of an edge of the solved mesh, in the picture's mesh
+REST_SAMPLES = 4  # of the rest picture, in those of a state: live averages ten frames for its reference
+CUTS = 5  # parts of an edge of the solved mesh, in the picture's mesh
 SCENE = Path(__file__).with_name("blender_scene.py")
 EQUISOLID = (-1 / 24, 1 / 1920, -1 / 322560, 0.0)  # 2 sin(angle / 2) as the camera model's series
 
@@ -86,31 +88,36 @@ class Surface:
 
 
 def whole_surface(pressed: Pressed, centre_mm: float, radius_mm: float) -> Surface:
-    """Both halves of a pressed surface, its quadratic triangles cut small.
+    """Both halves of a pressed surface, its quadratic quadrangles cut small into triangles.
 
     Args:
         pressed: of the half y >= 0. centre_mm: height of the sphere's centre. radius_mm: of the inner surface.
     """
-    corner = np.array([(i, j) for j in range(CUTS + 1) for i in range(CUTS + 1 - j)]) / CUTS
-    number = {(round(CUTS * a), round(CUTS * b)): k for k, (a, b) in enumerate(corner)}
-    small = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < CUTS]
-    small += [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number if i + j < CUTS - 1]
-    second, third = corner.T
-    first = 1 - second - third
-    shape = np.stack(
-        [first * (2 * first - 1), second * (2 * second - 1), third * (2 * third - 1), 4 * first * second,
-         4 * second * third, 4 * third * first], axis=1,
-    )  # fmt: skip
+    steps = np.linspace(-1, 1, CUTS + 1)
+    corner = np.array([(x, y) for y in steps for x in steps])
+    low = (np.arange(CUTS)[:, None] * (CUTS + 1) + np.arange(CUTS)).ravel()
+    small = np.concatenate(
+        [np.stack([low, low + 1, low + CUTS + 2], 1), np.stack([low, low + CUTS + 2, low + CUTS + 1], 1)]
+    )
+    shape = _serendipity(corner)
     rest = np.einsum("ka,tai->tki", shape, pressed.rest[pressed.inner]).reshape(-1, 3) - [0, 0, centre_mm]
     rest *= radius_mm / np.linalg.norm(rest, axis=1)[:, None]
     moved = np.einsum("ka,stai->stki", shape, pressed.moved[:, pressed.inner]).reshape(len(pressed.moved), -1, 3)
-    triangles = (np.arange(len(pressed.inner))[:, None, None] * len(corner) + np.array(small)).reshape(-1, 3)
+    triangles = (np.arange(len(pressed.inner))[:, None, None] * len(corner) + small).reshape(-1, 3)
     mirror = np.array([1.0, -1.0, 1.0])
     both = np.concatenate([rest, rest * mirror])
     _, keep, back = np.unique(both.round(4) + 0.0, axis=0, return_index=True, return_inverse=True)
     triangles = back.ravel()[np.concatenate([triangles, triangles[:, ::-1] + len(rest)])]
     moved = np.concatenate([moved, moved * mirror], axis=1)[:, keep]
     return Surface(both[keep] + [0, 0, centre_mm], moved, triangles)
+
+
+def _serendipity(at: Array) -> Array:
+    """(k, 8) shape functions of the 8-node quadrangle, corners first, at (k, 2) in -1..1."""
+    x, y = at.T
+    corners = [(1 + a * x) * (1 + b * y) * (a * x + b * y - 1) / 4 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    sides = [(1 - x * x) * (1 - y) / 2, (1 + x) * (1 - y * y) / 2, (1 - x * x) * (1 + y) / 2, (1 - x) * (1 - y * y) / 2]
+    return np.stack(corners + sides, axis=1)
 
 
 def turn(azimuth_deg: float) -> Array:
@@ -130,8 +137,7 @@ def write_set(
     Raises:
         RuntimeError: the renderer failed.
     """
-    params = EndcapParams(130, 8)
-    R = turn(look.azimuth_deg)
+    params = DESIGN
     (folder / "shards").mkdir(parents=True, exist_ok=True)
     look.camera(params).save(folder / "camera.json")
     design = {"diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm}
@@ -144,11 +150,8 @@ def write_set(
     reference = b""
     for number, (path, state) in enumerate(zip(paths, states, strict=True)):
         surface = whole_surface(state, params.centre_height_mm, params.inner_radius_mm)
-        shapes = np.concatenate([surface.rest[None], surface.rest + surface.moved]) @ R.T
         work = folder / "pictures" / f"{number:02d}"
-        pictures = _rendered(
-            work, shapes if number == 0 else shapes[1:], surface, R, look, params, blender, samples, threads
-        )
+        pictures = rendered(work, number, surface, look, blender, samples, threads)
         jpegs = [_jpeg(picture, look.seed, 100 * number + k) for k, picture in enumerate(pictures)]
         if number == 0:
             reference, jpegs = jpegs[0], jpegs[1:]
@@ -188,16 +191,23 @@ def _plane(path: PlanePath, step: int, R: Array, params: EndcapParams) -> Array:
     return pose
 
 
-def _rendered(
-    work: Path, shapes: Array, surface: Surface, R: Array, look: Look, params: EndcapParams, blender: Path,
-    samples: int, threads: int,
-) -> list[Array]:  # fmt: skip
-    """Gray pictures of shapes (f, n, 3); those that lie there already are kept.
+def rendered(
+    work: Path, number: int, surface: Surface, look: Look, blender: Path, samples: int, threads: int
+) -> list[Array]:
+    """Gray pictures of a path's states, of the first path the rest before them; those that lie there are kept.
 
     Args:
-        work: folder of scene and pictures. shapes: turned to the contact's azimuth. surface: whose triangles they have.
-        R: that turn. look: the sensor. params: the design. blender, samples, threads: of :func:`write_set`.
+        work: folder of scene and pictures. number: of the path. surface: pressed, at azimuth 0. look: the sensor.
+        blender, samples, threads: of :func:`write_set`.
+
+    Raises:
+        RuntimeError: the renderer failed.
     """
+    params, R = DESIGN, turn(look.azimuth_deg)
+    shapes = (surface.rest + surface.moved) @ R.T
+    each = np.full(len(shapes), samples)
+    if number == 0:
+        shapes, each = np.concatenate([(surface.rest @ R.T)[None], shapes]), np.append(REST_SAMPLES * samples, each)
     files = [work / f"{k:05d}.png" for k in range(len(shapes))]
     if all(file.exists() for file in files):
         return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
@@ -212,7 +222,7 @@ def _rendered(
                              np.full(look.lamps, look.lamp_height_mm)])  # fmt: skip
     watts = LAMP_W / look.lamps * (1 + look.uneven * np.cos(around))
     scene = {
-        "vertices": shapes, "triangles": surface.triangles, "size": SIZE, "samples": samples, "threads": threads,
+        "vertices": shapes, "triangles": surface.triangles, "size": SIZE, "samples": each, "threads": threads,
         "uv": map_places((surface.rest - centre) @ R.T), "gray": gray, "ink": ink, "roughness": look.roughness,
         "specular": look.specular, "axes": axes, "pupil_mm": camera.pupil_endcap_mm, "law": look.law,
         "focal_px": look.focal_px, "lamps_mm": lamps, "lamp_size_mm": 3.0, "lamps_w": watts, "exposure": look.exposure,

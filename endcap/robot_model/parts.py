@@ -75,12 +75,13 @@ def endcap_parts(variant: Variant, progress: Callable[[str], None]) -> EndcapPar
     interface = kept_interface_mesh(variant.params, cache).mesh
     progress("masses")
     density = silicone(variant.silicone).density_g_cm3
-    above = to_manifold(interface).trim_by_plane((0.0, 0.0, 1.0), variant.params.flange_thickness_mm)
-    dome = solid_inertial(shell, density) + solid_inertial(from_manifold(above), density).times(-1)
+    gyroid, flange = to_manifold(interface).split_by_plane((0.0, 0.0, 1.0), variant.params.flange_thickness_mm)
+    dome = solid_inertial(shell, density) + solid_inertial(from_manifold(gyroid), density).times(-1)
     masses = {"interface": solid_inertial(interface, filament("TPU 95A").density_g_cm3)}
     masses |= _printed(hardware) | _bought(hardware)
+    rigid = [*(mesh for _, mesh in hardware), from_manifold(flange)]
     drawn = {
-        "base": joined([simplified(mesh, DRAWN_TOLERANCE_MM) for _, mesh in hardware]),
+        "base": joined([simplified(mesh, DRAWN_TOLERANCE_MM) for mesh in rigid]),
         "shell": simplified(shell, DRAWN_TOLERANCE_MM),
     }
     return EndcapParts(masses, dome, {name: _in_metres(mesh) for name, mesh in drawn.items()})

@@ -126,7 +126,11 @@ def dot_directions(geometry: ShellGeometry) -> Array:
 
 def outline_directions(geometry: ShellGeometry) -> Array:
     """Directions (m * OUTLINE_POINTS, 3) of a ring of points round every painted dot, dot by dot."""
-    outward = dot_directions(geometry)
+    return ring_directions(dot_directions(geometry), geometry)
+
+
+def ring_directions(outward: Array, geometry: ShellGeometry) -> Array:
+    """Directions (m * OUTLINE_POINTS, 3) of a ring of points round dots at directions (m, 3), dot by dot."""
     aside = np.where(np.abs(outward[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     east = np.cross(outward, aside)
     east /= np.linalg.norm(east, axis=1, keepdims=True)

@@ -86,15 +86,40 @@ def test_two_bodies_together_are_one():
     assert both.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
 
 
-def test_two_endcaps_on_a_robot_have_their_own_names(model):
-    pieces = [endcap_pieces(model, BODIES, f"foot_{k}", f'pos="0 0 {k}"') for k in (1, 2)]
+def bar_of_two(model, height_m: float):
+    """A bar with an endcap on each end, tilted over the floor; names foot_1 and foot_2."""
+    places = ('pos="0 0 0.3"', 'pos="0 0 -0.3" quat="0 1 0 0"')
+    pieces = [endcap_pieces(model, BODIES, f"foot_{k}", place) for k, place in enumerate(places, 1)]
     bodies, tendons, sensors = ("".join(getattr(p, part) for p in pieces) for part in ("body", "tendons", "sensors"))
-    text = (
-        f"<mujoco><worldbody><body><freejoint/>{bodies}</body></worldbody><tendon>{tendons}</tendon>"
-        f"<sensor>{sensors}</sensor></mujoco>"
+    bar = f'<body name="bar" pos="0 0 {height_m}" euler="0 75 0"><freejoint/>{bodies}</body>'
+    return mujoco.MjModel.from_xml_string(
+        f'<mujoco><option {mjcf.OPTIONS}/><worldbody><geom type="plane" size="5 5 1"/>{bar}</worldbody>'
+        f"<tendon>{tendons}</tendon><sensor>{sensors}</sensor></mujoco>"
     )
-    compiled = mujoco.MjModel.from_xml_string(text)
+
+
+def test_two_endcaps_on_a_robot_have_their_own_names(model):
+    compiled = bar_of_two(model, 1.0)
     assert compiled.nsensor == 4 and compiled.ntendon == 2 * len(mjcf.AZIMUTHS_DEG) and compiled.nv == 12
+
+
+def test_a_dropped_bar_comes_to_rest_on_forces_that_sum_to_its_weight(model):
+    compiled = bar_of_two(model, 0.3)
+    data, highest = mujoco.MjData(compiled), 0.0
+    for step in range(20_000):
+        mujoco.mj_step(compiled, data)
+        data.qvel[:6] *= 0.999 if step > 2_000 else 1.0  # what rolling would take, after the bounces
+        highest = max(highest, float(data.body("bar").xpos[2]))
+    assert highest < 0.31  # no energy out of nothing
+    total, loads = np.zeros(3), []
+    for name in ("foot_1", "foot_2"):
+        axes = data.body(name).xmat.reshape(3, 3)
+        loads.append(-axes @ data.sensor(f"{name}_force").data)
+        total += loads[-1]
+    carried = BODIES.base.mass_kg * 2 * 9.81  # the sensors have the shells' weight in them already
+    assert np.abs(data.qvel).max() < 1e-3
+    assert total == pytest.approx([0, 0, carried], abs=0.05)
+    assert all(load[2] > 0.3 * carried for load in loads)
 
 
 def test_a_file_that_is_no_endcap_is_refused_in_one_line(tmp_path):

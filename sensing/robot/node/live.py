@@ -91,7 +91,7 @@ class LiveRobot:
     def _waiting(self) -> Iterator[Sample]:
         for kind, reader in self._readers:
             for message in reader.take(AT_ONCE):
-                if getattr(message, "header", None) is not None:  # others tell that a publisher has gone
+                if getattr(message, "header", None) is not None:  # the others: a publisher has gone
                     yield self._named(kind, message)
         while not self._readings.empty():
             yield foot_sample(self._readings.get_nowait())

@@ -12,12 +12,14 @@ from sensing.tensegrity.shape import balanced_shape, cable_lengths
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def standing_samples(robot: TensegrityRobot, seconds: float, noise: float = 1.0, seed: int = 0, rate_hz: float = 200.0):
+def standing_samples(
+    robot: TensegrityRobot, seconds: float, noise: float = 1.0, seed: int = 0, rate_hz: float = 200.0, every: int = 10
+):
     """(poses (B, 4, 4), samples in time order); lengths at a quarter of the rate, readings at a tenth.
 
     Args:
         robot: with its first endcaps on the ground. seconds: long. noise: times that of usual sensors. seed: of the
-            noise. rate_hz: of the inertial sensors.
+            noise. rate_hz: of the inertial sensors. every: of their ticks that a reading takes.
     """
     rng, layout = np.random.default_rng(seed), layout_of(robot)
     poses = balanced_shape(robot).T_world_bar
@@ -31,7 +33,7 @@ def standing_samples(robot: TensegrityRobot, seconds: float, noise: float = 1.0,
             samples.append(InertialSample(time_s, sensor.name, noise * rng.normal(0, 0.003, 3), force))
         if k % 4 == 0:
             samples.append(LengthSample(time_s, lengths + noise * rng.normal(0, 0.002, len(lengths))))
-        if k % 10 == 0:
+        if k % every == 0:
             samples += [_reading(time_s, endcap, layout, poses, noise, rng) for endcap in range(layout.endcaps)]
     return poses, samples
 

@@ -24,6 +24,7 @@ from sensing.tensegrity.shape import cable_lengths, moved, rotation_of, standing
 GUESS_SD_M, GUESS_SD, SPIN_SD = 0.1, 0.3, 1.0  # E: of the stated ends, of a bar's turn, of one about its own axis
 LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
 BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of one bar
+MEANS = 4.0  # E: by which means over the start are better than one sample
 REST_SD_M = 0.005  # E: of a rest length, which a motor may have moved
 OPEN_SD_M, REACH_M = 0.05, 0.4  # E: along the motion that the lengths leave open; half a bar
 FIXED_SD = 1e-5  # of what a convention sets: origin and heading
@@ -46,7 +47,7 @@ class FirstShape:
         self.contacts = {k: c for k, c in contacts.items() if c.known and c.touching}
         self.lengths = lengths
         self.cables = [cable for cable in layout.robot.cables if cable.measured]
-        self.length_sd = settings.length_sd_m
+        self.length_sd = max(settings.length_sd_m / MEANS, settings.length_error_m)
         self.force_sd = settings.force_bias_sd / GRAVITY_M_S2
         self.up = force / np.linalg.norm(force) if np.isfinite(force).all() else None
         self.compliance = settings.compliance_m_n
@@ -67,7 +68,7 @@ class FirstShape:
 
     def _spun(self, poses: Array) -> Array:
         """Bars that touch, turned about their axes until their normals point down as far as that can be."""
-        down = {}
+        down: dict[int, list[Array]] = {}
         for endcap, contact in self.contacts.items():
             down.setdefault(int(self.layout.endcap_bar[endcap]), []).append(contact.normal)
         for bar, normals in down.items():

@@ -51,7 +51,7 @@ def learned(weights: Array, ratio: float, ratio_sd: float, slips: float) -> Arra
 def moments(weights: Array) -> tuple[float, float]:
     """(mean, standard deviation) of the coefficient."""
     mean = float(weights @ COEFFICIENTS)
-    return mean, float(np.sqrt(max(0.0, weights @ (COEFFICIENTS - mean) ** 2)))
+    return mean, max(0.0, float(weights @ (COEFFICIENTS - mean) ** 2)) ** 0.5
 
 
 def _logistic(x: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.frames import MM_PER_M
-from sensing.tensegrity.description import Array, TensegrityRobot
+from sensing.tensegrity.description import Array, InertialSensor, TensegrityRobot
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def layout_of(robot: TensegrityRobot) -> Layout:
     Raises:
         ParameterError: a bar with two inertial sensors.
     """
-    sensors = {}
+    sensors: dict[str, InertialSensor] = {}
     for sensor in robot.sensors:
         if sensor.bar in sensors:
             raise ParameterError(

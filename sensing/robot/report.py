@@ -45,7 +45,7 @@ def report_of(state: State, measured_s: float, ignored: int, layout: Layout, set
 
 
 def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
-    return point_slopes(state.turn, state.place, bar, np.ascontiguousarray(lever), layout.leader, layout.size)  # type: ignore[no-any-return]
+    return point_slopes(state.turn, state.place, bar, np.ascontiguousarray(lever), layout.leader, layout.size)
 
 
 def _minus_cross(x: Array) -> Array:

@@ -79,13 +79,13 @@ class Settings:
     error_stays_s: float = 0.3
     bit_sd_m: float = 8e-3
     roll_share: float = 0.01
-    anchor_walk: float = 5e-4
-    slip_sd_m_s: float = 0.05
+    anchor_walk: float = 2e-3
+    slip_sd_m_s: float = 0.08
     slip_share: float = 1.0
     slip_across: float = 0.3
     spin_lever_m: float = 0.01
-    normal_sd: float = 0.01
-    normal_walk: float = 0.1
+    normal_sd: float = 0.02
+    normal_walk: float = 0.05
     least_force_n: float = 1.5
     start_s: float = 0.5
     history_s: float = 1.0

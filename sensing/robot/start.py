@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -37,8 +38,10 @@ class Gathered:
 
     def copy(self) -> Gathered:
         """One that can be changed on its own."""
-        arrays = [self.rate, self.force, self.counts, self.lengths, self.length_counts, self.squares]
-        return Gathered(self.first_s, *[array.copy() for array in arrays], dict(self.contacts))
+        other = copy(self)
+        for entry in fields(self):
+            setattr(other, entry.name, getattr(self, entry.name).copy() if entry.name != "first_s" else self.first_s)
+        return other
 
 
 def nothing_gathered(layout: Layout) -> Gathered:

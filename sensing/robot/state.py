@@ -73,14 +73,18 @@ class State:
 
 def empty_state(layout: Layout, time_s: float) -> State:
     """A state of which nothing is known yet."""
-    bars, endcaps = layout.bars, layout.endcaps
-    per_bar = [np.zeros((bars, 3)) for _ in range(8)]
-    never = -np.inf
+    bars, endcaps, never = layout.bars, layout.endcaps, -np.inf
+
+    def of_bars() -> Array:
+        return np.zeros((bars, 3))
+
     return State(
-        time_s, np.zeros((layout.size, layout.size)), np.tile(np.eye(3), (bars, 1, 1)), *per_bar[:4],
-        np.zeros((endcaps, 3)), np.tile([0.0, 0.0, 1.0], (endcaps, 1)), np.ones(endcaps),
-        np.zeros(endcaps, np.int64), np.zeros(endcaps), per_bar[4], per_bar[5],
-        np.full(bars, never), np.full(bars, never), per_bar[6], per_bar[7],
-        np.full(endcaps, never), np.full(endcaps, never), never, [None] * endcaps, FIRST.copy(), np.ones(2), np.nan, 0,
-        [None] * endcaps,
+        time_s=time_s, covariance=np.zeros((layout.size, layout.size)), turn=np.tile(np.eye(3), (bars, 1, 1)),
+        place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
+        anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
+        anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), rate=of_bars(), force=of_bars(),
+        rate_s=np.full(bars, never), force_s=np.full(bars, never), rate_used=of_bars(), force_used=of_bars(),
+        contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), lengths_s=never,
+        contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
+        known=[None] * endcaps,
     )  # fmt: skip

@@ -23,7 +23,7 @@ from sensing.simulator.solid.shell import shell_model
 from sensing.simulator.solid.surface import OUTLINE_POINTS, outline_directions, surface_sampler
 
 THEIRS = ("draft", "coarse", "middle")
-OURS = ("data", "fine", "reference")
+OURS = ("data", "fine", "reference", "converged")
 STEP_MM = 0.8
 ORDERS = (1.0, 6.0)  # between which the observed order is looked for
 

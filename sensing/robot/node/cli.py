@@ -16,7 +16,7 @@ from cad.plain_numbers import plain_number
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
 from sensing.robot.node.record import Report, report_text
-from sensing.robot.node.run import Output
+from sensing.robot.node.run import Output, RobotSource
 from sensing.robot.node.terminal import RobotTerminal
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.robot_file import SHIPPED, load_robot
@@ -35,6 +35,8 @@ endcaps, inertial sensors and cable lengths. Without arguments: a simulated robo
   python -m sensing.robot --config robot.toml              another robot (docs/robot.md has the format)
   python -m sensing.robot --record run.mcap                every sample and every estimate
   python -m sensing.robot --replay run.mcap                computes them again and compares the bits
+  python -m sensing.robot --live --config robot.toml --endcaps endcaps.toml
+                                                           the real one: cameras here, other sensors from ROS 2 topics
   python -m sensing.robot --json --speed 0 | jq .drift_m
 """
 EPILOG = """\
@@ -76,14 +78,12 @@ class JsonOutput:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sensing.robot.demo.simulated import SimulatedRobot
     from sensing.robot.estimator import RobotEstimator
     from sensing.robot.node.run import run_robot
 
     file = options.config or SHIPPED
     robot, description = load_robot(file), file.read_bytes()
-    asked = {name: value for name in SIMULATED_ONLY if (value := getattr(options, name)) is not None}
-    source = SimulatedRobot(robot, **asked, say=lambda at_s: transient(f"simulating: {at_s:.0f} s"))
+    source = _source(options, robot)
     estimator = RobotEstimator(robot)
     out = Lines(sys.stdout)
     lines = Lines(sys.stderr) if options.json else out
@@ -115,6 +115,20 @@ def _run(options: argparse.Namespace) -> int:
     return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
 
 
+def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
+    """Where samples come from."""
+    asked = {name: value for name in SIMULATED_ONLY if (value := getattr(options, name)) is not None}
+    if options.live or options.endcaps is not None:
+        if asked:
+            raise ParameterError(f"--{next(iter(asked))} has no effect with --live: it is of the simulated robot")
+        from sensing.robot.node.live import LiveRobot
+
+        return LiveRobot(robot, options.endcaps)
+    from sensing.robot.demo.simulated import SimulatedRobot
+
+    return SimulatedRobot(robot, **asked, say=lambda at_s: transient(f"simulating: {at_s:.0f} s"))
+
+
 def _shown(options: argparse.Namespace, robot: TensegrityRobot, lines: Lines) -> list[RobotPage | RobotTopics]:
     """Page and topics, as far as they are asked for."""
     from sensing.robot.node.page import RobotPage
@@ -131,7 +145,7 @@ def _shown(options: argparse.Namespace, robot: TensegrityRobot, lines: Lines) ->
 def _replay(options: argparse.Namespace) -> int:
     from sensing.robot.node.replay import Recording
 
-    given = [name for name in (*SIMULATED_ONLY, "config", "record") if getattr(options, name) is not None]
+    given = [name for name in (*SIMULATED_ONLY, "config", "record", "endcaps") if getattr(options, name) is not None]
     if given:
         raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
     recording = Recording(options.replay)
@@ -164,6 +178,8 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it the three-bar robot")
+    parser.add_argument("--live", action="store_true", help="samples of ROS 2 topics (docs/robot.md)")
+    parser.add_argument("--endcaps", type=Path, metavar="FILE", help="live, with the cameras here: endcaps.toml")
     parser.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
     parser.add_argument("--record", type=Path, metavar="FILE", help="MCAP of all samples and estimates")
     parser.add_argument("--json", action="store_true", help="a line of JSON an estimate on stdout; the rest on stderr")

@@ -69,7 +69,7 @@ def sample_message(sample: Sample, cables: tuple[str, ...], wall_ns: int) -> tup
 
 
 def sample_of(kind: str, data: bytes, wall_ns: int) -> Sample:
-    """The sample of a message.
+    """The sample of a message in CDR.
 
     Args:
         kind: its type. data: CDR. wall_ns: subtracted from its stamp.
@@ -77,7 +77,15 @@ def sample_of(kind: str, data: bytes, wall_ns: int) -> Sample:
     Raises:
         ValueError: bytes that are no such message.
     """
-    message = ros.decode(kind, data)
+    return sample_from(kind, ros.decode(kind, data), wall_ns)
+
+
+def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
+    """The same of a decoded message, also of one that a DDS reader has taken.
+
+    Args:
+        kind: its type. message: any with the fields of that type. wall_ns: subtracted from its stamp.
+    """
     stamp = message.header.stamp
     time_s = (stamp.sec * NS + stamp.nanosec - wall_ns) / NS
     if kind == IMU:

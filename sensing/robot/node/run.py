@@ -74,8 +74,10 @@ class Way:
     """Where the robot has been, and where it truly is in the world of the estimate."""
 
     def __init__(self, robot: TensegrityRobot) -> None:
-        self._robot, self._last, self._align = robot, np.full(2, np.nan), np.eye(4)
+        self._last, self._align = np.full(2, np.nan), np.eye(4)
         self._begun, self.path_m = False, 0.0
+        accelerated = [sensor.bar for sensor in robot.sensors if sensor.accelerometer]
+        self._leader = robot.bar_number(accelerated[0]) if accelerated else 0
 
     def report(self, estimate: RobotEstimate, truth: Array | None) -> Report:
         """The report of an estimate.
@@ -84,7 +86,7 @@ class Way:
             estimate: of this moment. truth: (B, 4, 4) m of the same, in the world of whoever knows it.
         """
         if not self._begun and truth is not None:
-            self._align = _alignment(np.array([bar.T_world_bar for bar in estimate.bars]), truth)
+            self._align = _alignment(estimate.bars[self._leader].T_world_bar, truth[self._leader])
         now = estimate.centre_of_mass_m[:2]
         if not self._begun:
             self._last = now
@@ -131,12 +133,10 @@ def run_robot(
 
 
 def _alignment(estimated: Array, true: Array) -> Array:
-    """(4, 4) turn about z and shift from the true world to the estimate's, as bars lie at one moment."""
-    ends = np.array([[0, 0, -0.5, 1.0], [0, 0, 0.5, 1.0]])
-    a, b = ((poses @ ends.T).transpose(0, 2, 1).reshape(-1, 4)[:, :3] for poses in (estimated, true))
-    flat_a, flat_b = ((points - points.mean(axis=0))[:, :2] @ [1, 1j] for points in (a, b))
-    angle = float(np.angle(np.vdot(flat_b, flat_a)))
+    """(4, 4) turn about z and shift that take the true heading and place of a bar, (4, 4), to those estimated."""
+    turned = estimated[:3, :3] @ true[:3, :3].T
+    angle = math.atan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1])
     pose = np.eye(4)
     pose[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
-    pose[:3, 3] = a.mean(axis=0) - pose[:3, :3] @ b.mean(axis=0)
+    pose[:3, 3] = estimated[:3, 3] - pose[:3, :3] @ true[:3, 3]
     return pose

@@ -37,6 +37,22 @@ const Draw = (() => {
     }
   }
 
+  // Places of labels that cover neither one another nor what was put there before: the first free one of several, or the first.
+  function labels(w, h) {
+    const taken = [];
+    const free = ([x, y, width, height]) => x >= 0 && y >= 0 && x + width <= w && y + height <= h && !taken.some((t) => x < t[0] + t[2] && t[0] < x + width && y < t[1] + t[3] && t[1] < y + height);
+    return {
+      take(x, y, width, height) { taken.push([x, y, width, height]); },
+      put(g, words, at, size, ink) {
+        g.font = size + "px system-ui,sans-serif";
+        const width = g.measureText(words).width, box = ([x, y]) => [at[0] + x, at[1] + y - size, width, size + 2];
+        const places = [[6, 4], [-6 - width, 4], [6, 18], [-6 - width, 18], [6, -10], [-6 - width, -10], [-width / 2, 32], [-width / 2, -24]];
+        const [x, y] = places.find((p) => free(box(p))) || places[0];
+        taken.push(box([x, y])); text(g, words, at[0] + x, at[1] + y, size, ink);
+      },
+    };
+  }
+
   function text(g, words, x, y, size, colour, align = "left") { g.font = size + "px system-ui,sans-serif"; g.fillStyle = colour; g.textAlign = align; g.fillText(words, x, y); }
 
   // Perspective view: mm in, CSS pixels and depth out; middle and size of what must be seen in mm.
@@ -84,5 +100,5 @@ const Draw = (() => {
     canvas.addEventListener("keydown", (e) => { if (keys[e.key] && !e.ctrlKey && !e.metaKey) { keys[e.key](); e.preventDefault(); } });
   }
 
-  return { colour, begin, nice, line, arrow, text, camera, axes, hand };
+  return { colour, begin, nice, line, arrow, text, labels, camera, axes, hand };
 })();

@@ -88,7 +88,7 @@ const Plots = (() => {
     g.lineWidth = 1;
     for (let v = Math.ceil(low / y_step) * y_step; v <= top; v += y_step) {
       g.strokeStyle = Math.abs(v) < y_step / 2 ? c.edge : c.grid; Draw.line(g, [LEFT, Y(v)], [w - 4, Y(v)]);
-      Draw.text(g, (Math.abs(v) < y_step / 2 ? 0 : v).toFixed(digits), LEFT - 4, Y(v) + 3.5, 10, c.dim, "right");
+      if (Y(v) > HEAD + 5) Draw.text(g, (Math.abs(v) < y_step / 2 ? 0 : v).toFixed(digits), LEFT - 4, Y(v) + 3.5, 10, c.dim, "right");
     }
     g.strokeStyle = c.grid;
     for (let t = 0; t <= window_s + 1e-9; t += t_step) {

@@ -54,20 +54,21 @@ const Scene = (() => {
       g.stroke();
     }
     Draw.text(g, endcap.name.replace(/^endcap_/, ""), centre[0], centre[1] - radius - 5, 13, Draw.colour.text, "center");
+    return [centre[0], centre[1], centre[2], radius];
   }
 
-  function arrows(g, eye, endcap, state) {
+  function arrows(g, eye, endcap, state, labels) {
     const f = state.force_n, t = state.torque_nm, force = Math.hypot(...f), torque = Math.hypot(...t);
     if (force > LEAST.force[0]) {
       const centre = state.centre_mm[0] === null ? [0, 0, endcap.centre_mm + endcap.radius_mm] : state.centre_mm;
       const tip = place(endcap.T, centre), way = turned(endcap.T, f), tail = eye(tip.map((x, i) => x - (way[i] * SPAN * size) / full.force));
       Draw.arrow(g, tail, eye(tip), 3, Draw.colour.force);
-      Draw.text(g, force.toFixed(1) + " N", tail[0] + 6, tail[1] + 4, 12.5, Draw.colour.text);
+      labels.push([force.toFixed(1) + " N", tail]);
     }
     if (torque > LEAST.torque[0]) {
       const origin = place(endcap.T, [0, 0, 0]), way = turned(endcap.T, t), tip = eye(origin.map((x, i) => x + (way[i] * SPAN * size) / full.torque));
       Draw.arrow(g, eye(origin), tip, 2, Draw.colour.torque, 2);
-      Draw.text(g, torque.toFixed(2) + " N m", tip[0] + 6, tip[1] + 4, 12.5, Draw.colour.text);
+      labels.push([torque.toFixed(2) + " N m", tip]);
     }
   }
 
@@ -95,8 +96,12 @@ const Scene = (() => {
     g.strokeStyle = Draw.colour.edge; g.lineWidth = 4;
     for (const bar of bars) Draw.line(g, ...bar.map(eye));
     const order = endcaps.map((c, k) => [eye(place(c.T, [0, 0, c.centre_mm]))[2], k]).sort((a, b) => b[0] - a[0]);
-    for (const [, k] of order) dome(g, eye, endcaps[k], states[k], k === chosen);
-    for (const [, k] of order) if (states[k] && states[k].valid) arrows(g, eye, endcaps[k], states[k]);
+    const names = order.map(([, k]) => dome(g, eye, endcaps[k], states[k], k === chosen));
+    const labels = [], places = Draw.labels(w, h);
+    for (const [, k] of order) if (states[k] && states[k].valid) arrows(g, eye, endcaps[k], states[k], labels);
+    for (const [x, y, , radius] of names) { places.take(x - 6, y - radius - 17, 12, 14); places.take(x - radius, y - radius, 2 * radius, 2 * radius); }
+    places.take(w - 110, h - 44, 110, 44); // scales
+    for (const [words, at] of labels) places.put(g, words, at, 12.5, Draw.colour.text);
     Draw.axes(g, eye, middle, h, [[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
     scales(g, eye, w, h);
   }

@@ -76,18 +76,18 @@ class Settings:
     compliance_m_n: float = 2.5e-4
     compliance_share: float = 0.15
     anchor_sd_m: float = 1e-3
-    error_stays_s: float = 0.3
+    error_stays_s: float = 1.0
     bit_sd_m: float = 8e-3
-    roll_share: float = 0.01
+    roll_share: float = 0.03
     anchor_walk: float = 2e-3
     slip_sd_m_s: float = 0.08
     slip_share: float = 1.0
     slip_across: float = 0.3
     spin_lever_m: float = 0.01
-    normal_sd: float = 0.02
+    normal_sd: float = 0.03
     normal_walk: float = 0.05
     least_force_n: float = 1.5
-    start_s: float = 0.5
+    start_s: float = 0.9
     history_s: float = 1.0
 
 

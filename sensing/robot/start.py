@@ -15,6 +15,7 @@ from sensing.robot.state import State
 from sensing.tensegrity.description import Array
 
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
+ROCKS = 0.1  # E: error of a mean rate, as a part of the rates' spread: the robot rocks as the start ends
 SPEED_SD = 0.01  # m/s at rest
 
 
@@ -72,12 +73,14 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings) 
     still = gathered.squares <= STILL_RATE**2 * np.maximum(gathered.counts[:, 0], 1)
     counted = np.maximum(gathered.counts[:, :1], 1)
     state.rate_bias = np.where(still[:, None], gathered.rate / counted, 0.0)
-    _set_covariance(state, spread, still & (gathered.counts[:, 0] > 0), counted[:, 0], layout, settings)
+    mean = gathered.rate / counted
+    spread_rate = np.sqrt(np.maximum(0.0, gathered.squares / counted[:, 0] - (mean**2).sum(axis=1)) / 3)
+    bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
+    bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
+    _set_covariance(state, spread, bias_sd, layout, settings)
 
 
-def _set_covariance(
-    state: State, spread: Array, still: np.ndarray, counted: Array, layout: Layout, settings: Settings
-) -> None:
+def _set_covariance(state: State, spread: Array, bias_sd: Array, layout: Layout, settings: Settings) -> None:
     bars, size = layout.bars, layout.size
     slopes = np.zeros((size, 6 * bars))
     leader = 6 * layout.leader + 3
@@ -88,12 +91,11 @@ def _set_covariance(
         slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += _minus_cross(arm)
         slopes[layout.place(bar), leader : leader + 3] -= _minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
-    mean_sd = settings.rate_noise * np.sqrt(1 / max(settings.start_s, 0.01)) + 1e-4
     for bar in range(bars):
         at = layout.velocity(bar)
         state.covariance[at, at] += SPEED_SD**2 * np.eye(3)
         at = layout.rate_bias(bar)
-        state.covariance[at, at] += (mean_sd if still[bar] else settings.rate_bias_sd) ** 2 * np.eye(3)
+        state.covariance[at, at] += bias_sd[bar] ** 2 * np.eye(3)
         if layout.has_force[bar]:
             at = layout.force_bias(bar)
             state.covariance[at, at] += settings.force_bias_sd**2 * np.eye(3)

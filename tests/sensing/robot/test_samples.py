@@ -15,7 +15,7 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 ROBOT = load_robot()
 SECONDS = 60.0  # ten minutes (600.0) give the same answer, and take two minutes
-POSES, SAMPLES = standing_samples(ROBOT, 1.5, rate_hz=100.0)
+POSES, SAMPLES = standing_samples(ROBOT, 2.0, rate_hz=100.0)
 
 
 def after(samples, settings=Settings(), robot=ROBOT):  # noqa: B008
@@ -57,7 +57,7 @@ def test_a_sample_older_than_the_past_is_counted():
 def test_nan_anywhere_stays_outside(where):
     samples = list(SAMPLES)
     nan = np.full(3, np.nan)
-    for place in range(len(samples) // 2, len(samples), 7):
+    for place in range(2 * len(samples) // 3, len(samples), 7):
         sample = samples[place]
         if where == "time":
             samples[place] = replace(sample, time_s=float("nan"))
@@ -88,7 +88,7 @@ def test_an_endcap_that_is_silent_for_a_while_changes_little(endcap):
     name = ROBOT.endcaps[endcap].name
     kept = [
         sample for sample in SAMPLES
-        if not (isinstance(sample, FootSample) and sample.endcap == name and 0.7 < sample.time_s < 1.2)
+        if not (isinstance(sample, FootSample) and sample.endcap == name and 1.0 < sample.time_s < 1.3)
     ]  # fmt: skip
     estimate = after(kept)
     assert stands(estimate) and estimate.endcaps[endcap].hold.word in ("holds", "free")

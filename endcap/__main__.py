@@ -1,8 +1,6 @@
 """``python -m endcap``, the same as the command ``endcap``."""
 
-import sys
-
-from endcap.command import main
+from endcap.command import program
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

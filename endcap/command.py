@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import takewhile
+from typing import NoReturn
 
 from cad.messages import LOG, set_level
 
@@ -116,6 +117,7 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
         ),
     ),
 )
+READ_CAMERAS = {"setup", "zero", "weigh", "dwell", "live", "robot", "record"}
 SUBCOMMANDS = {command.name: command for _, commands in GROUPS for command in commands}
 
 
@@ -146,6 +148,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LOG.error(f"endcap: {words[0]!r} is not a command{_nearest(words[0])}; endcap --help lists them")
         return 2
     return run(SUBCOMMANDS[words[0]], words[1:])
+
+
+def program() -> NoReturn:
+    """The command ``endcap``: ends the process with the status of :func:`main`.
+
+    Commands that read cameras leave past the interpreter's own end: a thread that wakes up in a driver while the
+    interpreter is torn down aborts the process (status 134).
+    """
+    status = main()
+    words = [word for word in sys.argv[1:] if word not in ("--quiet", "-q")]
+    if not set(words[:1]) & READ_CAMERAS:
+        sys.exit(status)
+    from sensing.live.ending import leave
+
+    leave(status)
 
 
 def run(command: Subcommand, words: Sequence[str]) -> int:

@@ -10,7 +10,6 @@ constants in endcaps.toml live adds what is missing (:mod:`sensing.wrench.relaxa
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from sensing.live.core.config import chosen_endcap
 from sensing.live.core.config_entries import change_entries
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.warm_up import warm_up
+from sensing.live.ending import leave
 from sensing.live.open_endcaps import configured_models
 from sensing.weighing.dwell import Dwell, DwellError, fit_dwell
 from sensing.weighing.film import film_readings
@@ -122,4 +122,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -35,6 +34,7 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from sensing.frames import ACTION, REACTION, FtMount
+from sensing.live.ending import leave
 from sensing.recording.folder import Recording
 from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
 from sensing.recording.progress import Progress
@@ -191,4 +191,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

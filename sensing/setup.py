@@ -12,7 +12,6 @@ an untouched endcap passes once in a thousand frames (:func:`sensing.wrench.cont
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -30,6 +29,7 @@ from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
+from sensing.live.ending import leave
 from sensing.live.open_endcaps import Models, configured_models, open_endcaps
 from sensing.sources.camera import lasting_name, list_devices
 from sensing.sources.choose import is_camera_number
@@ -268,4 +268,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

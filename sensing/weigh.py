@@ -10,7 +10,6 @@ What is fitted and why one number is enough: :mod:`sensing.weighing.gain`, docs/
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
+from sensing.live.ending import leave
 from sensing.live.open_endcaps import configured_models, open_endcaps
 from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import as_trained, film_readings
@@ -157,4 +157,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -22,6 +22,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import Identity, identity
 from cad.messages import LOG
+from sensing.live.ending import leave
 from sensing.sources.choose import open_frames
 from sensing.tracking.auto_zero import AutoZero
 from sensing.tracking.tracker import DotTracker
@@ -166,4 +167,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -11,6 +11,7 @@ import pytest
 
 from endcap import command
 from endcap.command import SUBCOMMANDS, main
+from sensing.live import ending
 
 ROOT = Path(__file__).resolve().parent.parent
 INTERNAL = {  # of the checkout, started by other commands, or by who maintains the data that ship
@@ -90,6 +91,20 @@ def test_an_error_of_our_own_keeps_its_traceback(monkeypatch):
     monkeypatch.setattr(command, "import_module", broken)
     with pytest.raises(ImportError, match="cannot import"):
         main(["live"])
+
+
+@pytest.mark.parametrize(
+    ("words", "past"), [(["live"], True), (["-q", "setup"], True), (["molds"], False), ([], False)]
+)
+def test_a_command_with_cameras_leaves_past_the_end_of_the_interpreter(words, past, monkeypatch):
+    def leave(status):
+        raise RuntimeError(f"left with {status}")  # the real one ends this process
+
+    monkeypatch.setattr(command, "main", lambda: 3)
+    monkeypatch.setattr(ending, "leave", leave)
+    monkeypatch.setattr(sys, "argv", ["endcap", *words])
+    with pytest.raises(RuntimeError if past else SystemExit, match="3"):
+        command.program()
 
 
 def test_help_lists_every_command_and_loads_no_library():

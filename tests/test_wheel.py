@@ -50,7 +50,7 @@ def test_every_file_that_the_packages_read_is_in_the_wheel(installed):
 
 def test_the_console_script_is_declared(installed):
     (entry,) = installed.glob("*.dist-info/entry_points.txt")
-    assert "endcap = endcap.command:main" in entry.read_text()
+    assert "endcap = endcap.command:program" in entry.read_text()
 
 
 def test_the_modules_are_those_of_the_wheel_and_their_data_is_read(installed, tmp_path):

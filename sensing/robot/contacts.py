@@ -81,7 +81,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
             -state.turn[bar] @ _bar_normal(known.normal, endcap, layout),
             1e-6,
         )
-    yields = settings.compliance_m_n * contact.force_n
+    yields = yielded(state, endcap, contact, layout, settings)
     lever = layout.endcap_lever[endcap] + yields
     axes = axes_about(state.normal[endcap])
     loads = axes @ (state.turn[bar] @ yields)
@@ -106,6 +106,23 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, lever, axes, variance, layout)
+
+
+def yielded(state: State, endcap: int, contact: Contact, layout: Layout, settings: Settings) -> Array:
+    """(3,) by which the dome's centre is pushed from its place, bar axes, m.
+
+    A dome of stiffness k and damping c has F = k d + c d', so d = (F - c d') / k: one that is just being pressed has
+    yielded less than its force says. Along the normal d' is the speed with which the bar's end nears the ground.
+
+    Args:
+        state: with its velocities and the contact's normal. endcap: its number. contact: its force.
+        layout, settings: of the estimator.
+    """
+    bar, normal = int(layout.endcap_bar[endcap]), state.normal[endcap]
+    arm = state.turn[bar] @ layout.endcap_lever[endcap]
+    leaves = float((state.velocity[bar] + np.cross(world_rate(state, bar), arm)) @ normal)
+    late = settings.yield_delay_s * leaves * (normal @ state.turn[bar])
+    return np.asarray(settings.compliance_m_n * contact.force_n + late)
 
 
 def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:

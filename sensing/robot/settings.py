@@ -48,6 +48,7 @@ class Settings:
             (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
         length_sd_m: of a cable's length, independent from sample to sample. length_error_m: what stays for a second.
         compliance_m_n: by which an endcap yields under a newton. compliance_share: error of it, as a part.
+        yield_delay_s: by which the yielding lags the force: the dome's damping over its stiffness.
         anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
         bit_sd_m: of a contact of which only the bit is known.
         roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
@@ -75,6 +76,7 @@ class Settings:
     length_error_m: float = 1e-3
     compliance_m_n: float = 2.5e-4
     compliance_share: float = 0.15
+    yield_delay_s: float = 0.01
     anchor_sd_m: float = 1e-3
     error_stays_s: float = 1.0
     bit_sd_m: float = 8e-3

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 from standing_robot import UP
 
+from sensing.robot.contact import contact_of
 from sensing.robot.contact_kernels import line_of_action_slopes
+from sensing.robot.contacts import yielded
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned, moments, slip_probability
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct, length_slopes, point_slopes, update_step
+from sensing.robot.settings import Settings
+from sensing.robot.state import empty_state
 from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import FootSample
 from sensing.tensegrity.shape import balanced_shape, cable_lengths, rotation_of
 
 ROBOT = load_robot()
@@ -165,6 +170,17 @@ def test_independent_updates_are_those_of_the_kalman_filter():
     expected = spread - gain @ rows @ spread
     change = update_step(spread, rows, seen, variance, np.inf, found)
     assert np.allclose(change, gain @ seen) and np.allclose(spread, expected, atol=1e-8) and (found >= 0).all()
+
+
+def test_a_dome_that_is_being_pressed_has_yielded_less_than_its_force_says():
+    settings, state, falls_m_s = Settings(), empty_state(LAYOUT, 0.0), 0.1
+    state.velocity[:, 2] = -falls_m_s
+    turn = LAYOUT.endcap_turn[0]
+    sample = FootSample(0.0, ROBOT.endcaps[0].name, 40.0 * turn.T @ UP, np.zeros(3), np.eye(6) * 1e-4, True)
+    found = yielded(state, 0, contact_of(sample, 0, LAYOUT, settings), LAYOUT, settings)
+    stiffness = 1 / settings.compliance_m_n
+    damping = settings.yield_delay_s * stiffness
+    assert found == pytest.approx([0, 0, (40.0 - damping * falls_m_s) / stiffness], rel=1e-12)  # F = k d + c d'
 
 
 @pytest.mark.parametrize("truth", [0.3, 0.7])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from standing_robot import feed, standing_samples
@@ -36,7 +38,7 @@ def test_a_silent_inertial_sensor_does_not_let_the_robot_run_away(last_s):
     found = asked([x for x in samples if not (isinstance(x, InertialSample) and x.time_s > last_s)])
     silent = [estimate for estimate in found if estimate.time_s > last_s + 1.5]
     assert len(silent) > 40
-    for before, estimate in zip(silent, silent[1:], strict=False):
+    for before, estimate in pairwise(silent):
         assert not estimate.health.good and any("pose held" in note for note in estimate.health.notes)
         assert standing_deviations(estimate, found[0]) < 3
         assert (estimate.bars[0].T_world_bar == before.bars[0].T_world_bar).all()

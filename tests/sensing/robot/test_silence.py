@@ -55,6 +55,8 @@ def test_after_a_silence_it_stands_a_while_and_begins_anew():
     assert standing_deviations(last, found[0]) < 3
     held = np.diag([x for x in found if x.time_s < 4.0][-1].centre_of_mass_covariance)
     assert (np.diag(last.centre_of_mass_covariance) > held).all()  # what was not seen stays unknown
+    anew = next(x for x in found if any("begun anew" in note for note in x.health.notes))
+    assert last.bars[0].covariance[5, 5] > 0.99 * anew.bars[0].covariance[5, 5] > 0.1  # nobody measures the heading
     assert np.sqrt(last.bars[0].covariance[3, 3]) < 0.02  # gravity says again which way is up
 
 

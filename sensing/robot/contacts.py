@@ -223,7 +223,7 @@ def _slips(
 def _log_density(x: Array, spread: Array) -> float:
     """Of two numbers, up to a constant."""
     (a, b), (_, c) = spread.tolist()
-    square = a * c - b * b
+    square = max(a * c - b * b, 1e-30)  # rounding may leave less than nothing of a covariance that ran away
     u, v = x.tolist()
     return -0.5 * ((c * u * u - 2 * b * u * v + a * v * v) / square + math.log(square))
 

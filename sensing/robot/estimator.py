@@ -27,8 +27,10 @@ from sensing.robot.settings import DEFAULTS, KnownContact, Settings
 from sensing.robot.silence import follow_on
 from sensing.robot.start import Gathered, begin, nothing_gathered
 from sensing.robot.state import State, empty_state
-from sensing.tensegrity.description import TensegrityRobot
+from sensing.tensegrity.description import GRAVITY_M_S2, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
+
+STANDS = (0.5, 1.5)  # E: of gravity, what an accelerometer of a robot that stands reads
 
 
 @dataclass
@@ -126,6 +128,8 @@ class RobotEstimator:
         gathered = progress.gathered
         if gathered is None:
             return
+        if any(map(_thrown, samples)):  # it falls, or lands: what was gathered is of no robot that stands
+            gathered = progress.gathered = nothing_gathered(self._layout)
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
         if enough and (gathered.length_counts > 0).any():
@@ -155,3 +159,11 @@ class RobotEstimator:
             elif isinstance(sample, FootSample):
                 number = self._number[sample.endcap]
                 gathered.contacts[number] = contact_of(sample, number, self._layout, self.settings)
+
+
+def _thrown(sample: AnySample) -> bool:
+    """Whether an accelerometer reads far from the weight."""
+    if not isinstance(sample, InertialSample) or sample.acceleration_m_s2 is None:
+        return False
+    share = float(np.linalg.norm(sample.acceleration_m_s2)) / GRAVITY_M_S2
+    return not STANDS[0] < share < STANDS[1]

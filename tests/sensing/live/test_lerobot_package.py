@@ -1,12 +1,13 @@
 """LeRobot's camera plug-in as it is written: against lerobot where it is installed, else a stand-in of its base."""
 
 import abc
+import contextlib
 import importlib.util
 import sys
 import time
 import tomllib
 from dataclasses import dataclass, replace
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,16 +131,25 @@ def test_the_picture_is_rgb(plugin):
     assert (camera.width, camera.height) == (640, 480)
 
 
-def test_the_features_are_those_of_the_newest_wrench(camera, plugin):
+def test_the_features_are_those_of_the_newest_wrench(plugin):
+    _, reading = a_reading()
+    camera = plugin.EndcapCamera(plugin.EndcapCameraConfig(source="0"))
+    camera._endcap = SimpleNamespace(valid=True, close=lambda: None)
+    camera._reading = replace(reading, captured_s=time.monotonic() + 60)
+    found = plugin.wrench_features(camera, "endcap_0")
+    wrench, deviation = reading.wrench, np.sqrt(reading.wrench.covariance.diagonal())
+    expected = [*wrench.force_n, *wrench.torque_nm, *deviation, float(reading.contact.touching), bool(wrench.flags), 1]
+    assert list(found.values()) == expected and np.isfinite(expected).all()
+    assert list(found) == list(plugin.wrench_feature_types("endcap_0"))
+    assert list(found)[:6] == [f"endcap_0.{name}" for name in WRENCH]  # as in exported data sets
+    assert all(type(value) is float for value in found.values())
+    camera._endcap.valid = False  # unplugged, say
+    assert plugin.wrench_features(camera, "e")["e.valid"] == 0
+
+
+def test_a_press_is_read(camera):
     camera.shown.now = "pressed"
-    wait_for(lambda: camera.async_read(60e3) is not None and camera.touching)
-    reading, found = camera.reading, plugin.wrench_features(camera, "endcap_0")
-    wait_for(lambda: abs(plugin.wrench_features(camera, "endcap_0")["endcap_0.force_x_n"]) > 5)
-    assert list(found) == list(plugin.wrench_feature_types("endcap_0")) and plugin.WRENCH == WRENCH
-    assert found["endcap_0.valid"] == 1 and found["endcap_0.touching"] == 1
-    sd = np.sqrt(reading.wrench.covariance.diagonal())
-    assert np.isfinite(sd).all() and found["endcap_0.force_z_n_sd"] == pytest.approx(sd[2], rel=0.5)
-    assert all(isinstance(value, float) for value in found.values())
+    wait_for(lambda: camera.async_read(60e3) is not None and camera.touching and abs(camera.wrench.force_n[0]) > 5)
 
 
 @pytest.mark.parametrize("now", ["black", "broken"])
@@ -155,8 +165,9 @@ def test_a_damaged_picture_is_not_handed_out(camera):
     camera.shown.now = "broken"
     wait_for(lambda: not camera.reading.valid)
     camera.read_latest(60_000)  # the last good one, while it is young enough
-    camera.async_read(0)
-    with pytest.raises(TimeoutError, match=r"gave no picture in 0.2 s \(damaged pictures"):
+    with contextlib.suppress(TimeoutError):
+        camera.async_read(0)  # unless it was handed out already
+    with pytest.raises(TimeoutError, match=r"gave no picture in 0.2 s .*is damaged"):
         camera.async_read(200)
 
 

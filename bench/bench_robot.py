@@ -159,8 +159,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description="Estimate of the simulated robot against the truth.")
     parser.add_argument("what", choices=("walks", "table", "curves", "report"))
-    parser.add_argument("--terrains", nargs="+", type=Terrain, default=list(MAIN), choices=list(Terrain))
-    parser.add_argument("--kinds", nargs="+", type=Contacts, default=list(Contacts)[::-1], choices=list(Contacts))
+    parser.add_argument(
+        "--terrains", nargs="+", type=Terrain, default=list(MAIN), metavar="NAME",
+        help=f"of {', '.join(one.value for one in Terrain)} (default: {', '.join(one.value for one in MAIN)})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--kinds", nargs="+", type=Contacts, default=list(Contacts)[::-1], metavar="NAME",
+        help=f"of {', '.join(one.value for one in Contacts)} (default: all)",
+    )  # fmt: skip
     parser.add_argument("--seeds", type=int, default=20, help="runs a terrain (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
     parser.add_argument("--out", type=Path, default=HERE / "robot.csv")

@@ -194,7 +194,7 @@ def _difference(state: State, endcap: int, lever: Array, layout: Layout) -> tupl
     """((3,) from the endcap to its anchor, (3, N) slopes of what should be zero, endcap less anchor)."""
     bar, at = int(layout.endcap_bar[endcap]), layout.anchor(endcap)
     point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
-    x, y, z = state.anchor[endcap]
+    x, y, z = point  # not the anchor: a turn about the vertical must show in nothing, by no noise either
     slopes[:, layout.turn(layout.leader)] -= np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
     slopes[:, at] -= np.eye(3)
     return state.anchor[endcap] - point, slopes

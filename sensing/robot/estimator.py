@@ -24,6 +24,7 @@ from sensing.robot.layout import layout_of
 from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
+from sensing.robot.silence import follow_on
 from sensing.robot.start import Gathered, begin, nothing_gathered
 from sensing.robot.state import State, empty_state
 from sensing.tensegrity.description import TensegrityRobot
@@ -32,15 +33,13 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 @dataclass
 class _Progress:
-    """What is gathered before the start, and the state after it."""
+    """What is gathered before the start, and the state after it; both while samples come again after a silence."""
 
-    gathered: Gathered
+    gathered: Gathered | None
     state: State | None
 
     def copy(self) -> _Progress:
-        if self.state is None:
-            return _Progress(self.gathered.copy(), None)
-        return _Progress(self.gathered, self.state.copy())
+        return _Progress(self.gathered and self.gathered.copy(), self.state and self.state.copy())
 
 
 class RobotEstimator:
@@ -112,7 +111,7 @@ class RobotEstimator:
             return None
         state, measured_s = progress.state.copy(), progress.state.time_s
         if time_s > measured_s:
-            self._filter.predict(state, min(time_s, measured_s + self.settings.history_s), [])
+            self._filter.take(state, min(time_s, measured_s + self.settings.history_s), [])
         return report_of(state, measured_s, self._ignored, self._layout, self.settings)
 
     def _put(self, sample: AnySample) -> None:
@@ -122,14 +121,19 @@ class RobotEstimator:
     def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:
         if progress.state is not None:
             self._filter.take(progress.state, time_s, samples)
-            return
+            if progress.state.held_s and progress.gathered is None and self._filter.measures(samples):
+                progress.gathered = nothing_gathered(self._layout)
         gathered = progress.gathered
+        if gathered is None:
+            return
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
         if enough and (gathered.length_counts > 0).any():
             state = empty_state(self._layout, time_s)
             begin(state, gathered, self._layout, self.settings)
-            progress.state = state
+            if progress.state is not None:
+                follow_on(state, progress.state, self._layout)
+            progress.state, progress.gathered = state, None
 
     def _gather(self, gathered: Gathered, time_s: float, samples: list[AnySample]) -> None:
         if np.isnan(gathered.first_s):

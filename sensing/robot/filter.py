@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sensing.robot import contacts
+from sensing.robot.contact import contact_of
 from sensing.robot.history import AnySample
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
+from sensing.robot.silence import hold, unmeasured
 from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -46,6 +50,8 @@ class Filter:
             state: is changed. time_s: not before the state's. samples: inertial ones, then lengths, then endcaps.
         """
         inertial = [sample for sample in samples if isinstance(sample, InertialSample)]
+        if state.held_s or (unmeasured(state, time_s, self.layout) and not self.measures(inertial)):
+            return self._hold(state, time_s, samples)
         self.predict(state, time_s, inertial)
         for sample in samples:
             if isinstance(sample, LengthSample):
@@ -54,6 +60,23 @@ class Filter:
                 contacts.take(state, self._endcap_of[sample.endcap], sample, self.layout, self.settings)
             elif isinstance(sample, KnownContact):
                 state.known[self._endcap_of[sample.endcap]] = sample
+
+    def measures(self, samples: Sequence[AnySample]) -> bool:
+        """Whether the leading bar's inertial sensor is among the samples."""
+        name = self.layout.sensor_of_bar[self.layout.leader]
+        return any(isinstance(sample, InertialSample) and sample.sensor == name for sample in samples)
+
+    def _hold(self, state: State, time_s: float, samples: list[AnySample]) -> None:
+        hold(state, time_s, self.layout)
+        for sample in samples:
+            if isinstance(sample, InertialSample):
+                state.rate_s[self._bar_of[sample.sensor]] = time_s
+            elif isinstance(sample, LengthSample):
+                state.lengths_s = time_s
+            elif isinstance(sample, FootSample):
+                endcap = self._endcap_of[sample.endcap]
+                state.contacts[endcap] = contact_of(sample, endcap, self.layout, self.settings)
+                state.reading_s[endcap] = time_s
 
     def predict(self, state: State, time_s: float, samples: list[InertialSample]) -> None:
         """Move the state to a time.

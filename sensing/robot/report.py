@@ -19,6 +19,8 @@ WRONG_BIT = 0.02  # E: how often whether it touches is wrong
 INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a note
 WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
 SILENT_LENGTHS_S = 0.2
+LOST_M_S = 1.0  # standard deviation of the velocity that is worth a note
+ANEW_S = 10.0  # for which it is said that the estimate began anew
 NAN_3 = np.full(3, np.nan)
 UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)
 
@@ -101,7 +103,7 @@ def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -
 
 
 def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> Health:
-    notes = []
+    notes = _lost(state, layout)
     for bar, name in enumerate(layout.sensor_of_bar):
         label = layout.robot.bars[bar].name
         if name is None:
@@ -127,6 +129,21 @@ def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> H
             f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"
         )
     return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
+
+
+def _lost(state: State, layout: Layout) -> list[str]:
+    notes = []
+    if state.held_s:
+        notes.append(
+            "pose held as it was: the inertial sensor of the leading bar is silent; it has to stand a while then"
+        )
+    if state.time_s - state.anew_s < ANEW_S:
+        notes.append("begun anew after a silence of the inertial sensor: place and heading are those of before it")
+    at = layout.velocity(layout.leader)
+    speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
+    if speed_sd > LOST_M_S:
+        notes.append(f"place is being lost: velocity is known to {speed_sd:.1f} m/s: contacts or inertial samples lack")
+    return notes
 
 
 def _ago(seconds: float) -> str:

@@ -31,6 +31,8 @@ class State:
         contacts: last reading of each endcap. friction: (59,) weights of the coefficients.
         consistency: (2,) mean squared innovation over its variance, lengths and anchors. weight_ratio: lately.
         rejected: lengths of the last sample. known: what a simulation knows of each contact.
+        held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
+            again; -inf without.
     """
 
     time_s: float
@@ -60,6 +62,8 @@ class State:
     weight_ratio: float
     rejected: int
     known: list[KnownContact | None]
+    held_s: float = 0.0
+    anew_s: float = -np.inf
 
     def copy(self) -> Self:
         """One that can be changed on its own."""

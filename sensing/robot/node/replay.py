@@ -48,8 +48,8 @@ class Outcome:
         """What could not be estimated from it, and what could."""
         if self.inertial:
             return []
-        contacts = "which endcaps hold, and steps of those that do" if self.endcaps else "no contacts either"
-        return [f"no inertial sample in it: the shape from the cables, {contacts}; which way is up is not measured"]
+        contacts = "which endcaps touch" if self.endcaps else "no contacts either"
+        return [f"no inertial sample in it: the first shape from the cables, held, {contacts}; motion is not measured"]
 
 
 class Recording:

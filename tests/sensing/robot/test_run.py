@@ -136,7 +136,7 @@ def test_a_sample_comes_back_to_the_bit(sample):
 def test_without_inertial_sensors_it_says_what_is_left(tmp_path):
     path, reports = recorded(tmp_path / "a.mcap", Standing((LengthSample, FootSample)))
     (note,) = Recording(path).replay().notes
-    assert note.startswith("no inertial sample in it: the shape from the cables, which endcaps hold")
+    assert note.startswith("no inertial sample in it: the first shape from the cables, held, which endcaps touch")
     assert any(
         "which way is up is not measured" in each or "no sample" in each for each in reports[-1].estimate.health.notes
     )

@@ -1,4 +1,4 @@
-"""Samples as they really come: late, twice, out of order, missing, NaN, wrong, and for ten minutes."""
+"""Samples as they really come: late, twice, out of order, missing, NaN, wrong, and for a long time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 ROBOT = load_robot()
-SECONDS = 60.0  # ten minutes (600.0) give the same answer, and take two minutes
+SECONDS = 60.0  # docs/robot.md has the numbers of ten minutes
 POSES, SAMPLES = standing_samples(ROBOT, 2.0, rate_hz=100.0)
 
 

@@ -1,0 +1,79 @@
+"""What is left of the estimate while the leading bar's inertial sensor is silent.
+
+Lengths and contacts alone leave the turn about the vertical, the bars' turns about themselves and, at the prism, one
+motion of the shape open: a filter on them alone runs away within minutes. So the pose is held, its covariance grows as
+a robot may move that nobody watches, and once samples come again the robot has to stand a while, as at the start.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sensing.robot.contacts import release
+from sensing.robot.layout import Layout
+from sensing.robot.state import State
+from sensing.tensegrity.description import Array
+
+HELD_AFTER_S = 1.0  # of silence
+MOVES_M_S, TURNS_RAD_S = 0.2, 0.3  # E: standard deviations of the motion of a robot that nobody watches
+MOST_TURN = math.pi / math.sqrt(3)  # standard deviation of a turn of which nothing is known
+
+
+def unmeasured(state: State, time_s: float, layout: Layout) -> bool:
+    """Whether the leading bar's inertial sensor has been silent for too long.
+
+    Args:
+        state: of the filter. time_s: not before the state's. layout: of the robot.
+    """
+    leader = layout.leader
+    return bool(time_s - max(state.rate_s[leader], state.force_s[leader]) > HELD_AFTER_S)
+
+
+def hold(state: State, time_s: float, layout: Layout) -> None:
+    """Keep the pose until a time, and let its covariance grow.
+
+    Args:
+        state: is changed. time_s: not before the state's. layout: of the robot.
+    """
+    if state.held_s == 0.0:
+        for endcap in range(layout.endcaps):
+            release(state, endcap, layout)
+        state.velocity[:], state.rate[:] = 0.0, state.rate_bias
+    before, state.held_s = state.held_s, state.held_s + time_s - state.time_s
+    most_s = MOST_TURN / TURNS_RAD_S
+    turned = TURNS_RAD_S**2 * (min(state.held_s, most_s) ** 2 - min(before, most_s) ** 2)
+    _spread(state, turned * np.eye(3), MOVES_M_S**2 * (state.held_s**2 - before**2) * np.eye(3), layout)
+    state.time_s = time_s
+
+
+def follow_on(state: State, held: State, layout: Layout) -> None:
+    """Move a first state to the place and heading that were held, as well as these are known.
+
+    Args:
+        state: new, is changed. held: until then. layout: of the robot.
+    """
+    turn = held.turn[layout.leader] @ state.turn[layout.leader].T
+    angle = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+    back = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+    state.turn[:] = back @ state.turn
+    state.place[:] = state.place @ back.T
+    state.place[:, :2] += held.place[layout.leader, :2] - state.place[layout.leader, :2]
+    whole = np.kron(np.eye(layout.size // 3), back)
+    state.covariance = whole @ state.covariance @ whole.T
+    place, about = layout.place(layout.leader), layout.turn(layout.leader).start + 2
+    heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
+    _spread(state, heading, held.covariance[place, place], layout)
+    state.friction, state.anew_s = held.friction.copy(), state.time_s
+
+
+def _spread(state: State, turn: Array, place: Array, layout: Layout) -> None:
+    """Add to the covariance (3, 3) that of a turn of the whole robot about its middle, and of a shift."""
+    slopes = np.zeros((layout.size, 6))
+    x, y, z = state.place.mean(axis=0)
+    for bar in range(layout.bars):
+        slopes[layout.turn(bar), :3] = np.eye(3)
+        slopes[layout.place(bar), :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+        slopes[layout.place(bar), 3:] = np.eye(3)
+    state.covariance += slopes[:, :3] @ turn @ slopes[:, :3].T + slopes[:, 3:] @ place @ slopes[:, 3:].T

@@ -1,0 +1,67 @@
+"""Inertial sensors that fall silent or are slow: what is said stays true, or the estimate says that it is not good."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from standing_robot import feed, standing_samples
+
+from sensing.robot.estimator import RobotEstimator
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import InertialSample
+
+ROBOT = load_robot()
+
+
+def asked(samples, from_s: float = 1.5, every_s: float = 0.5):
+    """The estimates of a robot that stands, at times at which all streams have reported."""
+    estimator, found, next_s = RobotEstimator(ROBOT), [], from_s
+    for sample in samples:
+        feed(estimator, [sample])
+        if sample.time_s >= next_s:
+            next_s += every_s
+            found.append(estimator.state())
+    return found
+
+
+def standing_deviations(estimate, first) -> float:
+    """How far it thinks to have moved, in standard deviations."""
+    away = estimate.centre_of_mass_m - first.centre_of_mass_m
+    return float(np.sqrt(away @ np.linalg.solve(estimate.centre_of_mass_covariance, away)))
+
+
+@pytest.mark.parametrize("last_s", [0.0, 2.0])
+def test_a_silent_inertial_sensor_does_not_let_the_robot_run_away(last_s):
+    _, samples = standing_samples(ROBOT, 25.0, rate_hz=25.0, every=3)
+    found = asked([x for x in samples if not (isinstance(x, InertialSample) and x.time_s > last_s)])
+    silent = [estimate for estimate in found if estimate.time_s > last_s + 1.5]
+    assert len(silent) > 40
+    for before, estimate in pairwise(silent):
+        assert not estimate.health.good and any("pose held" in note for note in estimate.health.notes)
+        assert standing_deviations(estimate, found[0]) < 3
+        assert (estimate.bars[0].T_world_bar == before.bars[0].T_world_bar).all()
+        assert (np.diag(estimate.centre_of_mass_covariance) > np.diag(before.centre_of_mass_covariance)).all()
+        assert (np.linalg.eigvalsh(estimate.bars[0].covariance) > -1e-9).all()
+    assert [endcap.hold.word for endcap in silent[-1].endcaps] == ["holds", "free"] * 3
+
+
+def test_after_a_silence_it_stands_a_while_and_begins_anew():
+    _, samples = standing_samples(ROBOT, 7.0, rate_hz=100.0)
+    found = asked([x for x in samples if not (isinstance(x, InertialSample) and 2.0 < x.time_s < 4.0)])
+    last = found[-1]
+    assert last.health.notes[0].startswith("begun anew after a silence") and len(last.health.notes) == 1
+    assert standing_deviations(last, found[0]) < 3
+    held = np.diag([x for x in found if x.time_s < 4.0][-1].centre_of_mass_covariance)
+    assert (np.diag(last.centre_of_mass_covariance) > held).all()  # what was not seen stays unknown
+    anew = next(x for x in found if any("begun anew" in note for note in x.health.notes))
+    assert last.bars[0].covariance[5, 5] > 0.99 * anew.bars[0].covariance[5, 5] > 0.1  # nobody measures the heading
+    assert np.sqrt(last.bars[0].covariance[3, 3]) < 0.02  # gravity says again which way is up
+
+
+def test_slow_streams_are_inside_the_covariance_or_flagged():
+    _, samples = standing_samples(ROBOT, 90.0, rate_hz=10.0, every=3)
+    found = asked(samples, every_s=5.0)
+    assert all(standing_deviations(estimate, found[0]) < 3 or not estimate.health.good for estimate in found)
+    assert any("place is being lost" in note for note in found[-1].health.notes)

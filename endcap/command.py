@@ -98,6 +98,7 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
             Subcommand(
                 "ros-package", "sensing.live.ros_package", "ROS 2 packages: message with covariance, launch file"
             ),
+            Subcommand("lerobot-package", "sensing.live.lerobot_package", "camera plug-in for LeRobot, with wrench"),
             Subcommand("field", "sensing.field", "shear field of pictures or a video"),
             Subcommand("record", "sensing.record", "frames paired with a force/torque sensor"),
         ),

@@ -103,7 +103,9 @@ def module_name(path: Path, root: Path = ROOT) -> str:
 
 
 def sources(package: str) -> list[Path]:
-    return sorted((ROOT / package).rglob("*.py"))
+    """Without those of packages that are installed elsewhere, beside the program that they extend."""
+    found = (ROOT / package).rglob("*.py")
+    return sorted(path for path in found if "packages" not in path.relative_to(ROOT).parts)
 
 
 MODULES = {module_name(path): path for package in PACKAGES for path in sources(package)}

@@ -136,6 +136,7 @@ def open_endcap(
     silicone: str = DEFAULT_SILICONE,
     dots: str = "",
     dot_mm: float = RELEASED_DOT_MM,
+    rate_hz: float = 0.0,
     model: LiveModel | None = None,
 ) -> Endcap:
     """An endcap by the word for its source.
@@ -145,13 +146,16 @@ def open_endcap(
         zero: reference file; None to take the first frames (for a file: the first picture).
         diameter_mm, wall_mm, dots, dot_mm: the design (:class:`sensing.live.core.config.EndcapConfig`).
         silicone: row of cad/materials.csv that it is cast of.
+        rate_hz: frames a second asked of a camera, 0 for 30; pictures a second of a folder, 0 for one.
         model: what estimates the wrench; None for the one that ships.
 
     Raises:
         EndcapError: a source, file or design that cannot be used.
     """
     taken = None if zero is None else Path(zero)
-    endcap = EndcapConfig("endcap_0", source, taken, diameter_mm, wall_mm, silicone=silicone, dots=dots, dot_mm=dot_mm)
+    endcap = EndcapConfig(
+        "endcap_0", source, taken, diameter_mm, wall_mm, rate_hz=rate_hz, silicone=silicone, dots=dots, dot_mm=dot_mm
+    )
     models = None if model is None else lambda _: model
     opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
     warm_up(lambda text: LOG.info(text))

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError, ParameterError
 from cad.identity import Identity, recorded
 from cad.params import EndcapParams
-from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from sensing.npz import read_npz
 from sensing.records import Frame, Wrench
 
@@ -274,13 +274,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def _design(request: dict[str, Any]) -> EndcapParams:
     """Of the options of a set; those written before there were other dots say nothing of them."""
-    rings = request.get("dot_rings")
-    return EndcapParams(
-        float(request["diameter_mm"]),
-        float(request["wall_mm"]),
-        RELEASED_RINGS if rings is None else parse_rings(rings),
-        request.get("dot_mm", RELEASED_DOT_MM),
-    )
+    rings = parse_rings(request.get("dot_rings", rings_text(RELEASED_RINGS)))
+    diameter_mm, wall_mm = float(request["diameter_mm"]), float(request["wall_mm"])
+    return EndcapParams(diameter_mm, wall_mm, rings, request.get("dot_mm", RELEASED_DOT_MM))
 
 
 def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:

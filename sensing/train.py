@@ -17,12 +17,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from cad.design_arguments import HELP, design_of
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
-from cad.params import EndcapParams
-from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
 from sensing.learning.contenders import read_all
@@ -115,9 +114,8 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
     from sensing.design.weights import DesignRequest, design_weights
     from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
-    rings, dot_mm = parse_rings(options.dot_rings), options.dot_mm
-    diameter_mm, wall_mm = options.design
-    request = DesignRequest(EndcapParams(diameter_mm, wall_mm, rings, dot_mm), options.silicone)
+    options.diameter, options.wall = options.design
+    request = DesignRequest(design_of(options), options.silicone)
     _ = request.scale  # an unknown silicone is refused before torch loads
     out = options.out or weights_folder() / weights_name(request.params, request.silicone)
     if options.out is None:
@@ -181,13 +179,8 @@ def _parser() -> argparse.ArgumentParser:
         "--design", type=plain_number, nargs=2, metavar=("D", "T"),
         help="instead: weights for this diameter and wall (mm), from the library of solved states",
     )  # fmt: skip
-    parser.add_argument(
-        "--dot-rings", default=rings_text(RELEASED_RINGS), metavar="COUNTS",
-        help=f"with --design: dots of each ring from tip to equator ({rings_text(RELEASED_RINGS)})",
-    )  # fmt: skip
-    parser.add_argument(
-        "--dot-mm", type=plain_number, default=RELEASED_DOT_MM, metavar="MM", help="with --design: of a dot (4)"
-    )
+    parser.add_argument("--dot-rings", metavar="COUNTS", help=f"with --design: {HELP['dot_rings']}")
+    parser.add_argument("--dot-mm", type=plain_number, metavar="MM", help=f"with --design: {HELP['dot_mm']}")
     parser.add_argument(
         "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"with --design ({DEFAULT_SILICONE})"
     )

@@ -1,4 +1,4 @@
-"""When the estimate begins, and how wrong its first state is: a robot that rocks, that fell, that never stands still."""
+"""When the estimate begins, and how wrong its first state is: a robot that rocks, fell, or never stands still."""
 
 from __future__ import annotations
 

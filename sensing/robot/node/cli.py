@@ -112,7 +112,7 @@ def _run(options: argparse.Namespace) -> int:
         for stream in {id(each): each for each in (lines, out)}.values():
             stream.close(5.0)
     if terminal.last is None and not out.gone and not stop.asked.is_set():
-        raise ParameterError("no estimate: the robot must stand for half a second first, and cables report lengths")
+        raise ParameterError("no estimate: the robot must stand still for a second first, and cables report lengths")
     return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
 
 

@@ -91,6 +91,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     },
 }
 SHARED_WITH_SIMULATOR = {
+    "sensing.arguments",  # forms of options: nothing that an estimate is made with
     "sensing.records",
     "sensing.records_labelled",
 }  # besides the packages camera and tensegrity

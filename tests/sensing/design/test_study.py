@@ -17,7 +17,7 @@ from sensing import study as command
 from sensing.design.figures import Figure, Source, as_csv, figures
 from sensing.design.page import study_page
 from sensing.design.pressed import GYROID_FRACTION, Study
-from sensing.design.prints import prints_of
+from sensing.design.prints import estimated_prints, prints_of
 from sensing.design.region import Place, choose, grid, in_silicone, pareto, place_of
 
 RELEASED = Study(EndcapParams(130, 8))
@@ -48,6 +48,15 @@ def test_the_next_commands_are_those_of_the_very_design():
 )
 def test_a_figure_is_a_plain_number(value, said):
     assert Figure("plastic_g", "plastic", value, "g", Source.MEASURED, "").text == said
+
+
+@pytest.mark.parametrize(
+    ("design", "hours", "grams"), [((111, 7.1), 21.62 + 3.27, 366 + 25.7), ((162.5, 10.75), 43.07 + 5.17, 777 + 43.4)]
+)
+def test_the_estimate_of_printing_is_that_of_slices_at_other_sizes(design, hours, grams):
+    """Mold and interface as `make slice` measured them; the estimate was set at D=130 T=8."""
+    found = estimated_prints(EndcapParams(*design))
+    assert found.time_h == pytest.approx(hours, rel=0.08) and found.grams == pytest.approx(grams, rel=0.05)
 
 
 def test_the_volume_is_that_of_the_wall_by_quadrature():

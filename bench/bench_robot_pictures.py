@@ -1,0 +1,227 @@
+"""The robot's estimate from pictures: every frame of six endcaps rendered, tracked and estimated by the live pipeline.
+
+    python bench/bench_robot_pictures.py run             # robot_pictures.csv, robot_pictures_readings.csv; goes on
+    python bench/bench_robot_pictures.py check           # the states between solved ones against direct solves
+
+The same held-out run is judged twice: with the wrenches of its pictures, and with those of the noise model of
+``bench_robot.py``. Half an hour of one core; presses and readings are kept in ``exports/bench/robot_pictures``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from numpy.typing import NDArray
+from robot_pictures import CHECK_SEED, CHECK_TILTS_DEG, CHECKED, Readings, Stage, frame_times, read_walk, with_pictures
+from robot_runs import FIRST_SEED, held_out, judge_arrivals
+
+from cad.whole_file import replace_file
+from sensing.robot.settings import DEFAULTS
+from sensing.simulator.walk.stream import Arrival, sensor_stream, true_wrenches
+from sensing.simulator.walk.terrain import Terrain
+from sensing.simulator.walk.truth import Walk
+from sensing.tensegrity.description import TensegrityRobot
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import FootSample
+
+Array = NDArray[np.float64]
+HERE = Path(__file__).parent
+FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
+RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load from which a reading is one of a contact
+INSIDE_95 = 1.96
+ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
+
+
+@dataclass(frozen=True)
+class ReadingErrors:
+    """Errors of the readings of one run within one range of its contacts, over all endcaps.
+
+    Attributes:
+        robot, seed, source: which run, and whether of pictures or of the noise model.
+        where: ``inside`` 60 N and 60 degrees, ``beyond``, or ``free``: no contact.
+        readings: how many. rmse_force_n, rmse_torque_nm: of an axis. median_force_percent: of the load.
+        covered: part of the axes within 1.96 stated standard deviations. flagged: part with ``out_of_range``.
+        lost: part without a number. wrong_bit: part whose contact bit is wrong. clamped: part whose picture shows the
+            nearest state that was solved, not the run's. between_nm: root mean square of an axis of the torque by which
+            the state in the picture and the run differ, of pictures.
+    """
+
+    robot: str
+    seed: int
+    source: str
+    where: str
+    readings: int
+    rmse_force_n: float
+    rmse_torque_nm: float
+    median_force_percent: float
+    covered: float
+    flagged: float
+    lost: float
+    wrong_bit: float
+    clamped: float
+    between_nm: float
+
+
+def robot_of(share: float) -> TensegrityRobot:
+    """The robot that ships with a part of its mass, and its cables as much softer: the same shape, the same gait."""
+    robot = load_robot()
+    bars = [replace(bar, mass_kg=share * bar.mass_kg, inertia_kg_m2=share * bar.inertia_kg_m2) for bar in robot.bars]
+    cables = [replace(cable, stiffness_n_m=share * cable.stiffness_n_m) for cable in robot.cables]
+    return replace(robot, bars=tuple(bars), cables=tuple(cables))
+
+
+def noise_readings(
+    walk: Walk, robot: TensegrityRobot, arrivals: Sequence[Arrival], like: dict[str, Readings]
+) -> dict[str, Readings]:
+    """The noise model's samples in the form of those of pictures.
+
+    Args:
+        walk, robot: the run. arrivals: of it. like: readings of pictures at the same times.
+    """
+    found = {}
+    for endcap in robot.endcaps:
+        part = like[endcap.name]
+        feet = [
+            one.sample for one in arrivals if isinstance(one.sample, FootSample) and one.sample.endcap == endcap.name
+        ]
+        feet.sort(key=lambda foot: foot.time_s)
+        rows = np.round(part.time_s / float(walk.time_s[1] - walk.time_s[0])).astype(int)
+        found[endcap.name] = replace(
+            part, wrench=np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in feet]),
+            covariance=np.array([foot.covariance for foot in feet]),
+            touching=np.array([int(bool(foot.touching)) for foot in feet]),
+            flags=np.array([" ".join(sorted(foot.flags)) for foot in feet]),
+            shown=true_wrenches(walk, robot, endcap, rows)[0], clamped=np.zeros(len(feet), dtype=bool),
+        )  # fmt: skip
+    return found
+
+
+def reading_errors(found: dict[str, Readings], label: tuple[str, int, str]) -> Iterator[ReadingErrors]:
+    """Errors by range.
+
+    Args:
+        found: of all endcaps of a run. label: (robot, seed, source).
+    """
+    joined = {
+        entry.name: np.concatenate([getattr(part, entry.name) for part in found.values()]) for entry in fields(Readings)
+    }
+    every = Readings(**joined)
+    inside = (every.load_n <= RANGE_N) & (every.tilt_deg <= RANGE_DEG)
+    touching = every.load_n > LEAST_N
+    for where, rows in (("inside", touching & inside), ("beyond", touching & ~inside), ("free", every.load_n == 0)):
+        error = every.wrench[rows] - every.shown[rows]
+        known = np.isfinite(error).all(axis=1)
+        error, sigma = error[known], np.sqrt(np.diagonal(every.covariance[rows][known], axis1=1, axis2=2))
+        bit = every.touching[rows]
+        load = every.load_n[rows][known]
+        share = np.linalg.norm(error[:, :3], axis=1)[load > 0] / load[load > 0]
+        flags = every.flags[rows]
+        yield ReadingErrors(
+            *label, where, int(rows.sum()), _rms(error[:, :3]), _rms(error[:, 3:]),
+            100 * float(np.median(share)) if len(share) else float("nan"),
+            float((np.abs(error) < INSIDE_95 * sigma).mean()),
+            float(np.mean(["out_of_range" in word for word in flags])),
+            1 - float(known.mean()), float((bit != (every.load_n[rows] > 0)).mean()), float(every.clamped[rows].mean()),
+            _rms((every.ran - every.shown)[rows, 3:]),
+        )  # fmt: skip
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def run(options: argparse.Namespace, stage: Stage) -> None:
+    """Read and judge every run that is asked for; both files are written anew after each.
+
+    Args:
+        options: of the command. stage: what the runs share.
+    """
+    scores: list[dict[str, Any]] = []
+    errors: list[dict[str, Any]] = []
+    for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
+        for name in options.robots:
+            robot = robot_of(ROBOTS[name])
+            walk = held_out(robot, Terrain.FLAT, seed, options.seconds, stage.folder / name)
+            arrivals = sensor_stream(walk, robot, seed=seed)
+            pictured = read_walk(stage, walk, robot, frame_times(arrivals), f"{name}_flat_{seed}_{options.seconds:g}s")
+            for source, found, stream in (
+                ("pictures", pictured, with_pictures(arrivals, pictured)),
+                ("noise", noise_readings(walk, robot, arrivals, pictured), arrivals),
+            ):
+                judge_arrivals(walk, robot, stream[:2000], DEFAULTS, ("", 0.0))  # compiles; else times are those of it
+                score = judge_arrivals(walk, robot, stream, DEFAULTS, (source, 0.0))
+                scores.append({"robot": name, **asdict(score)})
+                errors += [asdict(part) for part in reading_errors(found, (name, seed, source))]
+            write(options.out, scores)
+            write(options.out.with_name(f"{options.out.stem}_readings.csv"), errors)
+
+
+def check(stage: Stage) -> list[dict[str, Any]]:
+    """How far the library's states are from direct solves at tilts and along paths that it was not fitted to."""
+    from sensing.simulator.walk.contacts import Contacts
+    from sensing.simulator.walk.pressed import states_of
+
+    rows = []
+    for tilt in CHECK_TILTS_DEG:
+        solved = stage.presses(tilt, CHECK_SEED, CHECKED)
+        count = len(solved.normal_n)
+        flat = np.zeros(count)
+        found = states_of(stage.library, Contacts(flat, flat + tilt, flat, solved.normal_n, solved.tangential_n))
+        surface = stage.library.fields(found.weights)
+        off = np.linalg.norm(surface - solved.surface_mm, axis=(1, 2)) / np.linalg.norm(solved.surface_mm, axis=(1, 2))
+        torque = np.linalg.norm(found.wrench[:, 3:] - solved.wrench[:, 3:] / 1000, axis=1)
+        known = (
+            np.linalg.norm(solved.tangential_n, axis=1) <= stage.library.cone[0] * solved.normal_n
+        ) & ~found.clamped
+        for low, high in ((1, 10), (10, 30), (30, 60), (60, 120)):
+            inside = known & (solved.normal_n >= low) & (solved.normal_n < high)
+            rows.append({
+                "tilt_deg": tilt, "from_n": low, "to_n": high, "states": int(inside.sum()),
+                "surface_percent": 100 * _rms(off[inside]), "torque_nm": _rms(torque[inside]),
+                "estimate_percent": 100 * float(np.mean(found.error_estimate[inside])), "refused": len(solved.refused),
+            })  # fmt: skip
+    return rows
+
+
+def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Rows as CSV, whole or not at all."""
+    writer = csv.DictWriter(stream := io.StringIO(), list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: f"{v:.5g}" if isinstance(v, float) else v for name, v in row.items()} for row in rows)
+    replace_file(path, stream.getvalue().encode())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what is asked for; returns the exit status."""
+    parser = argparse.ArgumentParser(description="The robot's estimate from rendered frames through the live pipeline.")
+    parser.add_argument("what", choices=("run", "check"))
+    parser.add_argument("--robots", nargs="+", choices=tuple(ROBOTS), default=list(ROBOTS), help="(default: both)")
+    parser.add_argument("--seeds", type=int, default=1, help="runs of each (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
+    parser.add_argument("--out", type=Path, default=HERE / "robot_pictures.csv")
+    options = parser.parse_args(arguments)
+    terminal = sys.stderr.isatty()
+    stage = Stage(FOLDER, lambda text: print(f"\r{text:<60}", end="", file=sys.stderr) if terminal else None)
+    if options.what == "run":
+        run(options, stage)
+        print(options.out.read_text(), options.out.with_name(f"{options.out.stem}_readings.csv").read_text(), sep="\n")
+    else:
+        write(path := options.out.with_name(f"{options.out.stem}_check.csv"), check(stage))
+        print(path.read_text())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

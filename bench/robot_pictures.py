@@ -29,6 +29,7 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel, known_weights, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
+from sensing.records import Frame
 from sensing.robot.readings import foot_sample
 from sensing.simulator.levels import Simulator
 from sensing.simulator.reduced.library import Library
@@ -56,8 +57,6 @@ Say = Callable[[str], None]
 PARAMS = EndcapParams(130.0, 8.0)
 FIRST_SENSOR = 201  # no training, tuning or test has seen these
 TOLERANCE = 1e-2  # of level 2: markers within 0.01 % of level 1 (docs/simulator.md), the fit is a hundred times worse
-CHECK_SEED, CHECKED = 1, 40  # of the presses that check the fit, and how many at each of their tilts
-CHECK_TILTS_DEG = (52.0, 64.0, 76.0)
 
 
 class Stage:
@@ -207,6 +206,23 @@ def _gathered(
         np.array([" ".join(sorted(foot.flags)) for foot in feet]),
         states.wrench, ran, np.linalg.norm(ran[:, :3], axis=1), contacts.tilt_deg, states.clamped,
     )  # fmt: skip
+
+
+def alone(stage: Stage, fields_mm: Array, azimuth_deg: float) -> Array:
+    """(n, 6) what the live pipeline estimates of single pictures, each for itself.
+
+    Args:
+        stage: shell, weights. fields_mm: (n, k, 3) displacement of the simulator's inner surface. azimuth_deg: of all.
+    """
+    sensor = WalkSensor(stage.simulator, stage.library, FIRST_SENSOR)
+    pipeline, found = _pipeline(stage, sensor, "check"), []
+    for number, field in enumerate(fields_mm):
+        picture = sensor.picture(field, number, azimuth_deg)
+        reading = pipeline.update(Frame(float(number), number, sensor.name, jpeg=picture))
+        assert reading is not None  # times only rise
+        found.append(np.concatenate([reading.estimate.force_n, reading.estimate.torque_nm]))
+    pipeline.close()
+    return np.array(found)
 
 
 def frame_times(arrivals: Sequence[Arrival]) -> dict[str, Array]:

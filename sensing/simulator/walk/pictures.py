@@ -45,15 +45,14 @@ class WalkSensor:
             request.params, request.mounted, request.settings, surface.position, surface.interpolation
         )
 
-    def picture(self, weights: Array | None, noise: int, azimuth_deg: float = 0.0) -> bytes:
+    def picture(self, field_mm: Array | None, noise: int, azimuth_deg: float = 0.0) -> bytes:
         """JPEG of a state.
 
         Args:
-            weights: (r,) of the library's modes; None for the untouched dome. noise: number that selects it.
-            azimuth_deg: of the contact.
+            field_mm: (k, 3) displacement of the simulator's inner surface, contact on azimuth 0; None for the
+                untouched dome. noise: number that selects it. azimuth_deg: of the contact.
         """
-        field = None if weights is None else self._library.fields(weights[None])[0]
-        return self._renderer.render(field, azimuth_deg=azimuth_deg, frame=noise).jpeg
+        return self._renderer.render(field_mm, azimuth_deg=azimuth_deg, frame=noise).jpeg
 
     def rest(self) -> list[Frame]:
         """Frames of the untouched dome before the run, at 30 Hz up to a second before time 0."""
@@ -70,6 +69,6 @@ class WalkSensor:
         """
         for k, time_s in enumerate(contacts.time_s):
             pressed = bool(contacts.normal_n[k] > 0)
-            weights = states.weights[k] if pressed else None
-            jpeg = self.picture(weights, REST + k, float(contacts.azimuth_deg[k]))
+            field = self._library.fields(states.weights[k : k + 1])[0] if pressed else None
+            jpeg = self.picture(field, REST + k, float(contacts.azimuth_deg[k]))
             yield Frame(float(time_s), REST + k, self.name, jpeg=jpeg)

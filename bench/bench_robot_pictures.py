@@ -2,6 +2,7 @@
 
     python bench/bench_robot_pictures.py run             # robot_pictures.csv, robot_pictures_readings.csv; goes on
     python bench/bench_robot_pictures.py check           # the states between solved ones against direct solves
+    python bench/bench_robot_pictures.py picture         # six cameras at one moment: robot_pictures.jpg
 
 The same held-out run is judged twice: with the wrenches of its pictures, and with those of the noise model of
 ``bench_robot.py``. Half an hour of one core; presses and readings are kept in ``exports/bench/robot_pictures``.
@@ -23,9 +24,10 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from robot_pictures import Readings, Stage, alone, frame_times, read_walk, with_pictures
+from robot_pictures import Readings, Stage, alone, frame_at, frame_times, read_walk, with_pictures
 from robot_runs import FIRST_SEED, held_out, judge_arrivals
 
 from cad.whole_file import replace_file
@@ -45,6 +47,7 @@ HERE = Path(__file__).parent
 FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
 RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load from which a reading is one of a contact
 INSIDE_95 = 1.96
+SHOWN_S, VIEW_PX = 9.0, (320, 240)  # moment of the run, and size of a view on the sheet
 CHECK_SEED, CHECKED, AZIMUTH_DEG = 1, 60, 20.0  # of the presses that check the states between, and how many at a tilt
 CHECK_TILTS_DEG, CHECK_LOADS_N = (57.0, 69.0), (1, 10, 30, 60, 110)
 ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
@@ -161,7 +164,7 @@ def run(options: argparse.Namespace, stage: Stage) -> None:
             robot = robot_of(ROBOTS[name])
             walk = held_out(robot, Terrain.FLAT, seed, options.seconds, stage.folder / name)
             arrivals = sensor_stream(walk, robot, seed=seed)
-            pictured = read_walk(stage, walk, robot, frame_times(arrivals), f"{name}_flat_{seed}_{options.seconds:g}s")
+            pictured = read_walk(stage, walk, robot, frame_times(arrivals), run_name(name, seed, options.seconds))
             for source, found, stream in (
                 ("pictures", pictured, with_pictures(arrivals, pictured)),
                 ("noise", noise_readings(walk, robot, arrivals, pictured), arrivals),
@@ -202,6 +205,33 @@ def check(stage: Stage) -> list[dict[str, Any]]:
     return rows
 
 
+def picture(options: argparse.Namespace, stage: Stage) -> bytes:
+    """What the six cameras of the first run see :data:`SHOWN_S` after its start, as JPEG."""
+    name, seed = options.robots[0], FIRST_SEED
+    robot = robot_of(ROBOTS[name])
+    walk = held_out(robot, Terrain.FLAT, seed, options.seconds, stage.folder / name)
+    times = frame_times(sensor_stream(walk, robot, seed=seed))
+    readings = read_walk(stage, walk, robot, times, run_name(name, seed, options.seconds))
+    views = []
+    for number, endcap in enumerate(robot.endcaps):
+        part = readings[endcap.name]
+        k = int(np.searchsorted(part.time_s, SHOWN_S))
+        view = cv2.resize(
+            frame_at(stage, walk, robot, number, float(part.time_s[k])), VIEW_PX, interpolation=cv2.INTER_AREA
+        )
+        said = f"{endcap.name}: {part.load_n[k]:.1f} N, estimated {np.linalg.norm(part.wrench[k, :3]):.1f} N"
+        cv2.putText(view, said, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.putText(view, said, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+        views.append(view)
+    sheet = np.vstack([np.hstack(views[:3]), np.hstack(views[3:])])
+    return cv2.imencode(".jpg", sheet, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+
+
+def run_name(robot: str, seed: int, seconds: float) -> str:
+    """Of the files that keep a run's readings."""
+    return f"{robot}_flat_{seed}_{seconds:g}s"
+
+
 def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Rows as CSV, whole or not at all."""
     writer = csv.DictWriter(stream := io.StringIO(), list(rows[0]), lineterminator="\n")
@@ -213,7 +243,7 @@ def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description="The robot's estimate from rendered frames through the live pipeline.")
-    parser.add_argument("what", choices=("run", "check"))
+    parser.add_argument("what", choices=("run", "check", "picture"))
     parser.add_argument("--robots", nargs="+", choices=tuple(ROBOTS), default=list(ROBOTS), help="(default: both)")
     parser.add_argument("--seeds", type=int, default=1, help="runs of each (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
@@ -224,6 +254,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.what == "run":
         run(options, stage)
         print(options.out.read_text(), options.out.with_name(f"{options.out.stem}_readings.csv").read_text(), sep="\n")
+    elif options.what == "picture":
+        replace_file(options.out.with_suffix(".jpg"), picture(options, stage))
     else:
         write(path := options.out.with_name(f"{options.out.stem}_check.csv"), check(stage))
         print(path.read_text())

@@ -25,11 +25,12 @@ from cad.params import EndcapParams
 from cad.whole_file import put_file
 from sensing.calibration.dots import find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.decode import decode_bgr
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel, known_weights, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.records import Frame
+from sensing.records import Frame, Image
 from sensing.robot.readings import foot_sample
 from sensing.simulator.levels import Simulator
 from sensing.simulator.reduced.library import Library
@@ -223,6 +224,18 @@ def alone(stage: Stage, fields_mm: Array, azimuth_deg: float) -> Array:
         found.append(np.concatenate([reading.estimate.force_n, reading.estimate.torque_nm]))
     pipeline.close()
     return np.array(found)
+
+
+def frame_at(stage: Stage, walk: Walk, robot: TensegrityRobot, number: int, time_s: float) -> Image:
+    """What the camera of an endcap sees at a moment of a run.
+
+    Args:
+        stage: shell and states. walk: what happened. robot: whose. number: of the endcap. time_s: when.
+    """
+    row = np.array([round(time_s / float(walk.time_s[1] - walk.time_s[0]))])
+    contacts = contacts_of(walk, robot, robot.endcaps[number], row)
+    sensor = WalkSensor(stage.simulator, stage.library, FIRST_SENSOR + number)
+    return decode_bgr(next(sensor.frames(states_of(stage.library, contacts), contacts)))
 
 
 def frame_times(arrivals: Sequence[Arrival]) -> dict[str, Array]:

@@ -49,7 +49,7 @@ RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load 
 INSIDE_95 = 1.96
 SHOWN_S, VIEW_PX = 9.0, (320, 240)  # moment of the run, and size of a view on the sheet
 CHECK_SEED, CHECKED, AZIMUTH_DEG = 1, 60, 20.0  # of the presses that check the states between, and how many at a tilt
-CHECK_TILTS_DEG, CHECK_LOADS_N = (57.0, 69.0), (1, 10, 30, 60, 110)
+CHECK_TILTS_DEG, CHECK_LOADS_N = (56.0, 66.0), (1, 10, 30, 60, 80)
 ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
 
 

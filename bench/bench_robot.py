@@ -1,11 +1,11 @@
 """Where the robot is, from its endcaps: ``python bench/bench_robot.py`` writes robot.csv, and goes on where it was.
 
     python bench/bench_robot.py table                   # five kinds of contact knowledge on every terrain
-    python bench/bench_robot.py curves                  # rates, delay, noise, gyroscopes, wrong silicone
+    python bench/bench_robot.py curves                  # rates, delay, noise, gyroscopes, silicone, wrong settings
     python bench/bench_robot.py report                  # both, of what is there; and robot.png
 
 A row of the file is one run, one kind of knowledge and one set of sensors; a run that is in it is not done again.
-Hours on one core for all of it (``--seeds`` and ``--terrains`` for less).
+A run of 40 s takes about eight seconds of one core; ``--workers`` shares the runs among processes.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
+import joblib
 import numpy as np
 from robot_runs import FIRST_SEED, Score, held_out, judge
 
@@ -28,7 +29,7 @@ from sensing.tensegrity.robot_file import load_robot
 HERE = Path(__file__).parent
 WALKS = HERE.parent / "exports" / "bench" / "robot"
 MAIN = (Terrain.FLAT, Terrain.ROUGH, Terrain.SLOPE, Terrain.LOW_FRICTION)
-CURVES: dict[str, tuple[float, ...]] = {  # knob of the sensors -> its levels; 1.0 and the defaults stand in the table
+CURVES: dict[str, tuple[float, ...]] = {  # knob of the sensors, or of the estimator's Settings -> its levels
     "inertial_hz": (25, 50, 100, 200),
     "wrench_hz": (5, 10, 20, 30, 60),
     "wrench_delay_s": (0.0, 0.035, 0.1, 0.3),
@@ -36,9 +37,13 @@ CURVES: dict[str, tuple[float, ...]] = {  # knob of the sensors -> its levels; 1
     "length_m": (0.0005, 0.002, 0.005),
     "gyroscopes": (1, 2, 3),
     "force_scale": (0.74, 1.0, 1.35),
+    "compliance_m_n": (1.75e-4, 2.5e-4, 3.5e-4),
+    "yield_delay_s": (0.0, 0.01, 0.02),
+    "slip_gain": (1.0, 2.0, 3.0),
 }
 COLUMNS = ("drift_percent", "height_percent", "tilt_deg", "yaw_deg", "yaw_10m_deg", "axis_deg", "endcaps_mm",
            "nees_place", "nees_turn", "inside_place", "inside_turn", "sample_ms", "core", "late_ms")  # fmt: skip
+_COMPILED = [False]  # in this process
 Plan = tuple[Terrain, int, Settings, SensorSet, str, float]
 
 
@@ -60,35 +65,60 @@ def curve_plan(terrains: Sequence[Terrain], seeds: int) -> Iterator[Plan]:
         for terrain in terrains:
             for knob, levels in CURVES.items():
                 for level in levels:
-                    whole = isinstance(getattr(SensorSet(), knob), int)
-                    sensors = replace(SensorSet(), **{knob: int(level) if whole else level})
-                    yield terrain, seed, DEFAULTS, sensors, knob, float(level)
+                    yield terrain, seed, *with_knob(knob, level), knob, float(level)
 
 
-def run(plans: Sequence[Plan], out: Path, walks: Path, duration_s: float) -> None:
-    """Do what is not in the file yet; a row is written as soon as it is there.
+def with_knob(knob: str, level: float) -> tuple[Settings, SensorSet]:
+    """The defaults but for one knob, of the estimator's settings or of the sensors."""
+    sensors = SensorSet()
+    if hasattr(DEFAULTS, knob):
+        return replace(DEFAULTS, **{knob: level}), sensors
+    whole = isinstance(getattr(sensors, knob), int)
+    return DEFAULTS, replace(sensors, **{knob: int(level) if whole else level})
+
+
+def run(plans: Sequence[Plan], out: Path, walks: Path, duration_s: float, workers: int = 1) -> None:
+    """Do what is not in the file yet; a row is written as soon as it and those before it are there.
 
     Args:
         plans: what is wanted. out: the file. walks: folder of simulated runs. duration_s: of each run.
+        workers: processes.
     """
-    robot, rows = load_robot(), read(out)
-    done = {(row.terrain, row.seed, row.contacts, row.knob, row.level) for row in rows}
-    new, compiled = not out.exists(), False
+    done = {(row.terrain, row.seed, row.contacts, row.knob, row.level) for row in read(out)}
+    left = [plan for plan in plans if (plan[0].value, plan[1], plan[2].contacts.value, *plan[4:]) not in done]
+    new = not out.exists()
     with out.open("a", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         if new:
             writer.writerow([entry.name for entry in fields(Score)])
-        for number, (terrain, seed, settings, sensors, knob, level) in enumerate(plans):
+        jobs = (joblib.delayed(score_of)(plan, walks, duration_s) for plan in left)
+        for number, found in enumerate(joblib.Parallel(workers, return_as="generator")(jobs)):
             if sys.stderr.isatty():
-                print(f"\r{number + 1}/{len(plans)} {terrain.value} {seed} {knob}      ", end="", file=sys.stderr)
-            if (terrain.value, seed, settings.contacts.value, knob, level) in done:
-                continue
-            walk = held_out(robot, terrain, seed, duration_s, walks)
-            if not compiled:  # else the first row's times are those of the compiler
-                compiled = judge(walk, robot, sensors, settings, knob, level) is not None
-            found = judge(walk, robot, sensors, settings, knob, level)
+                print(
+                    f"\r{number + 1}/{len(left)} {found.terrain} {found.seed} {found.knob}    ", end="", file=sys.stderr
+                )
             writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in asdict(found).values()])
             stream.flush()
+
+
+def score_of(plan: Plan, walks: Path, duration_s: float) -> Score:
+    """Simulate one run, unless it is kept, and judge its estimate.
+
+    Args:
+        plan: which. walks: folder of simulated runs. duration_s: of the run.
+    """
+    terrain, seed, settings, sensors, knob, level = plan
+    robot = load_robot()
+    walk = held_out(robot, terrain, seed, duration_s, walks)
+    if not compiled():  # else a process's first times are those of the compiler
+        judge(walk, robot, sensors, settings, knob, level)
+    return judge(walk, robot, sensors, settings, knob, level)
+
+
+def compiled() -> bool:
+    """Whether this process has followed a run before."""
+    before, _COMPILED[0] = _COMPILED[0], True
+    return before
 
 
 def read(path: Path) -> list[Score]:
@@ -136,7 +166,7 @@ def plot(rows: Sequence[Score], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(2, 4, figsize=(16, 7), layout="constrained")
+    figure, axes = pyplot.subplots(3, 4, figsize=(16, 10), layout="constrained")
     first, plain = axes.flat[0], [row for row in rows if not row.knob]
     terrains = list(dict.fromkeys(row.terrain for row in plain))
     for kind in dict.fromkeys(row.contacts for row in plain):
@@ -145,13 +175,15 @@ def plot(rows: Sequence[Score], path: Path) -> None:
     first.set(yscale="log", ylabel="drift, % of the path (median)")
     first.tick_params(axis="x", rotation=30)
     first.legend()
-    for axis, (knob, levels) in zip(axes.flat[1:], CURVES.items(), strict=True):
+    for axis, (knob, levels) in zip(axes.flat[1:], CURVES.items(), strict=False):
         groups = [[r.drift_percent for r in rows if r.knob == knob and np.isclose(r.level, x)] for x in levels]
         kept = [(x, values) for x, values in zip(levels, groups, strict=True) if values]
         for x, values in kept:
             axis.plot([x] * len(values), values, ".", color="0.7")
         axis.plot([x for x, _ in kept], [np.median(values) for _, values in kept], "o-")
         axis.set(xlabel=knob, ylabel="drift, %", yscale="log")
+    for axis in axes.flat[1 + len(CURVES) :]:
+        axis.remove()
     figure.savefig(path, dpi=80)
 
 
@@ -168,7 +200,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help=f"of {', '.join(one.value for one in Contacts)} (default: all)",
     )  # fmt: skip
     parser.add_argument("--seeds", type=int, default=20, help="runs a terrain (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
+    parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
+    parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=HERE / "robot.csv")
     parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")
     options = parser.parse_args(arguments)
@@ -176,15 +209,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
             for terrain in options.terrains:
                 held_out(load_robot(), terrain, seed, options.seconds, options.walks)
-    elif options.what == "table":
-        run(
-            list(table_plan(options.terrains, options.seeds, options.kinds)),
-            options.out,
-            options.walks,
-            options.seconds,
-        )
-    elif options.what == "curves":
-        run(list(curve_plan(options.terrains, options.seeds)), options.out, options.walks, options.seconds)
+    elif options.what != "report":
+        if options.what == "table":
+            plans = table_plan(options.terrains, options.seeds, options.kinds)
+        else:
+            plans = curve_plan(options.terrains, options.seeds)
+        run(list(plans), options.out, options.walks, options.seconds, options.workers)
     rows = read(options.out)
     print(table(rows), curves(rows), sep="\n\n")
     if options.what == "report":

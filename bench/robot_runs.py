@@ -21,7 +21,7 @@ from sensing.robot.estimator import RobotEstimator
 from sensing.robot.settings import Contacts, KnownContact, Settings
 from sensing.simulator.walk.gait import endcap_centres, held_out_gait
 from sensing.simulator.walk.simulate import simulate_walk
-from sensing.simulator.walk.stream import Arrival, SensorSet, rotation_vectors, sensor_stream
+from sensing.simulator.walk.stream import Arrival, SensorSet, rotation_matrices, rotation_vectors, sensor_stream
 from sensing.simulator.walk.terrain import Terrain
 from sensing.simulator.walk.truth import Walk, load_walk, save_walk
 from sensing.tensegrity.description import TensegrityRobot
@@ -153,15 +153,31 @@ class Errors:
     nees_turn: Array
 
 
+def true_poses(walk: Walk, times_s: Array) -> Array:
+    """(n, B, 4, 4) at any times: the nearest sample, moved on by its velocities.
+
+    A bar turns by up to 10 rad/s, which is a degree in half the time between two samples.
+
+    Args:
+        walk: what happened. times_s: (n,) when.
+    """
+    step = walk.time_s[1] - walk.time_s[0]
+    rows = np.clip(np.round(times_s / step).astype(int), 0, len(walk.time_s) - 1)
+    late = (times_s - walk.time_s[rows])[:, None, None]
+    poses, velocity = walk.T_world_bar[rows].copy(), walk.velocity[rows]
+    poses[..., :3, 3] += late * velocity[..., :3]
+    turns = rotation_matrices((late * velocity[..., 3:]).reshape(-1, 3)).reshape(*poses.shape[:2], 3, 3)
+    poses[..., :3, :3] = poses[..., :3, :3] @ turns
+    return np.asarray(poses)
+
+
 def errors(walk: Walk, robot: TensegrityRobot, estimates: list[RobotEstimate]) -> Errors:
     """Estimate minus truth.
 
     Args:
         walk: what happened. robot: whose. estimates: at any times of it.
     """
-    step = walk.time_s[1] - walk.time_s[0]
-    rows = np.clip([round(one.time_s / step) for one in estimates], 0, len(walk.time_s) - 1)
-    truth = walk.T_world_bar[rows]
+    truth = true_poses(walk, np.array([one.time_s for one in estimates]))
     found = np.array([[bar.T_world_bar for bar in one.bars] for one in estimates])
     leader = next((robot.bar_number(sensor.bar) for sensor in robot.sensors if sensor.accelerometer), 0)
     truth = _aligned(truth, found[0, leader], leader)

@@ -1,4 +1,4 @@
-"""``python -m sensing.live`` as a process of its own, with the stand-in model, and a simulated camera to read from."""
+"""``sensing.live`` or ``sensing.robot`` as a process of its own, with the stand-in model, and a simulated camera."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ endcaps.load_model = lambda *_: stand_in()
 import sensing.live.run
 from live_stand_in import PATIENCE_S
 sensing.live.run.END_S = PATIENCE_S  # on a loaded computer two seconds are too short for a file
-from sensing.live.cli import main
+from {cli} import main
 leave(main(sys.argv[1:]))
 """
+LIVE, ROBOT = "sensing.live.cli", "sensing.robot.node.cli"
 
 
 @contextlib.contextmanager
-def program(*arguments: str, **options) -> Iterator[subprocess.Popen]:
-    """The command; killed at the end if it still runs."""
+def program(*arguments: str, cli: str = LIVE, **options) -> Iterator[subprocess.Popen]:
+    """The command of a module; killed at the end if it still runs."""
     environment = {**os.environ, "PYTHONPATH": f"{HERE}{os.pathsep}{HERE.parent}"}
     settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environment} | options
-    process = subprocess.Popen([sys.executable, "-c", COMMAND, *arguments], **settings)
+    process = subprocess.Popen([sys.executable, "-c", COMMAND.format(cli=cli), *arguments], **settings)
     try:
         yield process
     finally:

@@ -138,7 +138,7 @@ def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Sett
     flat = np.eye(3) - np.outer(normal, normal)
     spin = abs(float(world_rate(state, bar) @ normal))
     needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
-    speed = min(spin * contact.ratio * settings.spin_lever_m**2 / needs, FASTEST_M_S)
+    speed = min(settings.slip_gain * spin * contact.ratio * settings.spin_lever_m**2 / needs, FASTEST_M_S)
     variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
     spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
     return -speed * along, spread

@@ -25,23 +25,28 @@ from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
 from sensing.robot.silence import follow_on
-from sensing.robot.start import Gathered, begin, nothing_gathered
+from sensing.robot.start import Gathered, begin, gather, moves, nothing_gathered
 from sensing.robot.state import State, empty_state
-from sensing.tensegrity.description import GRAVITY_M_S2, TensegrityRobot
+from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
-
-STANDS = (0.5, 1.5)  # E: of gravity, what an accelerometer of a robot that stands reads
 
 
 @dataclass
 class _Progress:
-    """What is gathered before the start, and the state after it; both while samples come again after a silence."""
+    """What is gathered before the start, and the state after it; both while samples come again after a silence.
+
+    Attributes:
+        stands: whether the robot stood still while it was gathered. began_s: time of the first state; NaN before.
+    """
 
     gathered: Gathered | None
     state: State | None
+    stands: bool = True
+    began_s: float = np.nan
 
     def copy(self) -> _Progress:
-        return _Progress(self.gathered and self.gathered.copy(), self.state and self.state.copy())
+        gathered, state = self.gathered and self.gathered.copy(), self.state and self.state.copy()
+        return _Progress(gathered, state, self.stands, self.began_s)
 
 
 class RobotEstimator:
@@ -109,7 +114,7 @@ class RobotEstimator:
                 name="at", value=at,
             )  # fmt: skip
         progress = self._history.at(time_s)
-        if progress.state is None:
+        if progress.state is None or self.newest_s < progress.began_s + self.settings.late_s - 1e-9:
             return None
         state, measured_s = progress.state.copy(), progress.state.time_s
         if time_s > measured_s:
@@ -124,46 +129,34 @@ class RobotEstimator:
         if progress.state is not None:
             self._filter.take(progress.state, time_s, samples)
             if progress.state.held_s and progress.gathered is None and self._filter.measures(samples):
-                progress.gathered = nothing_gathered(self._layout)
+                progress.gathered = nothing_gathered(self._layout, time_s)
         gathered = progress.gathered
         if gathered is None:
             return
-        if any(map(_thrown, samples)):  # it falls, or lands: what was gathered is of no robot that stands
-            gathered = progress.gathered = nothing_gathered(self._layout)
+        if np.isnan(gathered.tried_s):
+            gathered.tried_s = time_s
+        waits = time_s - gathered.tried_s < self.settings.start_limit_s - self.settings.start_s
+        moving = moves(gathered, samples)
+        progress.stands &= not moving or waits
+        if moving and waits:  # it falls, rocks or walks: what was gathered is of no robot that stands
+            gathered = progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
         if enough and (gathered.length_counts > 0).any():
             state = empty_state(self._layout, time_s)
-            begin(state, gathered, self._layout, self.settings)
+            begin(state, gathered, self._layout, self.settings, progress.stands)
             if progress.state is not None:
                 follow_on(state, progress.state, self._layout)
             progress.state, progress.gathered = state, None
+            progress.began_s, progress.stands = time_s if np.isnan(progress.began_s) else progress.began_s, True
 
     def _gather(self, gathered: Gathered, time_s: float, samples: list[AnySample]) -> None:
         if np.isnan(gathered.first_s):
             gathered.first_s = time_s
         for sample in samples:
-            if isinstance(sample, InertialSample):
-                bar = self._bar_of[sample.sensor]
-                rate = self._layout.sensor_turn[bar] @ sample.rate_rad_s
-                gathered.rate[bar] += rate
-                gathered.squares[bar] += float(rate @ rate)
-                gathered.counts[bar, 0] += 1
-                if sample.acceleration_m_s2 is not None and self._layout.has_force[bar]:
-                    gathered.force[bar] += self._layout.sensor_turn[bar] @ sample.acceleration_m_s2
-                    gathered.counts[bar, 1] += 1
-            elif isinstance(sample, LengthSample):
-                good = np.isfinite(sample.lengths_m)
-                gathered.lengths[good] += np.asarray(sample.lengths_m)[good]
-                gathered.length_counts += good
-            elif isinstance(sample, FootSample):
+            if isinstance(sample, FootSample):
                 number = self._number[sample.endcap]
                 gathered.contacts[number] = contact_of(sample, number, self._layout, self.settings)
-
-
-def _thrown(sample: AnySample) -> bool:
-    """Whether an accelerometer reads far from the weight."""
-    if not isinstance(sample, InertialSample) or sample.acceleration_m_s2 is None:
-        return False
-    share = float(np.linalg.norm(sample.acceleration_m_s2)) / GRAVITY_M_S2
-    return not STANDS[0] < share < STANDS[1]
+            elif not isinstance(sample, KnownContact):
+                bar = self._bar_of[sample.sensor] if isinstance(sample, InertialSample) else -1
+                gather(gathered, time_s, bar, sample, self._layout, self.settings)

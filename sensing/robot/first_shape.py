@@ -2,7 +2,7 @@
 
 Notes:
     Poses near the ends that the description states, by Gauss and Newton's steps on: cable lengths; gravity in the
-    leading bar's accelerometer; where the endcaps' forces are known, that each bar is in balance under its weight, its
+    leading bar's accelerometer; where all endcaps' forces are known, that each bar is in balance under its weight, its
     contacts and its cables. The tensions are unknowns, near those of the stated rest lengths; the forces are scaled to
     carry the weight, so that a silicone of another stiffness does not matter. Lengths alone do not fix the shape: at
     the symmetric prism one motion leaves them as they are to first order, and no bar that turns about its own axis
@@ -26,7 +26,7 @@ LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
 BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of one bar
 MEANS = 4.0  # E: by which means over the start are better than one sample
 REST_SD_M = 0.005  # E: of a rest length, which a motor may have moved
-OPEN_SD_M, REACH_M = 0.05, 0.4  # E: along the motion that the lengths leave open; half a bar
+OPEN_SD_M, REACH_M = 0.03, 0.4  # E: along the motion that the lengths leave open; half a bar
 FIXED_SD = 1e-5  # of what a convention sets: origin and heading
 ROUNDS, STEP, HALVED = 15, 1e-6, 5
 SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0  # first guesses, those that are followed, a residual that counts no more
@@ -45,6 +45,7 @@ class FirstShape:
     ) -> None:
         self.layout = layout
         self.contacts = {k: c for k, c in contacts.items() if c.known and c.touching}
+        self.all_heard = len(contacts) == layout.endcaps  # one that is silent may carry what balances the others
         self.lengths = lengths
         self.cables = [cable for cable in layout.robot.cables if cable.measured]
         self.length_sd = max(settings.length_sd_m / MEANS, settings.length_error_m)
@@ -63,7 +64,10 @@ class FirstShape:
         axis = np.cross(up, [0.0, 0.0, 1.0])
         size = float(np.linalg.norm(axis))
         turn = rotation_of(axis / max(size, 1e-9) * math.atan2(size, up[2]))
+        heading = math.atan2(*poses[leader, 1::-1, 2])
         poses[:, :3] = turn @ poses[:, :3]
+        turned = heading - math.atan2(*poses[leader, 1::-1, 2])  # of two guesses that look alike one more sample may
+        poses[:, :3] = rotation_of(np.array([0.0, 0.0, turned])) @ poses[:, :3]  # choose: their headings are one
         return self._spun(poses)
 
     def _spun(self, poses: Array) -> Array:
@@ -142,7 +146,9 @@ class FirstShape:
         if self.up is not None:
             parts.append((poses[self.layout.leader, :3, :3] @ self.up)[:2] / self.force_sd)
         if self.contacts:
-            parts += [self._balance(poses), self._level_ground(poses)]
+            parts.append(self._level_ground(poses))
+        if self.contacts and self.all_heard:
+            parts.append(self._balance(poses))
         return np.concatenate(parts)
 
     def _near_guess(self, step: Array) -> Array:

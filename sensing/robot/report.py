@@ -139,6 +139,8 @@ def _lost(state: State, layout: Layout) -> list[str]:
         )
     if state.time_s - state.anew_s < ANEW_S:
         notes.append("begun anew after a silence of the inertial sensor: place and heading are those of before it")
+    if state.began_moving:
+        notes.append("begun while the robot moved: its shape may be wrong; let it stand still and begin anew")
     at = layout.velocity(layout.leader)
     speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
     if speed_sd > LOST_M_S:

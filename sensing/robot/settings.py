@@ -53,12 +53,16 @@ class Settings:
         bit_sd_m: of a contact of which only the bit is known.
         roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
             (m/sqrt(s)).
+        slip_gain: by which the mean speed of a contact that slips exceeds that of its steady slip (contact, Notes):
+            slips are short and have a long tail.
         slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
             slip_across: of it, across the friction force.
         spin_lever_m: torque about the normal that a newton of push holds.
         normal_sd: error of a measured normal that does not average out. normal_walk: rad/sqrt(s).
         least_force_n: below it nothing is known of a contact but that it touches.
-        start_s: how long the robot stands still at the start. history_s: how late a sample may come.
+        start_s: how long the robot stands still at the start. start_limit_s: after which the estimate begins though it
+            moves. late_s: within which nearly all samples of the start have come; there is no estimate before.
+        history_s: how late a sample may come.
     """
 
     contacts: Contacts = Contacts.WRENCH
@@ -67,29 +71,32 @@ class Settings:
     rate_bias_walk: float = 2e-5
     force_bias_walk: float = 2e-4
     rate_bias_sd: float = 0.01
-    force_bias_sd: float = 0.03
-    shape_rate_noise: float = 1.5e-3
+    force_bias_sd: float = 0.025
+    shape_rate_noise: float = 5e-4
     unknown_rate_noise: float = 0.5
     relative_noise: float = 0.5
     relative_share: float = 0.1
     length_sd_m: float = 2e-3
-    length_error_m: float = 1e-3
+    length_error_m: float = 4e-4
     compliance_m_n: float = 2.5e-4
-    compliance_share: float = 0.15
+    compliance_share: float = 0.12
     yield_delay_s: float = 0.01
-    anchor_sd_m: float = 1e-3
+    anchor_sd_m: float = 6e-4
     error_stays_s: float = 1.0
     bit_sd_m: float = 8e-3
-    roll_share: float = 0.03
-    anchor_walk: float = 2e-3
-    slip_sd_m_s: float = 0.08
+    roll_share: float = 0.02
+    anchor_walk: float = 1e-3
+    slip_gain: float = 2.0
+    slip_sd_m_s: float = 0.035
     slip_share: float = 1.0
     slip_across: float = 0.3
     spin_lever_m: float = 0.01
-    normal_sd: float = 0.03
+    normal_sd: float = 0.025
     normal_walk: float = 0.05
     least_force_n: float = 1.5
     start_s: float = 0.9
+    start_limit_s: float = 10.0
+    late_s: float = 0.06
     history_s: float = 1.0
 
 

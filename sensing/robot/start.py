@@ -1,7 +1,16 @@
-"""The first state: shape and attitude of a robot that stands still, and their covariance (see first_shape)."""
+"""The first state: shape and attitude of a robot that stands still, and their covariance (see first_shape).
+
+Notes:
+    The robot stands still while rates, the size of the force and the cables' lengths are quiet over the whole start;
+    one that is not begins the start anew (:func:`moves`). It rocks on its cables and domes even then. So means over the
+    start are weighted by a parabola, which a rocking of one to two periods moves less, and the bars are turned from
+    their mean attitude to the last one by what their gyroscopes measured. After ``Settings.start_limit_s`` the estimate
+    begins with a robot that moves, and says so by its covariance and by a note.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 
@@ -12,11 +21,17 @@ from sensing.robot.first_shape import FirstShape
 from sensing.robot.layout import Layout
 from sensing.robot.settings import Settings
 from sensing.robot.state import State
-from sensing.tensegrity.description import Array
+from sensing.tensegrity.description import GRAVITY_M_S2, Array
+from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
+from sensing.tensegrity.shape import rotation_of
 
+QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: most that a robot shows that stands, of a rate, and of a force beside gravity
+QUIET_M = 0.006  # E: by which the lengths' means over the two halves of the start differ
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
 ROCKS = 0.1  # E: error of a mean rate, as a part of the rates' spread: the robot rocks as the start ends
+ROCKS_TURN = 0.5  # E: error of a bar's last turn, as a part of the turns' spread while it rocks
 SPEED_SD = 0.01  # m/s at rest
+MOVES_M_S, MOVES_RAD, MOVES_M = 0.5, 0.2, 0.02  # E: of a robot that moves as the estimate begins
 
 
 @dataclass
@@ -24,10 +39,16 @@ class Gathered:
     """Means of what was measured while the robot stands.
 
     Attributes:
-        first_s: time of the first sample; NaN before. rate, force: (B, 3) sums, bar axes. lengths: (C,) sums.
-        counts: (B, 2) of rates and forces. length_counts: (C,). squares: (B,) sums of squared rates.
+        tried_s: time of the first sample of all, NaN before; that of this start is first_s.
+        rate, force: (B, 3) weighted sums, bar axes. lengths: (C,). counts: (B, 2) sums of the weights of rates and
+            forces, length_counts: (C,) of lengths. squares: (B,) of squared rates.
+        sums: (B, 3) of rates, without weights. turned: (B, 3) weighted sum of these sums, turned_squares: (B,) of
+            their squares.
+        halves: (2, C) sums of the lengths in the first and the second half of the start. half_counts: (2, C).
+        contacts: last one of each endcap.
     """
 
+    tried_s: float
     first_s: float
     rate: Array
     force: Array
@@ -35,52 +56,138 @@ class Gathered:
     lengths: Array
     length_counts: Array
     squares: Array
+    sums: Array
+    turned: Array
+    turned_squares: Array
+    halves: Array
+    half_counts: Array
     contacts: dict[int, Contact] = field(default_factory=dict)
 
     def copy(self) -> Gathered:
         """One that can be changed on its own."""
         other = copy(self)
         for entry in fields(self):
-            setattr(other, entry.name, getattr(self, entry.name).copy() if entry.name != "first_s" else self.first_s)
+            value = getattr(self, entry.name)
+            setattr(other, entry.name, value if isinstance(value, float) else value.copy())
         return other
 
 
-def nothing_gathered(layout: Layout) -> Gathered:
-    """Before the first sample."""
+def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
+    """Before the first sample of a start.
+
+    Args:
+        layout: of the robot. tried_s: time of the first sample of all.
+    """
     bars, cables = layout.bars, len(layout.cable_bars)
     return Gathered(
-        np.nan, np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros((bars, 2)), np.zeros(cables), np.zeros(cables),
-        np.zeros(bars),
+        tried_s, np.nan, np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros((bars, 2)), np.zeros(cables),
+        np.zeros(cables), np.zeros(bars), np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros(bars),
+        np.zeros((2, cables)), np.zeros((2, cables)),
     )  # fmt: skip
 
 
-def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings) -> None:
+def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: Layout, settings: Settings) -> None:
+    """Add an inertial sample, or cable lengths.
+
+    Args:
+        gathered: is changed. time_s: of the sample. bar: of an inertial sample. layout, settings: of the estimator.
+    """
+    part = (time_s - gathered.first_s) / settings.start_s
+    weight = max(6 * part * (1 - part), 0.01)
+    if isinstance(sample, InertialSample):
+        rate = layout.sensor_turn[bar] @ sample.rate_rad_s
+        gathered.rate[bar] += weight * rate
+        gathered.squares[bar] += weight * float(rate @ rate)
+        gathered.sums[bar] += rate
+        gathered.turned[bar] += weight * gathered.sums[bar]
+        gathered.turned_squares[bar] += weight * float(gathered.sums[bar] @ gathered.sums[bar])
+        gathered.counts[bar, 0] += weight
+        if sample.acceleration_m_s2 is not None and layout.has_force[bar]:
+            gathered.force[bar] += weight * layout.sensor_turn[bar] @ sample.acceleration_m_s2
+            gathered.counts[bar, 1] += weight
+    elif isinstance(sample, LengthSample):
+        good, half = np.isfinite(sample.lengths_m), int(part > 0.5)
+        gathered.lengths[good] += weight * np.asarray(sample.lengths_m)[good]
+        gathered.length_counts += weight * good
+        gathered.halves[half, good] += np.asarray(sample.lengths_m)[good]
+        gathered.half_counts[half] += good
+
+
+def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
+    """Whether these samples, or the lengths gathered so far, are of a robot that does not stand still.
+
+    Args:
+        gathered: so far. samples: of one time.
+    """
+    for sample in samples:
+        if not isinstance(sample, InertialSample):
+            continue
+        if float(np.linalg.norm(sample.rate_rad_s)) > QUIET_RAD_S:
+            return True
+        force = sample.acceleration_m_s2
+        if force is not None and abs(float(np.linalg.norm(force)) - GRAVITY_M_S2) > QUIET_M_S2:
+            return True
+    both = (gathered.half_counts > 4).all(axis=0)  # E: fewer say nothing beside their noise
+    means = gathered.halves[:, both] / gathered.half_counts[:, both]
+    return bool((np.abs(means[1] - means[0]) > QUIET_M).any())
+
+
+def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, stands: bool = True) -> None:
     """Set the first state.
 
     Args:
         state: empty, of the time, is changed. gathered: while the robot stood. layout, settings: of the estimator.
+        stands: False for a robot that moves as the estimate begins.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         lengths = gathered.lengths / gathered.length_counts
         force = gathered.force[layout.leader] / gathered.counts[layout.leader, 1]
     problem = FirstShape(lengths, force, gathered.contacts, layout, settings)
     poses, spread = problem.solved()
+    last, rocked = _last_turns(gathered, settings)
+    _rock(poses, last, layout)
     shift = -poses[:, :3, 3].mean(axis=0)
     shift[2] = -problem.ground(poses)
     poses[:, :3, 3] += shift
+    spread = spread + np.diag(np.repeat(rocked**2, 6) * np.tile([0, 0, 0, 1, 1, 1], layout.bars))
+    if not stands:
+        spread = spread + np.diag(np.tile([MOVES_M**2] * 3 + [MOVES_RAD**2] * 3, layout.bars))
     state.turn = np.ascontiguousarray(poses[:, :3, :3])
     state.place = np.ascontiguousarray(poses[:, :3, 3] + np.einsum("bij,bj->bi", state.turn, layout.reference_m))
-    still = gathered.squares <= STILL_RATE**2 * np.maximum(gathered.counts[:, 0], 1)
     counted = np.maximum(gathered.counts[:, :1], 1)
-    state.rate_bias = np.where(still[:, None], gathered.rate / counted, 0.0)
+    still = stands & (gathered.squares <= STILL_RATE**2 * counted[:, 0])
     mean = gathered.rate / counted
+    state.rate_bias = np.where(still[:, None], mean, 0.0)
     spread_rate = np.sqrt(np.maximum(0.0, gathered.squares / counted[:, 0] - (mean**2).sum(axis=1)) / 3)
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
-    _set_covariance(state, spread, bias_sd, layout, settings)
+    state.began_moving = not stands
+    _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
 
 
-def _set_covariance(state: State, spread: Array, bias_sd: Array, layout: Layout, settings: Settings) -> None:
+def _last_turns(gathered: Gathered, settings: Settings) -> tuple[Array, Array]:
+    """((B, 3) from a bar's mean attitude over the start to its last one, bar axes, (B,) error of it), rad."""
+    count = np.maximum(gathered.counts[:, 0], 1)
+    step = settings.start_s / count
+    mean, middle = gathered.rate / count[:, None], gathered.turned / count[:, None]
+    last = gathered.sums - middle - mean * count[:, None] / 2  # the mean is the bias: what it turns by is no turn
+    straight = (mean**2).sum(axis=1) * count**2 / 20  # what a steady bias has of the spread
+    spread = gathered.turned_squares / count - (middle**2).sum(axis=1) - straight
+    return step[:, None] * last, ROCKS_TURN * step * np.sqrt(np.maximum(0.0, spread) / 3)
+
+
+def _rock(poses: Array, last: Array, layout: Layout) -> None:
+    """Turn the robot with its leading bar about the ground below it, and each other bar about its middle."""
+    whole = rotation_of(poses[layout.leader, :3, :3] @ last[layout.leader])
+    about = np.array([*poses[:, :2, 3].mean(axis=0), poses[:, 2, 3].min()])
+    for bar, pose in enumerate(poses):
+        pose[:3, 3] = about + whole @ (pose[:3, 3] - about)
+        pose[:3, :3] = whole @ pose[:3, :3] if bar == layout.leader else pose[:3, :3] @ rotation_of(last[bar])
+
+
+def _set_covariance(
+    state: State, spread: Array, bias_sd: Array, speed_sd: float, layout: Layout, settings: Settings
+) -> None:
     bars, size = layout.bars, layout.size
     slopes = np.zeros((size, 6 * bars))
     leader = 6 * layout.leader + 3
@@ -93,7 +200,7 @@ def _set_covariance(state: State, spread: Array, bias_sd: Array, layout: Layout,
     state.covariance = slopes @ spread @ slopes.T
     for bar in range(bars):
         at = layout.velocity(bar)
-        state.covariance[at, at] += SPEED_SD**2 * np.eye(3)
+        state.covariance[at, at] += speed_sd**2 * np.eye(3)
         at = layout.rate_bias(bar)
         state.covariance[at, at] += bias_sd[bar] ** 2 * np.eye(3)
         if layout.has_force[bar]:

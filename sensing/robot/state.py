@@ -32,7 +32,7 @@ class State:
         consistency: (2,) mean squared innovation over its variance, lengths and anchors. weight_ratio: lately.
         rejected: lengths of the last sample. known: what a simulation knows of each contact.
         held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
-            again; -inf without.
+            again; -inf without. began_moving: whether the robot moved as the estimate began.
     """
 
     time_s: float
@@ -64,6 +64,7 @@ class State:
     known: list[KnownContact | None]
     held_s: float = 0.0
     anew_s: float = -np.inf
+    began_moving: bool = False
 
     def copy(self) -> Self:
         """One that can be changed on its own."""

@@ -17,7 +17,7 @@ left out::
     ends_m = [[0.3, 0.0, 0.1], [-0.3, 0.2, 0.8]]  # roughly where its ends are when the robot stands, z up
 
     [[endcap]]
-    name = "0"
+    name = "endcap_0"
     bar = "red"
     end = "first"                         # or "second"
     turn_deg = 0.0                        # [0] how it is screwed on, about its own axis

@@ -43,6 +43,7 @@ EPILOG = """\
 exit status: 0 ended or stopped; 1 a recording is not whole, or a replay differs (one line on stderr); 2 bad input (one
 line on stderr); 130 or 143 stopped before it began
 """
+MOST_SD_N = 100.0  # more is a typing error
 SIMULATED_ONLY = ("terrain", "seed", "seconds", "speed")
 
 
@@ -111,7 +112,7 @@ def _run(options: argparse.Namespace) -> int:
         for stream in {id(each): each for each in (lines, out)}.values():
             stream.close(5.0)
     if terminal.last is None and not out.gone and not stop.asked.is_set():
-        raise ParameterError("no estimate: the robot must stand for half a second first, and cables report lengths")
+        raise ParameterError("no estimate: the robot must stand still for a second first, and cables report lengths")
     return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
 
 
@@ -122,11 +123,32 @@ def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
         if asked:
             raise ParameterError(f"--{next(iter(asked))} has no effect with --live: it is of the simulated robot")
         from sensing.robot.node.live import LiveRobot
+        from sensing.robot.node.warm_up import warm_up
 
-        return LiveRobot(robot, options.endcaps)
+        source = LiveRobot(robot, options.endcaps, wrench_sd=_wrench_sd(options))
+        warm_up(robot, LOG.info)
+        return source
+    if options.wrench_sd is not None:
+        raise ParameterError("--wrench-sd has no effect without --live: it is of wrenches without covariance")
     from sensing.robot.demo.simulated import SimulatedRobot
 
     return SimulatedRobot(robot, **asked, say=lambda at_s: transient(f"simulating: {at_s:.0f} s"))
+
+
+def _wrench_sd(options: argparse.Namespace) -> tuple[float, float] | None:
+    """Standard deviations of wrenches without covariance, N and N m."""
+    if options.wrench_sd is None:
+        return None
+    if options.endcaps is not None:
+        raise ParameterError("--wrench-sd has no effect with --endcaps: their wrenches have a covariance")
+    force, torque = options.wrench_sd
+    if not (0 < force <= MOST_SD_N and 0 < torque <= MOST_SD_N):
+        raise ParameterError(
+            f"--wrench-sd {force:g} {torque:g} outside 0..{MOST_SD_N:g}: standard deviations in N and N m, "
+            "for example 0.2 0.01",
+            name="wrench_sd",
+        )
+    return force, torque
 
 
 def _shown(options: argparse.Namespace, robot: TensegrityRobot, lines: Lines) -> list[RobotPage | RobotTopics]:
@@ -145,7 +167,8 @@ def _shown(options: argparse.Namespace, robot: TensegrityRobot, lines: Lines) ->
 def _replay(options: argparse.Namespace) -> int:
     from sensing.robot.node.replay import Recording
 
-    given = [name for name in (*SIMULATED_ONLY, "config", "record", "endcaps") if getattr(options, name) is not None]
+    others = ("config", "record", "endcaps", "wrench_sd")
+    given = [name.replace("_", "-") for name in (*SIMULATED_ONLY, *others) if getattr(options, name) is not None]
     if given:
         raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
     recording = Recording(options.replay)
@@ -180,6 +203,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it the three-bar robot")
     parser.add_argument("--live", action="store_true", help="samples of ROS 2 topics (docs/robot.md)")
     parser.add_argument("--endcaps", type=Path, metavar="FILE", help="live, with the cameras here: endcaps.toml")
+    parser.add_argument(
+        "--wrench-sd", type=plain_number, nargs=2, metavar=("N", "NM"),
+        help="live: standard deviations of wrenches without covariance (geometry_msgs/WrenchStamped)",
+    )  # fmt: skip
     parser.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
     parser.add_argument("--record", type=Path, metavar="FILE", help="MCAP of all samples and estimates")
     parser.add_argument("--json", action="store_true", help="a line of JSON an estimate on stdout; the rest on stderr")

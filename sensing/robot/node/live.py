@@ -3,37 +3,38 @@
     /imu/NAME                       sensor_msgs/Imu             NAME as the robot's description has it
     /cable_lengths                  sensor_msgs/JointState      ``position`` in m, by the cables' names, NaN for none
     /NAME/wrench/with_covariance    endcap_msgs/EndcapWrench    as ``sensing.live --ros`` publishes them
+    /NAME/wrench                    geometry_msgs/WrenchStamped any other sensor's: on the endcap, in its frame
 
+A plain wrench has no covariance and no contact bit: standard deviations are stated (``wrench_sd``) or those of
+:mod:`sensing.robot.contact`, and the force says whether it touches. It counts only while none with covariance comes.
 Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic clock, on which
 pictures are captured. Topics are reliable and volatile.
 """
 
 from __future__ import annotations
 
-import queue
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sensing.live.core.engine import Engine
-from sensing.live.core.reading import EndcapReading
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.node import messages
 from sensing.robot.node.recorder import LENGTHS
 from sensing.robot.node.ros_topics import ros_name
-from sensing.robot.readings import foot_sample
 from sensing.tensegrity.description import Array, TensegrityRobot
-from sensing.tensegrity.samples import LengthSample, Sample
+from sensing.tensegrity.samples import FootSample, LengthSample, Sample
+
+if TYPE_CHECKING:
+    from sensing.robot.node.endcaps_here import EndcapsHere
 
 AT_ONCE = 64  # messages of a topic in one look
 IDLE_S = 0.002
-ROOM = 256  # readings that may wait
 
 
 class LiveRobot:
@@ -42,83 +43,88 @@ class LiveRobot:
     Args:
         robot: whose sensors. endcaps: endcaps.toml of the cameras here; None where topics bring the wrenches.
         domain: None for ``ROS_DOMAIN_ID`` or 0.
+        wrench_sd: standard deviations (N, N m) of wrenches that come without covariance.
 
     Raises:
         ParameterError: DDS does not start; an endcap of the file that the robot does not have. FileError: no such file.
     """
 
-    def __init__(self, robot: TensegrityRobot, endcaps: Path | None = None, domain: int | None = None) -> None:
+    def __init__(
+        self, robot: TensegrityRobot, endcaps: Path | None = None, domain: int | None = None,
+        wrench_sd: tuple[float, float] | None = None,
+    ) -> None:  # fmt: skip
         self.robot = robot
         self._wall_ns = time.time_ns() - time.monotonic_ns()
         self._cables = [cable.name for cable in robot.cables if cable.measured]
-        self._readings: queue.Queue[EndcapReading] = queue.Queue(ROOM)
-        self._engine = None if endcaps is None else _engine(endcaps, robot)
+        self._covariance = None if wrench_sd is None else np.diag(np.repeat(np.square(wrench_sd), 3))
+        self._with_covariance: set[str] = set()
+        self._here = None if endcaps is None else _endcaps_here(endcaps, robot)
         self._participant, self._owner = open_participant(domain)
-        kinds = {f"imu/{ros_name(sensor.name)}": messages.IMU for sensor in robot.sensors}
-        kinds[LENGTHS.strip("/")] = messages.JOINTS
-        if endcaps is None:
-            names = [endcap.name for endcap in robot.endcaps]
-            kinds |= {f"{ros_name(name)}/wrench/with_covariance": ros.ENDCAP_WRENCH for name in names}
-        self._readers = [(kind, _reader(self._participant, topic, kind)) for topic, kind in kinds.items()]
+        topics = [(f"imu/{ros_name(sensor.name)}", messages.IMU, sensor.name) for sensor in robot.sensors]
+        topics.append((LENGTHS.strip("/"), messages.JOINTS, ""))
+        for endcap in robot.endcaps if endcaps is None else ():
+            topic = f"{ros_name(endcap.name)}/wrench"
+            topics += [(f"{topic}/with_covariance", ros.ENDCAP_WRENCH, endcap.name), (topic, ros.WRENCH, endcap.name)]
+        self._readers = [(kind, name, _reader(self._participant, topic, kind)) for topic, kind, name in topics]
 
     def arrivals(self) -> Iterator[tuple[float, Sample] | None]:
-        """(time of arrival, sample); None while none comes."""
-        if self._engine is not None:
-            self._engine.add_sink(self)
-            self._engine.start()
+        """(time of arrival, sample); None while none comes, or while endcaps here have given no wrench yet."""
+        if self._here is not None:
+            self._here.start()
         try:
             while True:
-                found = False
+                found, ready = False, self._here is None or self._here.ready()
                 for sample in self._waiting():
-                    found = True
-                    yield time.monotonic(), sample
+                    if ready:
+                        found = True
+                        yield time.monotonic(), sample
                 if not found:
                     time.sleep(IDLE_S)
                     yield None
         finally:
-            if self._engine is not None:
-                self._engine.close(1.0)
-
-    def put(self, reading: EndcapReading) -> None:
-        """A reading of the endcaps here; what nobody takes in time is left out."""
-        if not self._readings.full():
-            self._readings.put_nowait(reading)
+            if self._here is not None:
+                self._here.close()
 
     def truth(self, _: float) -> Array | None:
         """Nobody knows."""
         return None
 
     def _waiting(self) -> Iterator[Sample]:
-        for kind, reader in self._readers:
+        for kind, name, reader in self._readers:
             for message in reader.take(AT_ONCE):
-                if getattr(message, "header", None) is not None:  # the others: a publisher has gone
-                    yield self._named(kind, message)
-        while not self._readings.empty():
-            yield foot_sample(self._readings.get_nowait())
+                if getattr(message, "header", None) is None:  # a publisher has gone
+                    continue
+                sample = self._sample(kind, name, message)
+                if sample is not None:
+                    yield sample
+        if self._here is not None:
+            yield from self._here.samples()
 
-    def _named(self, kind: str, message: Any) -> Sample:
-        """The sample of a message; lengths in the order of the description, whatever theirs is."""
+    def _sample(self, kind: str, name: str, message: Any) -> Sample | None:
+        """The sample of a message; None for a plain wrench beside one with covariance.
+
+        Args:
+            kind: type of the message. name: of the sensor or endcap, as the topic has it. message: taken from it.
+        """
         sample = messages.sample_from(kind, message, self._wall_ns)
-        if not isinstance(sample, LengthSample) or not message.name:
+        if isinstance(sample, LengthSample) and message.name:  # in the order of the description, whatever theirs is
+            by_name = dict(zip(message.name, message.position, strict=False))
+            return replace(sample, lengths_m=np.array([by_name.get(cable, np.nan) for cable in self._cables], float))
+        if not isinstance(sample, FootSample):
             return sample
-        by_name = dict(zip(message.name, message.position, strict=False))
-        return replace(sample, lengths_m=np.array([by_name.get(name, np.nan) for name in self._cables], float))
+        if kind == ros.ENDCAP_WRENCH:
+            self._with_covariance.add(name)
+            return sample
+        if name in self._with_covariance:
+            return None
+        covariance = sample.covariance if self._covariance is None else self._covariance
+        return replace(sample, endcap=name, covariance=covariance)  # frame_id is that of whoever made the sensor
 
 
-def _engine(path: Path, robot: TensegrityRobot) -> Engine:
-    from cad.errors import ParameterError
-    from sensing.live.core.endcaps_file import load_config
-    from sensing.live.open_endcaps import open_endcaps
+def _endcaps_here(path: Path, robot: TensegrityRobot) -> EndcapsHere:
+    from sensing.robot.node.endcaps_here import EndcapsHere
 
-    config = load_config(path)
-    unknown = {endcap.name for endcap in config.endcaps} - {endcap.name for endcap in robot.endcaps}
-    if unknown:
-        known = ", ".join(endcap.name for endcap in robot.endcaps)
-        raise ParameterError(
-            f"{path}: {', '.join(sorted(unknown))}: the robot's description has {known}: use the same names in both",
-            name="endcaps",
-        )
-    return Engine(open_endcaps(config))
+    return EndcapsHere(path, robot)
 
 
 def _reader(participant: Any, topic: str, kind: str) -> Any:

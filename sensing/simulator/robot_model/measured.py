@@ -86,7 +86,8 @@ class Rig:
             said = " ".join(str(error).split())
             raise FileError(f"{path}: MuJoCo {mujoco.__version__} cannot read it ({said}): take version 4") from None
         self.data, self.name, self._travels = mujoco.MjData(self.model), name, travels
-        self.weight_n = float(self.model.body_mass.sum()) * GRAVITY_M_S2
+        self._mass_kg = float(self.model.body_mass.sum())
+        self.weight_n = (self._mass_kg - float(self.model.body(f"{name}_shell").mass[0])) * GRAVITY_M_S2
 
     def _mount(self, spec: Any, body: Any, carried_kg: float, travels: bool) -> None:
         sphere = spec.geom(f"{body.name}_sphere")
@@ -132,8 +133,7 @@ class Rig:
 
     def _step(self, load_n: float, pull_n: float = 0.0) -> None:
         """One step under a load, and a pull along the plane where the rig travels; the rig brakes."""
-        data, mass = self.data, self.weight_n / GRAVITY_M_S2
-        brake = 2 * np.sqrt(STIFF_N_M * mass)
+        data, brake = self.data, 2 * np.sqrt(STIFF_N_M * self._mass_kg)
         forces = {"depth": load_n - self.weight_n} | ({"travel": pull_n} if self._travels else {})
         for joint, force in forces.items():
             place = data.joint(joint)

@@ -25,6 +25,10 @@ AZIMUTHS_DEG = (0.0, 60.0, 120.0)
 FOURTH_POWERS = 9 / 8  # sum of cos^4 over those azimuths, whichever way they are turned
 # Hard: two steps of 1 ms to close, all but a ten-thousandth of the force from the constraint; the springs give, not it.
 HARD = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
+# MuJoCo looks for contacts between bodies of several shapes in bounding boxes first, and that of a plane is known to a
+# micrometre only (it reaches 1e10 m): a contact as hard as this one would be missed in some steps, and bounce. The gap
+# widens the boxes; no force acts in it.
+GAP_M = 1e-4
 OPTIONS = 'timestep="0.001" integrator="implicitfast" cone="elliptic" impratio="100"'
 TOO_SMALL_KG = 1e-6
 
@@ -119,7 +123,7 @@ def shell_body(
     return (
         f'<body name="{name}_shell" pos="0 0 {model.centre_m:.6g}">\n{slides}{_inertial(centred)}\n'
         f'<geom name="{name}_sphere" type="sphere" size="{model.radius_m:.6g}" condim="4" priority="1" {HARD} '
-        f'friction="{model.friction:g} {model.torsion_m:.4g} 0" group="{3 if is_drawn else 2}"/>\n'
+        f'gap="{GAP_M:g}" friction="{model.friction:g} {model.torsion_m:.4g} 0" group="{3 if is_drawn else 2}"/>\n'
         f"{_visual(name, 'shell', meshes or {}, f'0 0 {-model.centre_m:.6g}')}</body>\n"
     )
 

@@ -1,7 +1,6 @@
 """One endcap as a body of a robot simulator: sphere, springs, dampers, friction (m, N, kg, s but where the name says).
 
-model = robot_model(EndcapParams(130, 8))
-text = model.fragment("foot_1")               # MJCF, see sensing.simulator.robot_model.mjcf
+model = robot_model(EndcapParams(130, 8))     # its MJCF: sensing.simulator.robot_model.mjcf
 """
 
 from __future__ import annotations

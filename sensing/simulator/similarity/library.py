@@ -33,6 +33,7 @@ FILE = Path(__file__).with_name("library.npz")
 CLAMP_SCALE = 2.0  # E: a step of clamp / R counts as twice that of log T / R
 LEAST_COUNT = 0.15  # of the weights: a node that counts less can be done without
 LEAST_NODES = 4  # that a state needs to be interpolated
+DECIMALS = 8  # of N, mm, s and degrees in the digest of the paths; processors differ by 1e-13
 REACH = 0.08  # how far beyond the nodes' hull, in those coordinates, a shell may lie
 
 
@@ -167,9 +168,20 @@ class Library:
 
 
 def path_digest() -> str:
-    """SHA-256 of the library's loading paths as JSON: states belong to the paths along which they were solved."""
-    paths = [asdict(path) for path in [*library_paths(), *stand_paths()]]
+    """SHA-256 of the library's loading paths as JSON: states belong to the paths along which they were solved.
+
+    Numbers count to :data:`DECIMALS`: processors differ in the last bits of sums, sines and linear systems.
+    """
+    paths = [_rounded(asdict(path)) for path in [*library_paths(), *stand_paths()]]
     return hashlib.sha256(json.dumps(paths, sort_keys=True).encode()).hexdigest()
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(part) for part in value]
+    return round(value, DECIMALS) + 0.0 if isinstance(value, float) else value  # + 0.0: no -0.0
 
 
 def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> Library:

@@ -14,7 +14,7 @@ import numpy as np
 
 from sensing.simulator.walk.gait import TippingGait
 from sensing.simulator.walk.mjcf import TIMESTEP_S, Dome, robot_mjcf
-from sensing.simulator.walk.terrain import PUSH_FOR_S, PUSH_FROM_S, ROUGH_M, Ground, Terrain, ground
+from sensing.simulator.walk.terrain import LANDS_S, PUSH_FOR_S, PUSH_FROM_S, ROUGH_M, Ground, Terrain, ground
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.shape import balanced_shape, rotation_of
@@ -136,7 +136,8 @@ def simulate_walk(
         duration_s: of the run. progress: called with the simulated time, each 0.1 s.
     """
     gait = gait or TippingGait()
-    surface = ground(terrain, seed)
+    surface = ground(terrain, seed, gait.heading_deg)
+    lands_s = LANDS_S if surface.drop_m else 0.0  # the gait begins with a robot that stands
     rng = np.random.default_rng([seed, 29])
     simulation = Simulation(robot, surface, _lying(robot, surface, rng))
     for _ in range(0 if surface.drop_m else round(SETTLE_S / TIMESTEP_S)):
@@ -148,7 +149,7 @@ def simulate_walk(
         time_s = number * TIMESTEP_S
         if number % GAIT_STEPS == 0:
             simulation.rest_m = gait.rest_lengths(
-                robot, simulation.poses, time_s, simulation.rest_m, GAIT_STEPS * TIMESTEP_S
+                robot, simulation.poses, time_s - lands_s, simulation.rest_m, GAIT_STEPS * TIMESTEP_S
             )
         pushed = PUSH_FROM_S <= time_s < PUSH_FROM_S + PUSH_FOR_S
         simulation.data.xfrc_applied[simulation.bodies[0], :3] = push if pushed else 0.0

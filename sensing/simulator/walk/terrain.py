@@ -22,9 +22,9 @@ ROUGH_M = 0.04  # between the lowest and the highest places, which are cut off l
 ROUGH_LENGTH_M = 0.15  # standard deviation of the window that smooths the heights
 HALF_M, CELL_M = 12.0, 0.05  # of the rough ground: half its side, distance of its grid points
 SLOPE_DEG = 6.0
-STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along +x from 0.8 m on
+STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along the heading from 0.8 m on
 FIRST_STEP_M = 0.8
-DROP_M = 0.3
+DROP_M, LANDS_S = 0.3, 6.0  # LANDS_S: until a robot that was dropped has come to rest
 HARD = 'solref="0.002 1" solimp="0.9 0.95 0.001"'  # of every contact: a hard one
 PUSH_N, PUSH_FROM_S, PUSH_FOR_S = 60.0, 12.0, 0.25
 
@@ -59,8 +59,13 @@ class Ground:
     push_n: float = 0.0
 
 
-def ground(terrain: Terrain, seed: int = 0) -> Ground:
-    """The ground of a terrain; the seed shapes the rough one and turns the slope."""
+def ground(terrain: Terrain, seed: int = 0, heading_deg: float = 0.0) -> Ground:
+    """The ground of a terrain.
+
+    Args:
+        terrain: which. seed: shapes the rough ground and turns the slope. heading_deg: from world x; the stairs lead up
+            along it.
+    """
     plane = '<geom name="ground" type="plane" size="0 0 1" {} {}/>'
     rng = np.random.default_rng([seed, 17])
     if terrain is Terrain.ROUGH:
@@ -76,7 +81,7 @@ def ground(terrain: Terrain, seed: int = 0) -> Ground:
         up = np.array([math.sin(azimuth) * math.sin(angle), -math.cos(azimuth) * math.sin(angle), math.cos(angle)])
         return Ground(plane.format(f'axisangle="{axis} {angle:.9f}"', _friction(FRICTION)), up=up)
     if terrain is Terrain.STAIRS:
-        return Ground(plane.format("", _friction(FRICTION)) + "".join(_stair(k) for k in range(STEPS)))
+        return Ground(plane.format("", _friction(FRICTION)) + "".join(_stair(k, heading_deg) for k in range(STEPS)))
     friction = SLIPPERY if terrain is Terrain.LOW_FRICTION else FRICTION
     drop = DROP_M if terrain is Terrain.DROP else 0.0
     push = PUSH_N if terrain is Terrain.PUSH else 0.0
@@ -98,10 +103,10 @@ def _friction(value: float) -> str:
     return f'friction="{value:g} {SPIN_LEVER_M:g} 0" condim="4" {HARD}'
 
 
-def _stair(number: int) -> str:
-    height = (number + 1) * STEP_M
-    begin = FIRST_STEP_M + number * TREAD_M
+def _stair(number: int, heading_deg: float) -> str:
+    height, heading = (number + 1) * STEP_M, math.radians(heading_deg)
+    middle = FIRST_STEP_M + (number + 0.5) * TREAD_M
     return (
-        f'<geom type="box" pos="{begin + TREAD_M / 2:g} 0 {height / 2:g}" '
-        f'size="{TREAD_M / 2:g} {HALF_M:g} {height / 2:g}" {_friction(FRICTION)}/>'
+        f'<geom type="box" pos="{middle * math.cos(heading):.9g} {middle * math.sin(heading):.9g} {height / 2:g}" '
+        f'axisangle="0 0 1 {heading:.9g}" size="{TREAD_M / 2:g} {HALF_M:g} {height / 2:g}" {_friction(FRICTION)}/>'
     )

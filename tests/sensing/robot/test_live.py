@@ -1,6 +1,8 @@
-"""Live streams: samples over DDS, and what is refused of them."""
+"""Live streams: samples over DDS, cameras of this computer, and what is refused of them."""
 
+import json
 import os
+import signal
 import threading
 import time
 from dataclasses import replace
@@ -8,14 +10,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from live_program import ROBOT as ROBOT_CLI
+from live_program import camera, program
+from live_stand_in import a_reading, stand_in, wait_for
 from standing_robot import standing_samples
 
 from cad.errors import ParameterError
+from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
+from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.estimator import RobotEstimator
-from sensing.robot.node import messages
+from sensing.robot.node import endcaps_here, messages
 from sensing.robot.node.cli import main
 from sensing.robot.node.live import LiveRobot
+from sensing.robot.node.replay import Recording
 from sensing.robot.node.run import run_robot
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -23,6 +31,7 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 pytest.importorskip("cyclonedds")
 ROBOT, PATIENCE_S = load_robot(), 120.0
 CABLES = tuple(cable.name for cable in ROBOT.cables)
+NAMES = ("endcap_0", "endcap_3")
 DOMAIN = 1 + (os.getpid() + 50) % 100
 
 
@@ -33,10 +42,14 @@ def here_only(monkeypatch):
 
 
 class Publisher:
-    """Publishes a robot that stands, until it is stopped; one stream may be of another clock."""
+    """Publishes a robot that stands, until it is stopped; one stream may be of another clock.
 
-    def __init__(self, participant, shift_s: float = 0.0) -> None:
+    ``wrenches``: "with_covariance", "plain" (geometry_msgs/WrenchStamped), or none.
+    """
+
+    def __init__(self, participant, shift_s: float = 0.0, wrenches: str = "with_covariance") -> None:
         self._participant, self._shift_s, self._writers = participant, shift_s, {}
+        self._wrenches = wrenches
         self.stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -54,14 +67,18 @@ class Publisher:
 
     def _write(self, sample, wall_ns, warm=False):
         topic = "cable_lengths"
+        kind, cdr = messages.sample_message(sample, CABLES[::-1], wall_ns)
         if isinstance(sample, InertialSample):
             topic = f"imu/{sample.sensor}"
+        elif isinstance(sample, FootSample) and self._wrenches == "plain":
+            topic, kind, cdr = f"{sample.endcap}/wrench", ros.WRENCH, plain_wrench(cdr)
         elif isinstance(sample, FootSample):
-            topic = f"{sample.endcap}/wrench/with_covariance"
-        kind, cdr = messages.sample_message(sample, CABLES[::-1], wall_ns)
+            topic = f"{sample.endcap}/wrench/{self._wrenches}"
         if isinstance(sample, LengthSample):  # another order than the description's, with its names
             turned = replace(sample, lengths_m=np.asarray(sample.lengths_m)[::-1])
             kind, cdr = messages.sample_message(turned, CABLES[::-1], wall_ns)
+        if isinstance(sample, FootSample) and not self._wrenches:
+            return
         if topic not in self._writers:
             self._writers[topic] = dds.publisher(self._participant, topic, kind)
         if not warm:
@@ -70,6 +87,20 @@ class Publisher:
     def close(self):
         self.stopped.set()
         self._thread.join(PATIENCE_S)
+
+
+def plain_wrench(cdr):
+    """The WrenchStamped of an EndcapWrench, of a sensor whose frame has a name of its own."""
+    full, types = ros.decode(ros.ENDCAP_WRENCH, cdr), ros.typestore().types
+    header = replace(full.header, frame_id="mini45")
+    return ros.encode(ros.WRENCH, types[ros.WRENCH](header=header, wrench=full.wrench))
+
+
+def lines_of(process):
+    """JSON lines of a program, as they come."""
+    found = []
+    threading.Thread(target=lambda: found.extend(map(json.loads, process.stdout)), daemon=True).start()
+    return found
 
 
 class Kept:
@@ -99,10 +130,95 @@ def test_samples_of_topics_give_an_estimate():
     assert abs(last.time_s - time.monotonic()) < PATIENCE_S and last.health.ignored == 0
 
 
+def test_a_second_process_takes_wrenches_without_covariance(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN + 30))
+    participant, _owner = open_participant(DOMAIN + 30)
+    with program("--live", "--json", "--no-page", "--wrench-sd", "0.2", "0.01", cli=ROBOT_CLI, stderr=None) as process:
+        publisher, found = Publisher(participant, wrenches="plain"), lines_of(process)
+        try:
+            wait_for(lambda: any(map(stands, found)))
+        finally:
+            publisher.close()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE_S) == 0
+    loaded = next(filter(stands, found))["endcaps"][::2]
+    assert sum(endcap["force_n"][2] for endcap in loaded) == pytest.approx(12 * 9.81, rel=0.03)
+
+
+def test_a_plain_wrench_has_the_stated_covariance_and_gives_way_to_one_with_its_own():
+    source = LiveRobot(ROBOT, domain=DOMAIN, wrench_sd=(0.5, 0.02))
+    foot = next(sample for sample in standing_samples(ROBOT, 0.1)[1] if isinstance(sample, FootSample))
+    cdr = messages.sample_message(foot, CABLES, 0)[1]
+    plain, full = ros.decode(ros.WRENCH, plain_wrench(cdr)), ros.decode(ros.ENDCAP_WRENCH, cdr)
+    found = source._sample(ros.WRENCH, foot.endcap, plain)
+    assert found.endcap == foot.endcap and found.touching is None and np.array_equal(found.force_n, foot.force_n)
+    assert np.diag(found.covariance) == pytest.approx([0.25] * 3 + [4e-4] * 3)
+    assert np.array_equal(source._sample(ros.ENDCAP_WRENCH, foot.endcap, full).covariance, foot.covariance)
+    assert source._sample(ros.WRENCH, foot.endcap, plain) is None
+    assert source._sample(ros.WRENCH, "endcap_5", plain).endcap == "endcap_5"
+
+
+def test_cameras_of_this_computer_through_the_program(tmp_path, monkeypatch):
+    """Two endcaps on drawn cameras, the other sensors from topics."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN + 60))
+    participant, _owner = open_participant(DOMAIN + 60)
+    with camera(pushes=[0] * 200 + [1.0] * 60) as address:
+        file = tmp_path / "endcaps.toml"
+        file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{address}"\n' for name in NAMES))
+        words = ["--live", "--endcaps", str(file), "--json", "--no-page", "--record", "run.mcap"]
+        with program(*words, cli=ROBOT_CLI, cwd=tmp_path, stderr=(tmp_path / "said").open("w")) as process:
+            publisher, found = Publisher(participant, wrenches=""), lines_of(process)
+            try:
+                wait_for(lambda: len(found) > 20 and any(pressed(line) for line in found))
+            finally:
+                publisher.close()
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(PATIENCE_S) == 0
+    said = (tmp_path / "said").read_text()
+    assert all(f"{name}: running" in said for name in NAMES)
+    assert np.isfinite([force(found[-1], name) for name in NAMES]).all()
+    assert np.isnan(force(found[-1], "endcap_1")).all()
+    replayed = Recording(tmp_path / "run.mcap").replay([])
+    assert replayed.compared >= 20 and replayed.different == 0 and replayed.end is None
+
+
+@pytest.mark.parametrize("patient", [True, False])
+def test_it_begins_when_every_endcap_here_has_given_a_wrench_or_too_long_none(patient, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
+    monkeypatch.setattr(endcaps_here, "FIRST_S", 1e4 if patient else 0.0)
+    file, (_, reading) = tmp_path / "endcaps.toml", a_reading()
+    with camera() as address:
+        file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{address}"\n' for name in NAMES))
+        here = endcaps_here.EndcapsHere(file, ROBOT)
+        monkeypatch.setattr(here._engine, "start", lambda: None)
+        here.start()
+    lost = replace(reading, endcap=NAMES[0], wrench=replace(reading.wrench, force_n=np.full(3, np.nan)))
+    here.put(lost)
+    assert here.ready() is not patient
+    assert ("no wrench of endcap_0, endcap_3" in capsys.readouterr().err) is not patient
+    here.put(replace(reading, endcap=NAMES[0]))
+    assert here.ready() is not patient
+    here.put(replace(reading, endcap=NAMES[1]))
+    assert here.ready() and [sample.endcap for sample in here.samples()] == [NAMES[0], *NAMES]
+
+
+def stands(line):
+    return [endcap["state"] for endcap in line["endcaps"]] == ["holds", "free"] * 3
+
+
+def pressed(line):
+    return all(np.linalg.norm(force(line, name)) > 2 for name in NAMES)
+
+
+def force(line, name):
+    endcap = next(endcap for endcap in line["endcaps"] if endcap["name"] == name)
+    return np.array(endcap["force_n"], float)
+
+
 def test_lengths_are_put_in_the_order_of_the_description():
     stamp = SimpleNamespace(sec=7, nanosec=5)
     message = SimpleNamespace(header=SimpleNamespace(stamp=stamp), name=CABLES[:0:-1], position=list(range(1, 9)))
-    sample = LiveRobot(ROBOT, domain=DOMAIN)._named(messages.JOINTS, message)
+    sample = LiveRobot(ROBOT, domain=DOMAIN)._sample(messages.JOINTS, "", message)
     assert np.array_equal(sample.lengths_m, [np.nan, 8, 7, 6, 5, 4, 3, 2, 1], equal_nan=True)
 
 
@@ -121,6 +237,9 @@ def test_clocks_that_disagree_are_named():
     [
         (["--live", "--terrain", "flat"], "--terrain has no effect with --live"),
         (["--endcaps", "endcaps.toml"], "endcaps.toml: No such file"),
+        (["--endcaps", "endcaps.toml", "--wrench-sd", "1", "1"], "their wrenches have a covariance"),
+        (["--wrench-sd", "1", "1"], "--wrench-sd has no effect without --live"),
+        (["--live", "--wrench-sd", "0", "1"], "--wrench-sd 0 1 outside 0..100"),
     ],
 )
 def test_bad_input_gets_one_line(words, said, tmp_path, monkeypatch, capsys):

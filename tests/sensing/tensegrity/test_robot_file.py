@@ -14,7 +14,7 @@ from sensing.tensegrity.shape import balanced_shape, cable_lengths, moved, stand
 TEXT = SHIPPED.read_text(encoding="utf-8")
 DIGITS = "9" * 400
 FAULTS = {  # what is replaced once, by what, a word of the message
-    "an endcap's name twice": ('name = "1"', 'name = "0"', 'named "0"'),
+    "an endcap's name twice": ('name = "endcap_1"', 'name = "endcap_0"', 'named "endcap_0"'),
     "two endcaps on one end": ('end = "second"', 'end = "first"', "carries one"),
     "a cable to nowhere": ('bars = ["red", "green"]', 'bars = ["red", "grey"]', "nowhere"),
     "a cable to its own bar": ('bars = ["red", "green"]', 'bars = ["red", "red"]', "joins two bars"),

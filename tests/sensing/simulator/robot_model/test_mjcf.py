@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from cad.errors import FileError
 from cad.params import EndcapParams
@@ -54,6 +55,27 @@ def test_the_sensors_negative_is_what_the_world_does_to_the_endcap(path):
     assert np.isfinite(lever).all()
     weight = np.concatenate([ramp.shell_n, np.cross(BODIES.shell.centre_m, ramp.shell_n)])
     assert -ramp.sensor[-1] == pytest.approx(ramp.contact[-1] + weight, abs=5e-3)
+
+
+def test_no_contact_is_missed_where_meshes_are_drawn_beside_the_sphere(tmp_path):
+    """A body of two shapes goes through MuJoCo's bounding boxes; at this size rounding of the plane's fell below it."""
+    model = robot_model(EndcapParams(147, 8.5))
+    drawn = trimesh.creation.icosphere(2, 0.9 * model.radius_m)
+    drawn.apply_translation([0, 0, model.centre_m])
+    drawn.export(tmp_path / "shell.stl")
+    path = tmp_path / "endcap.xml"
+    path.write_text(endcap_file(endcap_pieces(model, BODIES, meshes={"shell": "shell.stl"}), "endcap", ""))
+    ramp = Rig(path, 0.0, 12.0).ramp(50.0)
+    wanted = -model.stiffness.force_n(np.array([0.0, 0.0, -5.0]))[2]
+    assert ramp.sensor_error_n < 1e-3
+    assert ramp.normal_n.min() > 0 and ramp.normal_at(np.array([5.0]))[0] == pytest.approx(wanted, rel=1e-3)
+
+
+def test_the_gap_pushes_nothing_away(path):
+    rig = Rig(path, 0.0, 1.0)
+    rig.data.joint("depth").qpos[0] = -0.5 * mjcf.GAP_M
+    mujoco.mj_forward(rig.model, rig.data)
+    assert rig.data.ncon == 1 and rig.data.nefc == 0
 
 
 def test_it_stays_where_friction_holds_it(path):

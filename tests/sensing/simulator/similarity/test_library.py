@@ -15,7 +15,14 @@ from sensing.records_labelled import LabelledSet
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.similarity.labelled import library_source, shell_of, with_azimuths, write_labelled
-from sensing.simulator.similarity.library import FILE, LEAST_COUNT, load_library, save_library, solved_node
+from sensing.simulator.similarity.library import (
+    FILE,
+    LEAST_COUNT,
+    load_library,
+    path_digest,
+    save_library,
+    solved_node,
+)
 from sensing.simulator.similarity.paths import library_paths, stand_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, common_order
 from sensing.simulator.similarity.surface_modes import modes_at
@@ -148,6 +155,15 @@ def test_a_damaged_or_outdated_library_is_reported(tmp_path):
     save_library(replace(load_library(), paths="others"), tmp_path / "old.npz")
     with pytest.raises(FileError, match=r"along other paths"):
         load_library(tmp_path / "old.npz")
+
+
+@pytest.mark.parametrize(("nudge", "same"), [(4e-14, True), (1e-5, False)])
+def test_another_processors_last_bits_make_no_other_paths(nudge, same, monkeypatch):
+    """Most by which vector units and linear algebra libraries were seen to differ, and a path that is another one."""
+    shipped = load_library().paths
+    moved = [replace(path, friction=path.friction + nudge, tilt_deg=path.tilt_deg - nudge) for path in library_paths()]
+    monkeypatch.setattr("sensing.simulator.similarity.library.library_paths", lambda: moved)
+    assert (path_digest() == shipped) is same
 
 
 def test_paths_are_those_of_no_protocol_and_press_to_the_range():

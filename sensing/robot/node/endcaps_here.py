@@ -1,0 +1,94 @@
+"""The endcaps whose cameras are plugged in here, through the live pipeline: their readings as samples, their states."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from cad.errors import ParameterError, printable
+from cad.messages import LOG
+from sensing.live.core.endcaps_file import load_config
+from sensing.live.core.engine import Engine
+from sensing.live.core.reading import EndcapReading
+from sensing.live.core.warm_up import warm_up
+from sensing.live.open_endcaps import open_endcaps
+from sensing.robot.readings import foot_sample
+from sensing.tensegrity.description import TensegrityRobot
+from sensing.tensegrity.samples import FootSample
+
+ROOM = 256  # readings that may wait
+FIRST_S = 30.0  # for the first wrench of every endcap: references are taken
+NEWS_S = 1.0
+CLOSE_S = 1.0
+
+
+class EndcapsHere:
+    """Readings of this computer's endcaps.
+
+    Args:
+        path: endcaps.toml. robot: whose endcaps they are.
+
+    Raises:
+        ParameterError: an endcap of the file that the robot does not have. EndcapError: what cannot be opened.
+    """
+
+    def __init__(self, path: Path, robot: TensegrityRobot) -> None:
+        config = load_config(path)
+        known = [endcap.name for endcap in robot.endcaps]
+        unknown = sorted({endcap.name for endcap in config.endcaps} - set(known))
+        if unknown:
+            raise ParameterError(
+                f"{path}: {', '.join(unknown)}: the robot's description has {', '.join(known)}: use the same names in "
+                "both",
+                name="endcaps",
+            )
+        self._readings: queue.Queue[EndcapReading] = queue.Queue(ROOM)
+        warm_up(LOG.info)
+        self._engine = Engine(open_endcaps(config), [self])
+        self._missing = {endcap.name for endcap in config.endcaps}
+        self._states: dict[str, str] = {}
+        self._news_s = self._patient_s = -np.inf
+
+    def start(self) -> None:
+        """Open the cameras."""
+        self._patient_s = time.monotonic() + FIRST_S
+        self._engine.start()
+
+    def close(self) -> None:
+        """Let go of them."""
+        self._engine.close(CLOSE_S)
+
+    def put(self, reading: EndcapReading) -> None:
+        """A reading; what nobody takes in time is left out."""
+        if self._missing and np.isfinite(reading.wrench.force_n).all():
+            self._missing.discard(reading.endcap)
+        if not self._readings.full():
+            self._readings.put_nowait(reading)
+
+    def samples(self) -> Iterator[FootSample]:
+        """Those that wait."""
+        while not self._readings.empty():
+            yield foot_sample(self._readings.get_nowait())
+
+    def ready(self) -> bool:
+        """Whether every endcap has given a wrench: without any contact the estimate would run away from its start."""
+        now = time.monotonic()
+        if now >= self._news_s:
+            self._news_s = now + NEWS_S
+            self._say_states()
+        if self._missing and now >= self._patient_s:
+            LOG.warning(f"no wrench of {', '.join(sorted(self._missing))} for {FIRST_S:g} s: it begins without")
+            self._missing.clear()
+        return not self._missing
+
+    def _say_states(self) -> None:
+        """A line for every endcap whose state is another one."""
+        for health in self._engine.health():
+            if self._states.get(health.endcap) != health.status:
+                self._states[health.endcap] = health.status
+                text = f"{health.endcap}: {health.status}"
+                LOG.warning(printable(f"{text}: {health.message}" if health.message else text))

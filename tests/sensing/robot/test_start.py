@@ -1,0 +1,126 @@
+"""When the estimate begins, and how wrong its first state is: a robot that rocks, fell, or never stands still."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing_robot import feed, standing_samples
+
+pytest.importorskip("mujoco")
+
+from sensing.robot.estimator import RobotEstimator
+from sensing.robot.settings import Settings
+from sensing.simulator.walk.simulate import simulate_walk
+from sensing.simulator.walk.stream import sensor_stream
+from sensing.simulator.walk.terrain import Terrain
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import InertialSample, LengthSample
+from sensing.tensegrity.shape import rotation_of
+
+ROBOT = load_robot()
+ROCKS_RAD, ROCKS_RAD_S = math.radians(0.6), 2 * math.pi * 1.6
+
+
+def turn_between(found, true) -> np.ndarray:
+    """(3,) rad, world axes, of a small turn."""
+    turned = found[:3, :3] @ true[:3, :3].T
+    return 0.5 * np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
+
+
+def rocking_samples(seconds: float, amplitude_rad: float, phase_rad: float, seed: int = 0):
+    """(turn (3, 3) at the end, samples) of a robot that rocks about its accelerometer and the world's x."""
+    poses, samples = standing_samples(ROBOT, seconds, seed=seed)
+    turns = {s.name: poses[ROBOT.bar_number(s.bar), :3, :3] @ s.T_bar_imu[:3, :3] for s in ROBOT.sensors}
+    rocked = []
+    for sample in samples:
+        if isinstance(sample, InertialSample):
+            now, axis = ROCKS_RAD_S * sample.time_s + phase_rad, np.array([1.0, 0.0, 0.0])
+            rate = sample.rate_rad_s + amplitude_rad * ROCKS_RAD_S * math.cos(now) * turns[sample.sensor].T @ axis
+            force = sample.acceleration_m_s2
+            if force is not None:
+                turn = turns[sample.sensor]
+                force = turn.T @ rotation_of(amplitude_rad * math.sin(now) * axis).T @ turn @ force
+            sample = InertialSample(sample.time_s, sample.sensor, rate, force)
+        rocked.append(sample)
+    last = max(sample.time_s for sample in samples)
+    return rotation_of(np.array([amplitude_rad * math.sin(ROCKS_RAD_S * last + phase_rad), 0, 0])) @ poses[
+        :, :3, :3
+    ], rocked
+
+
+def first_estimate(samples, settings: Settings = Settings()):  # noqa: B008
+    """The estimate as soon as there is one."""
+    estimator, ask_s = RobotEstimator(ROBOT, settings), 0.0
+    for sample in samples:
+        feed(estimator, [sample])
+        if sample.time_s >= ask_s:
+            estimate, ask_s = estimator.state(), sample.time_s + 0.05
+            if estimate is not None:
+                return estimate
+    return None
+
+
+@pytest.mark.parametrize("phase_deg", [0, 60, 120, 180, 240, 300])
+def test_a_robot_that_rocks_begins_as_it_is_at_the_end_of_the_start(phase_deg):
+    true, samples = rocking_samples(1.0, ROCKS_RAD, math.radians(phase_deg))
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, samples)
+    estimate = estimator.state()
+    tilt, spread = turn_between(estimate.bars[0].T_world_bar, true[0])[:2], estimate.bars[0].covariance[3:5, 3:5]
+    assert np.linalg.norm(tilt) < 0.35 * ROCKS_RAD
+    assert tilt @ np.linalg.solve(spread, tilt) < 9.21  # 99 %
+
+
+def first_squares(walk, seed: int) -> tuple[np.ndarray, float]:
+    """((B,) squared errors of the bars' first turns over their covariance, /3, heading taken out; its time, s)."""
+    estimate = first_estimate(arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=seed))
+    assert not estimate.health.notes
+    truth = walk.T_world_bar[round(estimate.time_s / 0.005)]
+    turned = estimate.bars[0].T_world_bar[:3, :3] @ truth[0, :3, :3].T
+    yaw = math.atan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1])
+    truth = np.einsum("ij,bjk->bik", rotation_of(np.array([0, 0, yaw])), truth[:, :3, :3])
+    errors = [turn_between(bar.T_world_bar, pose) for bar, pose in zip(estimate.bars, truth, strict=True)]
+    spreads = [bar.covariance[3:6, 3:6] + 1e-7 * np.eye(3) for bar in estimate.bars]
+    squares = [error @ np.linalg.solve(spread, error) / 3 for error, spread in zip(errors, spreads, strict=True)]
+    return np.array(squares), estimate.time_s
+
+
+def test_the_first_shape_is_as_sure_as_it_says():
+    """Squared errors over their covariance, bar by bar over eight starts, are neither large nor tiny."""
+    found = []
+    for seed in range(1, 5):
+        for terrain in (Terrain.FLAT, Terrain.SLOPE):
+            found.append(first_squares(simulate_walk(ROBOT, terrain, seed=seed, duration_s=1.2), seed)[0])
+    mean = np.mean(found, axis=0)
+    assert (mean > 0.05).all() and (mean < 2).all(), mean
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_after_a_drop_the_estimate_waits_until_the_robot_stands(seed):
+    walk = simulate_walk(ROBOT, Terrain.DROP, seed=seed, duration_s=6.5)
+    squares, time_s = first_squares(walk, seed)
+    row = round(time_s / 0.005)
+    assert np.linalg.norm(walk.velocity[row - 200 : row, :, 3:], axis=2).max() < 0.4
+    assert squares.max() < 16.3 / 3  # 99.9 %
+
+
+def test_cables_that_still_move_begin_the_start_anew():
+    _, samples = standing_samples(ROBOT, 2.5)
+    moving = [
+        replace(s, lengths_m=s.lengths_m + 0.03 * max(0.0, 1.0 - s.time_s)) if isinstance(s, LengthSample) else s
+        for s in samples
+    ]
+    assert first_estimate(samples).time_s < 1.0
+    assert first_estimate(moving).time_s > 1.3
+
+
+def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
+    _, samples = rocking_samples(3.0, math.radians(5.0), 0.0)
+    assert first_estimate(samples) is None
+    estimate = first_estimate(samples, Settings(start_limit_s=2.0))
+    assert 2.0 <= estimate.time_s < 2.2
+    assert any("begun while the robot moved" in note for note in estimate.health.notes)
+    assert np.sqrt(estimate.bars[0].covariance[3, 3]) > 0.15

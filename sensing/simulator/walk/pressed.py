@@ -5,7 +5,8 @@
     states = states_of(library, contacts)                             # with what had to be clamped
 
 The library that data sets use ends at 38 N and 54 degrees; a robot of 12 kg on three endcaps presses with 50 N at 60
-degrees and lands with more. The fit is the same, the range is not: tilts 46 to 71.6 degrees, 1 to 80 N, pulls to 0.75 of the load. Forces in N, mm, N mm; azimuth 0.
+degrees and lands with more. The fit is the same, the range is not: tilts 46 to 71.6 degrees, 1 to 80 N, pulls to 0.75
+of the load. Forces in N, mm, N mm; azimuth 0.
 """
 
 from __future__ import annotations

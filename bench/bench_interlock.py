@@ -27,16 +27,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from bench_similarity import TEST, TRAIN, errors, tested_on
 
-from cad import scaling
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.design.pressed import GYROID_FRACTION
 from sensing.design.weights import DesignRequest, design_weights
 from sensing.learning.fit_config import FitConfig
-from sensing.simulator.levels import Simulator
 from sensing.simulator.similarity.labelled import shell_of, solved_source
-from sensing.simulator.solid.element import shape_hex, volume_rule
-from sensing.simulator.solid.shell import ShellModel
 from sensing.simulator.verification.unit_cell import Phase, effective, gyroid_share, hashin_shtrikman, voxels
 
 HERE = Path(__file__).parent
@@ -78,29 +74,10 @@ def _young(phase: Phase) -> float:
     return 9 * bulk * shear / (3 * bulk + shear)
 
 
-def stiffened(model: ShellModel, factor: float) -> ShellModel:
-    """A shell whose interlock is stiffer by a factor, in shear and bulk: its Gauss points weigh so much more."""
-    local, _ = volume_rule()
-    height = np.einsum("ga,ea->eg", shape_hex(local)[0], model.solid.mesh.points[model.solid.mesh.cells][:, :, 2])
-    data = model.solid.data
-    weight = data.weight * np.where(height < model.geometry.clamp_height_mm + scaling.INTERLOCK_DEPTH_MM, factor, 1.0)
-    mass = np.einsum("eg,ga,gb->eab", weight, data.psi, data.psi)
-    return replace(
-        model, solid=replace(model.solid, data=replace(data, weight=weight, mass_inverse=np.linalg.inv(mass)))
-    )
-
-
-def stiffen(simulator: Simulator, factor: float) -> Simulator:
-    """The simulator, with models of a stiffer interlock."""
-    halves = simulator._shell
-    halves._models = {half: stiffened(halves.model(half), factor) for half in (True, False)}
-    return simulator
-
-
 def pressed(factor: float) -> dict[tuple[float, float], tuple[float, np.ndarray]]:
     """Depth and dots' displacement by tilt and load."""
-    plain = shell_of(replace(DesignRequest(EndcapParams(*DESIGN)).data("off", 1), density=MESH))[0]
-    simulator, found = stiffen(plain, factor), {}
+    request = DesignRequest(EndcapParams(*DESIGN)).data("off", 1)
+    simulator, found = shell_of(replace(request, density=MESH, interlock=factor))[0], {}
     for tilt in TILTS_DEG:
         for load in LOADS_N:
             state = simulator.press(load, tilt)
@@ -113,7 +90,7 @@ def weights_on(factors: Sequence[float], config: FitConfig) -> list[float]:
     request, found = DesignRequest(EndcapParams(*DESIGN), pictures=False, numbers=TRAIN), []
     model = design_weights(request, config)
     for factor in factors:
-        simulator = stiffen(shell_of(replace(request.data("off", 1), density=MESH))[0], factor)
+        simulator = shell_of(replace(request.data("off", 1), density=MESH, interlock=factor))[0]
         found.append(errors(model, tested_on(request, TEST[1::2], solved_source(simulator), MESH)).force_n)
         print(f"interlock x {factor:.3g}: {found[-1]:.4f} N", flush=True)
     return found

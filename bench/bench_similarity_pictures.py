@@ -2,7 +2,8 @@
 
 Both are trained on the same paths, the library without the design's own node. They are judged as a user would:
 `sensing.evaluate` (pictures through the tracker and the live pipeline) on rendered motions of the dynamic protocol,
-pressed in proportion to the design's range. Writes bench/similarity_pictures.csv. Three minutes of processor time.
+pressed in proportion to the design's range; each is trained with several seeds, because one training differs from the
+next by a third. Writes bench/similarity_pictures.csv. Five minutes of processor time.
 """
 
 from __future__ import annotations
@@ -12,11 +13,14 @@ import csv
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import numpy as np
 from bench_similarity import own_states, without
 
 from cad.materials import DEFAULT_SILICONE
@@ -39,7 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Weights by similarity against own simulation, on pictures.")
     parser.add_argument("--design", default="165/11", metavar="D/T", help="a node of the library, mm")
     parser.add_argument("--silicone", default=DEFAULT_SILICONE)
-    parser.add_argument("--frames", type=int, default=60, help="at least so many")
+    parser.add_argument("--frames", type=int, default=140, help="at least so many")
+    parser.add_argument("--seeds", type=int, default=2, help="of training")
     options = parser.parse_args(arguments)
     diameter, wall = (float(number) for number in options.design.split("/"))
     request, rows = DesignRequest(EndcapParams(diameter, wall), options.silicone, pictures=False), []
@@ -51,19 +56,41 @@ def main(arguments: list[str] | None = None) -> int:
         folder = Path(place)
         write_dataset(asked, folder / "test")
         simulator = shell_of(request.data("off", 1))[0]
-        for name, source in (("library", left), ("own", own)):
-            model = design_weights(request, FitConfig(), None, library_source(simulator, source))
+        for name, source, seed in [
+            (*each, s) for each in (("library", left), ("own", own)) for s in range(options.seeds)
+        ]:
+            model = design_weights(request, FitConfig(seed=seed), None, library_source(simulator, source))
             model.save(folder / f"{name}.safetensors")
             scores, _ = evaluate([folder / "test"], folder / f"{name}.safetensors")
             for said, score in scores.items():
                 row = {"diameter_mm": diameter, "wall_mm": wall, "silicone": options.silicone, "states": name}
-                rows.append(row | {"range_n": request.scale.top_n, "score": said.removesuffix(", test")} | score.row())
-            print(name, {said: score.row() for said, score in scores.items()}, flush=True)
+                row |= {"train_seed": seed, "range_n": request.scale.top_n, "score": said.removesuffix(", test")}
+                rows.append(row | score.row())
+            print(name, seed, {said: score.row() for said, score in scores.items()}, flush=True)
+    for said in dict.fromkeys(row["score"] for row in rows):
+        print(said, *(f"{what} {ratio(rows, said, what):.2f}" for what in ("n", "nm")))
     with (HERE / "similarity_pictures.csv").open("w", newline="") as stream:
         table = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         table.writeheader()
         table.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     return 0
+
+
+def ratio(rows: Sequence[dict[str, Any]], score: str, unit: str) -> float:
+    """Error by similarity over that of the own simulation, root mean square over axes and trainings.
+
+    Args:
+        rows: of the table. score: which. unit: ``n`` for forces, ``nm`` for torques.
+    """
+    axes = ("fx", "fy", "fz") if unit == "n" else ("tx", "ty", "tz")
+    error = {
+        name: np.mean([
+            [row[f"rmse_{axis}_{unit}"] ** 2 for axis in axes]
+            for row in rows if row["states"] == name and row["score"] == score
+        ])
+        for name in ("library", "own")
+    }  # fmt: skip
+    return float(np.sqrt(error["library"] / error["own"]))
 
 
 if __name__ == "__main__":

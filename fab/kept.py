@@ -1,11 +1,13 @@
 """Work that does not depend on the joint clearance, taken from the cache when only the clearance has changed.
 
 The interface's mesh depends on the two numbers alone. Checks of one part depend on its files as written, so their key
-holds the files' SHA-256: a part that comes out the same is not checked again.
+holds the files' SHA-256: a part that comes out the same is not checked again. A file that is made from a mesh alone has
+the mesh's SHA-256 in its key.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -67,3 +69,31 @@ def kept_checks(
     checks = make()
     cache.store(key, Path(), [], {"checks": [asdict(check) for check in checks]})
     return checks
+
+
+def kept_file(
+    cache: Cache | None,
+    what: str,
+    mesh: trimesh.Trimesh,
+    path: Path,
+    make: Callable[[trimesh.Trimesh, str, Path], None],
+) -> None:
+    """A file of one mesh, from the cache or written and kept there; its stem is the part's name.
+
+    Args:
+        cache: where it is kept; ``None`` writes it anew.
+        what: kind of file.
+        mesh: of the part, mm.
+        path: of the file.
+        make: writes it, from the mesh, the part's name and the path.
+    """
+    if cache is None:
+        make(mesh, path.stem, path)
+        return
+    digest = hashlib.sha256()
+    for numbers in (np.asarray(mesh.vertices, dtype="<f8"), np.asarray(mesh.faces, dtype="<i8")):
+        digest.update(f"{numbers.shape}".encode() + numbers.tobytes())
+    key = cache.key(what, {"name": path.name, "mesh": digest.hexdigest()})
+    if cache.restore(key, path.parent) is None:
+        make(mesh, path.stem, path)
+        cache.store(key, path.parent, [path.name], {})

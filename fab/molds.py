@@ -170,6 +170,7 @@ def make_molds(
     from fab.exports import writer as files
     from fab.exports.index_page import write_index
     from fab.exports.preview_parts import preview_glb
+    from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_file
 
     design = build_design(variant.layout, workers, progress, cache=cache, robot=variant.robot)
     progress("files")
@@ -177,16 +178,19 @@ def make_molds(
     pending: list[Future[None]] = [workers.submit(files.write_pictures, *files.picture_items(design), folder)]
     for name, part in design.parts.items():
         if part.role == "printed":
-            pending.append(workers.submit(files.write_3mf, design.meshes[name], name, folder / f"{name}.3mf"))
+            keeper = cache if name in SAME_AT_EVERY_CLEARANCE else None
+            path = folder / f"{name}.3mf"
+            pending.append(workers.submit(kept_file, keeper, "3MF", design.meshes[name], path, files.write_3mf))
     files.write_solids(design, folder)
+    progress("assemblies, preview")  # the workers still draw: after the last check this process would do it alone
+    files.write_assemblies(design, folder)
+    preview = preview_glb(design, files.exploded_offsets_mm(design))
     checks = run_gates(design, folder, workers, progress, cache)
     require_passed(checks, f"at {variant.words}")
-    progress("assembly and pictures")
-    files.write_assemblies(design, folder)
+    progress("pictures")
     for job in pending:
         job.result()
     progress("page")
-    preview = preview_glb(design, files.exploded_offsets_mm(design))
     content = files.manifest(design, checks, folder)
     write_index(variant, content, checks, preview, folder)
     files.write_manifest(content, folder)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -22,6 +24,7 @@ from sensing.simulator.walk.terrain import Terrain
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.shape import rotation_of
 
+ROOT = Path(__file__).resolve().parent.parent
 ROBOT = load_robot()
 HEALTH = Health(1.0, 1.0, 1.0, 0, 0, ())
 
@@ -105,3 +108,21 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch):
     assert (tmp_path / "robot.csv").read_text().startswith(before)
     assert [row.contacts for row in rows] == ["none", "wrench"] and rows[0].seed == rows[1].seed == 101
     assert "| flat | wrench | 1 |" in table(rows)
+
+
+def test_the_comparison_without_gtsam_says_what_to_install():
+    code = "import sys; sys.modules['gtsam'] = None; import bench_robot_gtsam"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "bench")))}
+    found = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert found.returncode == 2
+    assert found.stderr == "bench_robot_gtsam: gtsam is not installed: run pip install 'gtsam>=4.3'\n"
+
+
+def test_gtsams_filter_stays_where_the_robot_stands():
+    """Begun with the truth and held by contacts alone: nothing but noise moves it in a second."""
+    pytest.importorskip("gtsam")
+    from bench_robot_gtsam import judged
+
+    walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=2.0)  # it rocks, and takes no step yet
+    found = judged(walk, ROBOT)
+    assert found.drift_percent * found.path_m / 100 < 0.01 and found.tilt_deg < 0.1 and found.yaw_deg < 0.1

@@ -20,6 +20,7 @@ from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from cad.pattern import rings_text
 from sensing.learning.contenders import read_all
+from sensing.learning.covered_range import covered_tilt_deg
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE, Samples
 from sensing.simulator.dataset.request import DataRequest
@@ -121,16 +122,21 @@ def design_weights(
         samples = _to_reference(read_all([folder / "states"], MARKERS, SHAPE), request)
         say("training")
         model = fit(samples, config, pictures=pictured)
-    return _to_design(model, request)
+    own = samples.wrenches * request.wrench_scale
+    return _to_design(model, request, covered_tilt_deg(own / request.scale.force, request.params.outer_radius_mm))
 
 
 def _to_reference(samples: Samples, request: DesignRequest) -> Samples:
     return replace(samples, wrenches=samples.wrenches / request.wrench_scale, source="library")
 
 
-def _to_design(model: WrenchModel, request: DesignRequest) -> WrenchModel:
-    """The network with its outputs in the design's own loads."""
-    factor = request.wrench_scale
+def _to_design(model: WrenchModel, request: DesignRequest, tilt_deg: float) -> WrenchModel:
+    """The network with its outputs, and what it covers, in the design's own loads.
+
+    Args:
+        model: in the loads of D=130 T=8. request: the design. tilt_deg: that training covered, by the design's radius.
+    """
+    factor, covered = request.wrench_scale, model.range
     weights = dict(model.weights)
     weights["linear"] = (weights["linear"] * factor[:, None]).astype(np.float32)
     weights["units"] = (weights["units"] * factor).astype(np.float32)
@@ -142,4 +148,7 @@ def _to_design(model: WrenchModel, request: DesignRequest) -> WrenchModel:
         **model.about, "metrics": metrics, "silicone": request.silicone, "made_by": "similarity",
         "range_n": round(request.scale.top_n, 3),
     }  # fmt: skip
-    return replace(model, weights=weights, about=about)
+    covered = replace(
+        covered, force_n=covered.force_n * factor[0], rest_px_per_n=covered.rest_px_per_n / factor[0], tilt_deg=tilt_deg
+    )
+    return replace(model, weights=weights, about=about, range=covered)

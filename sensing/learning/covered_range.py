@@ -36,7 +36,7 @@ def covered_range(principal: Array, samples: Samples, config: FitConfig, side: i
     size = np.linalg.norm(samples.wrenches[:, :3], axis=1)
     least, slope = _left(np.max([m[1] for m in measures], axis=0), size)
     force = 1.05 * float(np.quantile(size, OFTEN_ENOUGH))
-    tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, samples.design.outer_radius_mm), OFTEN_ENOUGH))
+    tilt = covered_tilt_deg(samples.wrenches, samples.design.outer_radius_mm)
     if start is not None:  # what it knew before, it still knows
         known = start.range
         distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
@@ -44,6 +44,15 @@ def covered_range(principal: Array, samples: Samples, config: FitConfig, side: i
             least, slope = max(least, known.rest_px), max(slope, known.rest_px_per_n)
     cells = (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side))
     return Range(distance, least, cells, force, tilt, slope)
+
+
+def covered_tilt_deg(wrenches: Array, radius_mm: float) -> float:
+    """Largest polar angle of a contact that counts as learnt.
+
+    Args:
+        wrenches: (N, 6) that training saw, N and N m about the sphere's centre. radius_mm: of the sphere.
+    """
+    return 2.0 + float(np.quantile(contact_angle_deg(wrenches, radius_mm), OFTEN_ENOUGH))
 
 
 def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:

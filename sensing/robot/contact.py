@@ -27,6 +27,7 @@ from sensing.tensegrity.samples import FootSample
 FORCE_SD_N, TORQUE_SD_NM, SHARE, LEVER_SHARE_M = 0.2, 0.01, 0.02, 0.0005
 SPIN_SHARE = 0.3  # E: error of the needed coefficient where the torque uses all friction, as a part
 OUT_OF_RANGE = 2.0  # E: times the variance of a wrench that is flagged
+LEAST_PUSH = 0.1  # of the force: a line of action that grazes the sphere, or misses it, is that of no single contact
 
 
 @dataclass(frozen=True)
@@ -81,15 +82,16 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
         covariance = np.diag([(FORCE_SD_N + SHARE * size) ** 2] * 3 + [(TORQUE_SD_NM + LEVER_SHARE_M * size) ** 2] * 3)
     lever = np.eye(6)
     lever[3, 1], lever[4, 0] = height, -height
+    if not (np.isfinite(value[:3]).all() and value[3] > LEAST_PUSH * size):
+        return Contact(touching, False, turn @ force, _NOTHING, math.nan, *_NO_NUMBERS)
     slopes = slopes @ lever
     if "out_of_range" in sample.flags:
         covariance = OUT_OF_RANGE * covariance
     spread = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
-    known = bool(np.isfinite(value).all() and value[3] > 0)
     normal_sd = math.sqrt(max(0.0, float(spread[:3].sum()) / 2))
     ratio_sd, use_sd = np.sqrt(np.maximum(0.0, spread[4:6])).tolist()
     push, ratio, use, spin = value[3:].tolist()
     use_sd += SPIN_SHARE * use * min(1.0, spin / settings.spin_lever_m) ** 4
     return Contact(
-        touching, known, turn @ force, turn @ value[:3], push, ratio, use, spin, normal_sd, ratio_sd, use_sd
+        touching, True, turn @ force, turn @ value[:3], push, ratio, use, spin, normal_sd, ratio_sd, use_sd
     )  # fmt: skip

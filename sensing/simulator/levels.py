@@ -51,6 +51,7 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import MeshDensity
 from sensing.simulator.solid.rate_effects import Prony
+from sensing.simulator.solid.shell import PLAIN
 from sensing.simulator.solid.shell_halves import ShellHalves
 from sensing.simulator.solid.surface import OUTLINE_POINTS, turn_wrench
 
@@ -70,10 +71,11 @@ class Simulator:
         tolerance: of level 2.
         library: what level 4 answers from (:mod:`sensing.simulator.reduced.library_fit`).
         prony: rate effects of the silicone, pairs (g, tau_s); none by default.
+        interlock: how many times as stiff as silicone the zone with the TPU gyroid is.
 
     Raises:
         ParameterError: unknown level or density, tolerance out of range, no library or one of another shell or mesh,
-            rate effects on a level that has none.
+            rate effects on a level that has none, an interlock out of range.
     """
 
     def __init__(
@@ -85,6 +87,7 @@ class Simulator:
         tolerance: float = TOLERANCE,
         library: Library | None = None,
         prony: Prony = (),
+        interlock: float = PLAIN,
     ) -> None:
         if level not in LEVELS:
             raise ParameterError(
@@ -98,15 +101,10 @@ class Simulator:
                 name="tolerance",
                 value=tolerance,
             )
-        if prony and level not in RATE_LEVELS:
-            raise ParameterError(
-                f"level={level} has no rate effects: choose {' or '.join(map(str, RATE_LEVELS))}, or leave prony out",
-                name="level",
-                value=level,
-            )
+        _require_in_level(level, prony, interlock)
         self.geometry, self.law, self.prony = geometry, law, prony
         self.level, self.tolerance = level, tolerance
-        self._shell = ShellHalves(geometry, law, density)
+        self._shell = ShellHalves(geometry, law, density, interlock)
         self.surface = self._shell.surface
         self._tangents: dict[tuple[Indenter, bool], list[StoredTangent]] = {}
         self._reduced: dict[tuple[Indenter, bool], ReducedModel | None] = {}
@@ -264,3 +262,23 @@ def _error_estimate(state: State) -> float:
 
 def _in_mirror_plane(target: Target) -> bool:
     return (target.tangential_n or target.shift_mm)[1] == 0
+
+
+def _require_in_level(level: int, prony: Prony, interlock: float) -> None:
+    """Refuse what a level leaves out.
+
+    Raises:
+        ParameterError: rate effects on a fitted level, an interlock on the library's.
+    """
+    if prony and level not in RATE_LEVELS:
+        raise ParameterError(
+            f"level={level} has no rate effects: choose {' or '.join(map(str, RATE_LEVELS))}, or leave prony out",
+            name="level",
+            value=level,
+        )
+    if level == 4 and interlock != PLAIN:
+        raise ParameterError(
+            f"interlock={interlock:g} at level 4: its library was fitted to plain silicone; choose level 1, 2 or 3",
+            name="interlock",
+            value=interlock,
+        )

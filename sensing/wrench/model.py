@@ -105,8 +105,8 @@ class WrenchModel:
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
         value, covariance, distance, rest = answer_one(x, *self._packed)
         strange = self.range.leaves_too_much(rest, math.sqrt(float(value[:3] @ value[:3])))
-        strange = strange or bool(self.doubt(value[None], covariance[None])[0] > self.range.doubt)
-        beyond = distance > self.range.distance or strange or bool(self._beyond_contacts(value[None])[0])
+        strange = strange or bool(self._beyond_contacts(value[None], covariance[None])[0])
+        beyond = distance > self.range.distance or strange
         flags = frozenset({"out_of_range"} if beyond else ())
         if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
             flags |= {"dots_lost"}
@@ -122,8 +122,7 @@ class WrenchModel:
         distance, rest = range_measures(self._doubles["principal"], self._back, seen)
         value, covariance = self.predict(inputs)
         strange = self.range.leaves_too_much(rest, np.linalg.norm(value[:, :3], axis=1))
-        strange |= self.doubt(value, covariance) > self.range.doubt
-        return (distance > self.range.distance) | strange | self._beyond_contacts(value)
+        return (distance > self.range.distance) | strange | self._beyond_contacts(value, covariance)
 
     def doubt(self, value: Array, covariance: Array) -> Array:
         """(N,) largest standard deviation before calibration, in units and tolerances, of wrenches (N, 6) with
@@ -133,10 +132,14 @@ class WrenchModel:
         unit = self._doubles["calibration"] * self._doubles["units"]
         return np.asarray((sigma / unit).max(axis=1) / tolerance(value[:, :3])[:, 0])
 
-    def _beyond_contacts(self, value: Array) -> NDArray[np.bool_]:
-        """(N,) True where estimated wrenches (N, 6) are larger or further from the tip than those of training."""
+    def _beyond_contacts(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
+        """(N,) True where estimated wrenches (N, 6) are larger, further from the tip or, by their covariances
+        (N, 6, 6), more in doubt than those of training.
+        """
         beyond = np.linalg.norm(value[:, :3], axis=1) > self.range.force_n
-        return np.asarray(beyond | (contact_angle_deg(value, self.design.outer_radius_mm) > self.range.tilt_deg))
+        tilt_deg = contact_angle_deg(value, self.design.outer_radius_mm)
+        beyond |= self.range.doubts_too_much(self.doubt(value, covariance), tilt_deg)
+        return np.asarray(beyond | (tilt_deg > self.range.tilt_deg))
 
     @cached_property
     def slope(self) -> Array:

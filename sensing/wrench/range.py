@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
+STEEP_SHARE = 0.6  # M: of the tilt that training covered; below it planes raise less doubt (docs/wrench.md)
+GENTLE = 0.8  # M: of the limit of doubt, that holds there
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,10 @@ class Range:
     tilt_deg: float = math.inf
     rest_px_per_n: float = 0.0
     doubt: float = math.inf
+
+    def doubts_too_much(self, doubt: Any, tilt_deg: Any) -> Any:
+        """Whether the weights doubt more than planes at such a polar angle of the contact make them."""
+        return doubt > self.doubt * np.where(tilt_deg < STEEP_SHARE * self.tilt_deg, GENTLE, 1.0)
 
     def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
         """Whether the principal fields leave more of a field than of those of training under such a force."""

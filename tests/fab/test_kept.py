@@ -12,7 +12,8 @@ from cad.params import EndcapParams
 from fab import kept
 from fab.cache import Cache
 from fab.checks.check import Check
-from fab.kept import kept_checks, kept_interface_mesh
+from fab.exports.writer import write_3mf
+from fab.kept import kept_checks, kept_file, kept_interface_mesh
 from fab.meshing.gyroid import InterfaceMesh
 
 
@@ -54,3 +55,26 @@ def test_checks_come_back_with_their_limits_and_only_for_the_same_inputs(cache):
     kept_checks(cache, "nuts", {"stl": "1"}, make)
     kept_checks(None, "files", {"stl": "1"}, make)
     assert len(made) == 4
+
+
+def test_a_file_of_a_mesh_comes_back_to_the_byte_and_only_for_that_mesh_and_name(cache, tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=math.pi)
+    other = trimesh.Trimesh(ball.vertices * (1 + 1e-15), ball.faces, process=False)
+    written = []
+
+    def make(mesh, name, path):
+        written.append(name)
+        write_3mf(mesh, name, path)
+
+    def bytes_of(keeper, mesh, stem, run):
+        folder = tmp_path / run
+        folder.mkdir(exist_ok=True)
+        kept_file(keeper, "3MF", mesh, folder / f"{stem}.3mf", make)
+        return (folder / f"{stem}.3mf").read_bytes()
+
+    first = bytes_of(cache, ball, "interface", "first")
+    assert bytes_of(cache, ball, "interface", "second") == first and written == ["interface"]
+    bytes_of(cache, other, "interface", "third")
+    bytes_of(cache, ball, "base", "third")
+    assert bytes_of(None, ball, "interface", "fourth") == first
+    assert written == ["interface", "interface", "base", "interface"]

@@ -131,10 +131,12 @@ def workers_of(process: subprocess.Popen[str]) -> list[int]:
 
 
 def alive(pid: int) -> bool:
+    """Whether a thread of a process still runs: it holds the process's files after the first thread has ended."""
     try:
-        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
-    except FileNotFoundError:
-        return False
+        states = [(task / "status").read_text() for task in Path(f"/proc/{pid}/task").iterdir()]
+    except (FileNotFoundError, ProcessLookupError):
+        return Path(f"/proc/{pid}").exists()  # a thread ended while they were listed: asked again
+    return any("\nState:\tZ" not in state for state in states)
 
 
 def started_with_workers(exports: Path) -> tuple[subprocess.Popen[str], list[int]]:

@@ -57,6 +57,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option("dot_rings", str, "dots of each ring from tip to equator")
     option("dot_mm", plain_number, "diameter of a dot, mm")
     option("silicone", str, "row of cad/materials.csv")
+    option("interlock", plain_number, "stiffness of the zone with TPU gyroid over that of silicone; TPU 95A: 1.49")
     option("indenter", str, "what presses", choices=tuple(KINDS))
     option("radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
     option("axis_deg", plain_number, "direction of an edge from the meridian, degrees", "--axis")

@@ -49,7 +49,15 @@ def studio(request: DataRequest) -> Studio:
     cv2.setNumThreads(1)  # a worker has one core
     law = silicone(request.silicone).neo_hooke()
     geometry = ShellGeometry.from_params(request.params)
-    simulator = Simulator(geometry, law, request.density, request.level, request.tolerance, prony=request.prony)
+    simulator = Simulator(
+        geometry,
+        law,
+        request.density,
+        request.level,
+        request.tolerance,
+        prony=request.prony,
+        interlock=request.interlock,
+    )
     if request.render == "off":
         return Studio(simulator, None)
     surface = simulator.surface

@@ -25,6 +25,7 @@ from sensing.simulator.render.settings import Lamp, Paint, RenderSettings, Senso
 from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import DENSITIES
+from sensing.simulator.solid.shell import PLAIN, require_interlock
 
 PATHS_PER_SHARD = 3
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
@@ -43,6 +44,7 @@ ADDED_SINCE = {
     "loads": RELEASED,
     "dot_rings": rings_text(RELEASED_RINGS),
     "dot_mm": RELEASED_DOT_MM,
+    "interlock": PLAIN,
 }
 MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
 
@@ -56,6 +58,7 @@ class DataRequest:
         diameter_mm, wall_mm, silicone: the shell. dot_rings, dot_mm: its dots (:mod:`cad.pattern`).
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
+        interlock: how many times as stiff as silicone the zone with the TPU gyroid is; 1: plain silicone.
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
         indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
             sphere or edge, and the edge's direction from the meridian, each ignored where it means nothing.
@@ -95,6 +98,7 @@ class DataRequest:
     extra: int = 0
     dot_rings: str = rings_text(RELEASED_RINGS)
     dot_mm: float = RELEASED_DOT_MM
+    interlock: float = PLAIN
 
     def __post_init__(self) -> None:
         for name, low, high in (("frames", 1, 10**7), ("azimuths", 1, 360), ("seed", 0, 2**32), ("sensor", 0, 2**32)):
@@ -122,6 +126,7 @@ class DataRequest:
                 raise ParameterError(
                     f"{name}={value!r} is unknown: choose one of {', '.join(map(str, known))}", name=name, value=value
                 )
+        require_interlock(self.interlock)
         self._require_protocol()
         silicone(self.silicone)
         self.body(0.0)

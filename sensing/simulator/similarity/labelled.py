@@ -48,11 +48,13 @@ def shell_of(request: DataRequest) -> tuple[Simulator, LoadScale]:
     """Simulator of a request's shell and the scale of its loads.
 
     Args:
-        request: design, silicone, density and tolerance.
+        request: design, silicone, density, tolerance and interlock.
     """
     law = silicone(request.silicone).neo_hooke()
     geometry = ShellGeometry.from_params(request.params)
-    simulator = Simulator(geometry, law, request.density, min(request.level, 2), request.tolerance)
+    simulator = Simulator(
+        geometry, law, request.density, min(request.level, 2), request.tolerance, interlock=request.interlock
+    )
     return simulator, LoadScale.of(geometry, law.shear_mpa)
 
 

@@ -30,11 +30,11 @@ from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
 FILE = Path(__file__).with_name("library.npz")
-CLAMP_SCALE = 2.0  # E: a step of clamp / R counts as twice that of log T / R
+CLAMP_SCALE = 0.5  # M: a radian of the clamp counts as so much of sqrt(T / R) (bench/bench_library.py --studies nodes)
 LEAST_COUNT = 0.15  # of the weights: a node that counts less can be done without
 LEAST_NODES = 4  # that a state needs to be interpolated
 DECIMALS = 8  # of N, mm, s and degrees in the digest of the paths; processors differ by 1e-13
-REACH = 0.08  # how far beyond the nodes' hull, in those coordinates, a shell may lie
+REACH = 0.015  # how far beyond the nodes' hull, in those coordinates, a shell may lie
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ def _units(columns: tuple[str, ...], wall: float) -> Array:
 
 
 def _coordinates(ratios: Array) -> Array:
-    return np.stack([np.log(ratios[:, 0]), CLAMP_SCALE * ratios[:, 1]], axis=1)
+    return np.stack([np.sqrt(ratios[:, 0]), CLAMP_SCALE * np.arccos(np.clip(ratios[:, 1], -1, 1))], axis=1)
 
 
 def _spline(places: Array, wanted: Array) -> Array:

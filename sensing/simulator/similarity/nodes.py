@@ -14,6 +14,8 @@ NODES: tuple[Design, ...] = (
     (100.0, 10.0),
     (165.0, 11.0),
     (104.0, 6.5),
+    (200.0, 16.0),
+    (104.5, 10.4),
 )
 SOME_PATHS: dict[Design, tuple[int, ...]] = {  # near its snap level 2 hands most states over: one path at each tilt
     (250.0, 6.5): (0, 4, 8, 9, 13, 17, 18, 22)

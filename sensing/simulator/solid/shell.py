@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cad import scaling
 from cad.errors import ParameterError
 from cad.materials import HyperelasticLaw
 from sensing.simulator.contact.friction import PENALTY_RATIO, ContactSurface, contact_surface
-from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.element import Array, shape_hex, volume_rule
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import DENSITIES, Index, MeshDensity, shell_mesh
 from sensing.simulator.solid.system import Solid, build_solid
 
 PLANE_TOLERANCE_MM = 1e-6
+PLAIN, RIGID = 1.0, 100.0  # of the interlock: silicone alone, and as good as rigid
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ def shell_model(
     density: MeshDensity | str = "data",
     half: bool = False,
     penalty_ratio: float = PENALTY_RATIO,
+    interlock: float = PLAIN,
 ) -> ShellModel:
     """Mesh a shell and prepare its solver.
 
@@ -64,10 +67,13 @@ def shell_model(
         density: a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own numbers.
         half: mesh y >= 0 only; such a model refuses paths that leave the mirror plane.
         penalty_ratio: contact penalty over E / T.
+        interlock: how many times as stiff as silicone the zone is where it holds the TPU gyroid (GEO25), in shear and
+            bulk.
 
     Raises:
-        ParameterError: unknown density.
+        ParameterError: unknown density, or an interlock that is softer than silicone or beyond rigid.
     """
+    require_interlock(interlock)
     if isinstance(density, str):
         if density not in DENSITIES:
             raise ParameterError(
@@ -80,6 +86,35 @@ def shell_model(
     fixed[clamped] = True
     if half:
         fixed[np.abs(mesh.points[:, 1]) < PLANE_TOLERANCE_MM, 1] = True
-    solid = build_solid(mesh, law, fixed)
+    solid = _stiffer_below(
+        build_solid(mesh, law, fixed), geometry.clamp_height_mm + scaling.INTERLOCK_DEPTH_MM, interlock
+    )
     surface = contact_surface(mesh, law.young_mpa, geometry.wall_mm, penalty_ratio)
     return ShellModel(geometry, solid, surface, clamped, half)
+
+
+def require_interlock(interlock: float) -> None:
+    """Refuse a stiffness that no interlock has.
+
+    Raises:
+        ParameterError: softer than silicone, or beyond rigid.
+    """
+    if not PLAIN <= interlock <= RIGID:
+        raise ParameterError(
+            f"interlock={interlock:g} outside {PLAIN:g}..{RIGID:g}: how many times as stiff as silicone it is; 1.49 is "
+            "that of TPU 95A (docs/design.md)",
+            name="interlock",
+            value=interlock,
+        )
+
+
+def _stiffer_below(solid: Solid, top_mm: float, factor: float) -> Solid:
+    """The solid with stresses below a height ``factor`` times as large: its Gauss points there weigh so much more."""
+    if factor == PLAIN:
+        return solid
+    local, _ = volume_rule()
+    height = np.einsum("ga,ea->eg", shape_hex(local)[0], solid.mesh.points[solid.mesh.cells][:, :, 2])
+    data = solid.data
+    weight = data.weight * np.where(height < top_mm, factor, 1.0)
+    mass = np.einsum("eg,ga,gb->eab", weight, data.psi, data.psi)
+    return replace(solid, data=replace(data, weight=weight, mass_inverse=np.linalg.inv(mass)))

@@ -6,7 +6,7 @@ from cad.materials import HyperelasticLaw
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import MeshDensity
-from sensing.simulator.solid.shell import ShellModel, shell_model
+from sensing.simulator.solid.shell import PLAIN, ShellModel, shell_model
 from sensing.simulator.solid.surface import (
     InnerSurface,
     SurfaceSampler,
@@ -23,14 +23,16 @@ class ShellHalves:
 
     Args:
         geometry, law: the shell. density: of the mesh, a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own
-            numbers.
+            numbers. interlock: stiffness of its zone (:func:`shell_model`).
 
     Raises:
-        ParameterError: unknown density.
+        ParameterError: unknown density, or an interlock out of range.
     """
 
-    def __init__(self, geometry: ShellGeometry, law: HyperelasticLaw, density: MeshDensity | str) -> None:
-        self.geometry, self.law, self.density = geometry, law, density
+    def __init__(
+        self, geometry: ShellGeometry, law: HyperelasticLaw, density: MeshDensity | str, interlock: float = PLAIN
+    ) -> None:
+        self.geometry, self.law, self.density, self.interlock = geometry, law, density, interlock
         self._models: dict[bool, ShellModel] = {}
         self._surfaces: dict[bool, InnerSurface] = {}
         self._samplers: dict[float, SurfaceSampler] = {}
@@ -41,7 +43,7 @@ class ShellHalves:
     def model(self, half: bool) -> ShellModel:
         """The half y >= 0 or the whole, ready to press."""
         if half not in self._models:
-            self._models[half] = shell_model(self.geometry, self.law, self.density, half)
+            self._models[half] = shell_model(self.geometry, self.law, self.density, half, interlock=self.interlock)
         return self._models[half]
 
     def surface_of(self, half: bool) -> InnerSurface:

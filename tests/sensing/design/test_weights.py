@@ -45,6 +45,17 @@ def test_another_silicone_is_the_same_network_at_another_scale(models):
     assert first.about["range_n"] == pytest.approx(35 * (12 / 8) ** 2)
 
 
+def test_what_training_covered_is_in_the_designs_own_loads(models):
+    """The paths press to 1.15 times the range, with friction on top, at 39 degrees at most."""
+    first, second = models
+    range_n = first.about["range_n"]
+    assert 1.0 < first.range.force_n / range_n < 1.7 and 40.0 < first.range.tilt_deg < 48.0
+    ratio = second.about["range_n"] / range_n
+    assert second.range.force_n == pytest.approx(ratio * first.range.force_n, rel=1e-3)
+    assert second.range.rest_px_per_n == pytest.approx(first.range.rest_px_per_n / ratio, rel=1e-2)
+    assert second.range.tilt_deg == pytest.approx(first.range.tilt_deg, rel=1e-3)
+
+
 def test_even_these_few_states_give_an_error_of_percents(models):
     force = np.array(models[0].about["metrics"]["validation_rmse"][:3])
     assert (force < 0.05 * models[0].about["range_n"]).all()

@@ -1,16 +1,14 @@
 """What a viewer can do and read on the page of a running program: sizes, keys, plots, notes, downloads, replays."""
 
-import importlib.resources
-import os
 import re
 import urllib.request
-from pathlib import Path
 
 import pytest
 from live_program import program
 from live_stage import FREE, PLOTS, TOUCHED, page_of
 from live_stand_in import PATIENCE_S, stand_in
 from mcap.records import Message
+from page_axe import VIOLATIONS, axe
 
 from sensing.live.mcap_records import read_records
 from sensing.live.replay import read_config, verify
@@ -27,18 +25,6 @@ def test_nothing_is_below_the_fold_of_a_notebook(stage):
         look = f"[{bottom}, $('plots').offsetHeight]"
         lowest, tallest = stage.tab.until("innerWidth === 1440 && live()", f"({lengthen}, {look})")
     assert 400 < lowest <= 900 and tallest > 80
-
-
-def axe() -> str:
-    """axe-core (MPL-2.0): of the file named by AXE_CORE, or of the package axe-core-python."""
-    if path := os.environ.get("AXE_CORE"):
-        return Path(path).read_text(encoding="utf-8")
-    package = pytest.importorskip("axe_core_python")
-    return (importlib.resources.files(package) / "axe.min.js").read_text(encoding="utf-8")
-
-
-VIOLATIONS = """axe.run(document, {resultTypes: ["violations"]}).then((found) => found.violations.flatMap((v) =>
-  v.nodes.map((node) => v.id + ": " + node.html.slice(0, 120) + " " + (node.any[0] || node.none[0] || {}).message)))"""
 
 
 @pytest.mark.parametrize("colours", ["dark", "light"])

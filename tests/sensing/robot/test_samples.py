@@ -9,6 +9,7 @@ import pytest
 from standing_robot import feed, standing_samples
 
 from sensing.robot.estimator import RobotEstimator
+from sensing.robot.layout import layout_of
 from sensing.robot.settings import Contacts, Settings
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -81,6 +82,23 @@ def stands(estimate, within_m: float = 0.03) -> bool:
         np.abs((found - found.mean(axis=0))[:, :2] - (POSES[:, :3, 3] - POSES[:, :3, 3].mean(axis=0))[:, :2]).max()
         < within_m
     )
+
+
+def test_a_line_of_action_that_misses_the_sphere_stays_outside():
+    """Its push is zero but for rounding, so that a friction ratio would be anything."""
+    rng = np.random.default_rng(3)
+    samples, radius = list(SAMPLES), layout_of(ROBOT).radius_m[0]
+    for place in range(2 * len(samples) // 3, len(samples)):
+        if isinstance(samples[place], FootSample) and samples[place].touching:
+            force, side = rng.normal(size=3), rng.normal(size=3)
+            side = np.cross(force, side)
+            miss = rng.uniform(1.0, 1.5) * radius * side / np.linalg.norm(side)  # from the sphere's centre
+            centre = np.array([0.0, 0.0, layout_of(ROBOT).centre_height_m[0]])
+            force *= 20 / np.linalg.norm(force)
+            samples[place] = replace(samples[place], force_n=force, torque_nm=np.cross(centre + miss, force))
+    estimate = after(samples)
+    assert all(np.isfinite(bar.covariance).all() and np.isfinite(bar.T_world_bar).all() for bar in estimate.bars)
+    assert 0.05 < estimate.friction < 1.5
 
 
 @pytest.mark.parametrize("endcap", range(6))

@@ -313,6 +313,22 @@ def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
     assert taught.out_of_range(made_samples(seed=5).inputs).mean() < 0.15  # a few paths teach coarsely
 
 
+def test_less_doubt_is_enough_where_planes_raise_less(data):
+    """A contact near the tip is strange at 0.8 of the doubt that counts on the side; both ways of asking agree."""
+    model = fit(data, QUICK)
+    value, covariance = model.predict(data.inputs)
+    tilt_deg = contact_angle_deg(value, data.design.outer_radius_mm)
+    doubt = model.doubt(value, covariance)
+    place = np.argsort(doubt)[len(doubt) // 2]
+    for reach, limit, strange in ((2.0, 1.3, False), (2.0, 1.2, True), (1.1, 1.2, False), (1.1, 0.9, True)):
+        covered = replace(model.range, tilt_deg=reach * max(tilt_deg[place], 1.0), doubt=limit * doubt[place])
+        asked = replace(model, range=covered)
+        assert bool(asked.out_of_range(data.inputs[place][None])[0]) is strange
+        channels = data.inputs[place].reshape(2, *model.shape)
+        field = ShearField(0.0, channels, valid=np.ones(model.shape, dtype=bool))
+        assert ("out_of_range" in asked.estimate(field).flags) is strange
+
+
 def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():
     small, fresh = made_samples(paths=16, seed=3), made_samples(paths=16, seed=5, noise=0.05)
     noisy = replace(made_samples(paths=16, seed=3, noise=0.05), path=small.path)

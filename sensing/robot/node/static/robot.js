@@ -2,6 +2,7 @@
 // The robot as estimated, and as it truly is where that is known; world frame, m, z up. Asks for the newest state ten times a second.
 const $ = (id) => document.getElementById(id), STATES = ["holds", "rolls", "slips", "free", "unknown"];
 const view = { turn: 0.6, tilt: 0.45, zoom: 1 }, ASK_MS = 100, LOST_MS = 1500;
+const labels = [];
 let about = null, state = null, heard_ms = 0;
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 const place = (T, p) => [0, 1, 2].map((i) => T[i][0] * p[0] + T[i][1] * p[1] + T[i][2] * p[2] + T[i][3]);
@@ -51,11 +52,27 @@ function draw_scene() {
       line(g, [eye(from), eye(to)], "force", 3);
     }
   });
-  g.fillStyle = colour("text"); g.font = "12px system-ui"; g.textAlign = "center";
+  draw_labels(g, state.endcaps.map((endcap) => eye(endcap.centre_m)), about.radius_m.map((r) => r * scale), width, height);
+}
+
+// Each label beside its endcap, where it covers no other label and no other endcap: below where it touches, else above, right, left.
+function draw_labels(g, centres, radii, width, height) {
+  const boxes = centres.map(([x, y], k) => ({ k, x0: x - radii[k], x1: x + radii[k], y0: y - radii[k], y1: y + radii[k] }));
+  const covered = (a, b) => Math.max(0, Math.min(a.x1, b.x1) - Math.max(a.x0, b.x0)) * Math.max(0, Math.min(a.y1, b.y1) - Math.max(a.y0, b.y0));
+  const inside = { x0: 0, x1: width, y0: 0, y1: height };
+  g.font = "12px system-ui"; g.textAlign = "center"; g.textBaseline = "middle"; g.lineJoin = "round"; g.lineWidth = 4;
+  g.strokeStyle = colour("card"); g.fillStyle = colour("text"); labels.length = 0;
   state.endcaps.forEach((endcap, k) => {
-    const at = eye(endcap.centre_m), down = endcap.contact_m[0] !== null, away = about.radius_m[k] * scale + 4;
-    g.fillText(`${endcap.name} ${endcap.state}`, at[0], down ? at[1] + away + 9 : at[1] - away);
+    const text = `${endcap.name} ${endcap.state}`, half = g.measureText(text).width / 2 + 2, [x, y] = centres[k], away = radii[k] + 11, side = radii[k] + half + 4;
+    const below = [x, y + away], above = [x, y - away], beside = [[x + side, y], [x - side, y], [x + side, y + away], [x - side, y + away], [x + side, y - away], [x - side, y - away], [x, y + away + 17], [x, y - away - 17]];
+    const found = [...(endcap.contact_m[0] === null ? [above, below] : [below, above]), ...beside].map(([cx, cy]) => {
+      const box = { k, text, x: cx, y: cy, x0: cx - half, x1: cx + half, y0: cy - 8, y1: cy + 8 };
+      return [4 * half * 8 - covered(box, inside) + [...boxes, ...labels].reduce((sum, b) => sum + (b.text ? 20 : b.k !== k) * covered(box, b), 0), box];
+    });
+    labels.push(found.reduce((best, each) => (each[0] < best[0] - 1 ? each : best))[1]);
   });
+  for (const each of labels) { g.strokeText(each.text, each.x, each.y); g.fillText(each.text, each.x, each.y); }
+  g.textBaseline = "alphabetic";
 }
 
 const bar_ends = (T, bar) => [-1, 1].map((side) => place(T, [0, 0, (side * bar.length_m) / 2]));
@@ -118,9 +135,13 @@ $("scene").addEventListener("keydown", (e) => {
   const step = { ArrowLeft: [-0.1, 0, 1], ArrowRight: [0.1, 0, 1], ArrowUp: [0, 0.1, 1], ArrowDown: [0, -0.1, 1], "+": [0, 0, 1.15], "-": [0, 0, 1 / 1.15] }[e.key];
   if (e.key === "0") { Object.assign(view, { turn: 0.6, tilt: 0.45, zoom: 1 }); draw(); } else if (step) { e.preventDefault(); moved(...step); }
 });
-for (const name of STATES) {
+function explain(text, name, sign) {
   const span = document.createElement("span"), mark = document.createElement("b");
-  mark.textContent = "\u25cf "; mark.style.color = `var(--${name})`; span.append(mark, name); $("legend").append(span);
+  mark.textContent = `${sign} `; mark.style.color = `var(--${name})`; span.append(mark, text); $("legend").append(span, " ");
 }
-$("legend").append("grey, dashed: the truth; shaded: two standard deviations of the centre of mass");
+for (const name of STATES) explain(name, name, "\u25cf");
+explain("force on the endcap", "force", "\u2014");
+explain("path", "accent", "\u2014");
+explain("the truth, where it is known", "truth", "- -");
+explain("two standard deviations of the centre of mass", "accent", "\u25cb");
 ask();

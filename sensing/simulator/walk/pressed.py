@@ -28,8 +28,9 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
 from sensing.simulator.press.state import Refusal
-from sensing.simulator.reduced.library import Library
+from sensing.simulator.reduced.library import Library, LibraryStates
 from sensing.simulator.reduced.library_fit import DEGREE, Sample, fit
+from sensing.simulator.reduced.library_level import LIMIT
 from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.solid.surface import turn_wrench
 from sensing.simulator.walk.contacts import Contacts
@@ -41,6 +42,7 @@ CONE = 0.75  # largest pull over load: a sliding endcap's is its friction, 0.7
 FRICTION = 0.9  # of the solved presses: a pull of a sliding endcap has to be held
 STATES = 105  # a tilt
 MOST_PATHS = 12  # begun at a tilt: a refused state ends one
+LOADS_TRIED, SIZES_TRIED, ANGLES_TRIED = 13, 6, 12  # in place of a state that is not good enough
 SOFTEST_N_MM, STIFFENING, STIFFEST_N_MM = 4.0, 0.2, 12.0  # tangential, by load, to steer the path (E)
 
 
@@ -159,8 +161,10 @@ class PressedStates:
     Attributes:
         weights: (n, r) of the library's modes, mm, contact on azimuth 0.
         wrench: (n, 6) on the endcap at its origin, endcap frame, N and N m: of this very state, not of the run.
-        clamped: (n,) True where the contact lies beyond what was solved, and the state is the nearest that was.
-        error_estimate: (n,) expected relative error of the surface.
+        clamped: (n,) True where the contact lies beyond what was solved, or the library expects an error over
+            :data:`sensing.simulator.reduced.library_level.LIMIT` there: the state is the nearest that is good enough.
+        error_estimate: (n,) expected relative error of the surface; over the limit only where no load and pull at the
+            tilt is good enough, and the best of them was taken.
     """
 
     weights: Array
@@ -173,7 +177,8 @@ def states_of(library: Library, contacts: Contacts) -> PressedStates:
     """States of the shell under a run's contacts; the untouched shell without contact.
 
     Tilt, load and pull beyond the range of the library are those of its edge. Below its least load, where the patch is
-    smaller than an element, a state is that of the least load in proportion, and counts as solved.
+    smaller than an element, a state is that of the least load in proportion, and counts as solved. A state whose error
+    estimate is over the limit is replaced by the nearest in load and pull at its tilt that is not.
 
     Args:
         library: of the shell. contacts: of one endcap.
@@ -186,13 +191,38 @@ def states_of(library: Library, contacts: Contacts) -> PressedStates:
     size = np.linalg.norm(ratio, axis=1)
     ratio *= np.minimum(1.0, library.cone[0] / np.maximum(size, 1e-9))[:, None]
     found = library.states(tilt, load, ratio * load[:, None])
+    refused = touching & ~(found.error_estimate <= LIMIT)
+    for k in np.flatnonzero(refused):
+        _put(found, int(k), _nearest_accepted(library, float(tilt[k]), float(load[k]), ratio[k] * load[k]))
     share = np.where(touching, np.minimum(1.0, contacts.normal_n / low), 0.0)[:, None]
     wrench = share * found.wrench / ([1.0] * 3 + [1000.0] * 3)
     turned = [turn_wrench(one, float(azimuth)) for one, azimuth in zip(wrench, contacts.azimuth_deg, strict=True)]
     beyond = (contacts.normal_n > high) | (tilt != contacts.tilt_deg) | (size > library.cone[0] * (1 + 1e-6))
     return PressedStates(
-        share * found.weights, np.array(turned).reshape(-1, 6), touching & beyond, found.error_estimate
+        share * found.weights, np.array(turned).reshape(-1, 6), touching & (beyond | refused), found.error_estimate
     )
+
+
+def _nearest_accepted(library: Library, tilt_deg: float, normal_n: float, tangential_n: Array) -> LibraryStates:
+    """One state under the limit at a tilt, the nearest in force; the best one where none is under it."""
+    low, high = np.sqrt(library.normal_n)
+    loads = np.append(np.linspace(low, high, LOADS_TRIED) ** 2, normal_n)
+    sizes = np.linspace(0, library.cone[0], SIZES_TRIED)
+    own = math.atan2(tangential_n[1], tangential_n[0])
+    load, size, angle = (
+        grid.ravel() for grid in np.meshgrid(loads, sizes, own + 2 * math.pi * np.arange(ANGLES_TRIED) / ANGLES_TRIED)
+    )
+    pull = (size * load)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    tried = library.states(np.full_like(load, tilt_deg), load, pull)
+    accepted = tried.error_estimate <= LIMIT
+    far = np.hypot(load - normal_n, np.linalg.norm(pull - tangential_n, axis=1))
+    best = np.argmin(np.where(accepted, far, np.inf)) if accepted.any() else np.argmin(tried.error_estimate)
+    return LibraryStates(**{entry.name: getattr(tried, entry.name)[best] for entry in fields(LibraryStates)})
+
+
+def _put(states: LibraryStates, k: int, one: LibraryStates) -> None:
+    for entry in fields(LibraryStates):
+        getattr(states, entry.name)[k] = getattr(one, entry.name)
 
 
 def save_presses(presses: Presses, path: Path) -> None:

@@ -128,7 +128,8 @@ docs: $(VENV)/docs.stamp ## documentation site in build/site, strictly: broken l
 	@echo build/site/index.html
 
 bench: $(VENV)/all.stamp ## speed against error: CSV and plots under bench/
-	@for script in bench/bench_*.py; do echo $$script; $(BIN)/python $$script || exit 1; done
+	@failed=; for script in bench/bench_*.py; do echo $$script; $(BIN)/python $$script || failed="$$failed $$script"; done; \
+	test -z "$$failed" || { echo "failed, or needs data or a library (see its --help):$$failed" >&2; exit 1; }
 
 define REMOVE_BUILT
 @test ! -e $(VENV)/fab.stamp -a ! -e $(VENV)/docs.stamp || rm -rf $(VENV)

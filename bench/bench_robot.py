@@ -190,7 +190,7 @@ def plot(rows: Sequence[Score], path: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description="Estimate of the simulated robot against the truth.")
-    parser.add_argument("what", choices=("walks", "table", "curves", "report"))
+    parser.add_argument("what", nargs="?", choices=("walks", "table", "curves", "report"), default="table")
     parser.add_argument(
         "--terrains", nargs="+", type=Terrain, default=list(MAIN), metavar="NAME",
         help=f"of {', '.join(one.value for one in Terrain)} (default: {', '.join(one.value for one in MAIN)})",

@@ -215,10 +215,10 @@ def table(robot: TensegrityRobot, options: argparse.Namespace) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description="gtsam's LeggedInvariantEKF on the simulated robot.")
-    parser.add_argument("what", choices=("tune", "table"))
+    parser.add_argument("what", nargs="?", choices=("tune", "table"), default="table")
     parser.add_argument("--terrains", nargs="+", type=Terrain, default=list(MAIN), metavar="NAME")
     parser.add_argument("--seeds", type=int, default=20, help="runs a terrain (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
+    parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
     parser.add_argument("--out", type=Path, default=HERE / "robot_gtsam.csv")
     parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")
     options = parser.parse_args(arguments)

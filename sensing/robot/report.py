@@ -109,16 +109,16 @@ def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> H
         if name is None:
             notes.append(f"bar {label} has no gyroscope: its turn comes from cables and contacts alone")
         elif state.time_s - state.rate_s[bar] > SILENT_S:
-            notes.append(f"{name}: no sample for {_ago(state.time_s - state.rate_s[bar])}: bar {label} is less sure")
+            notes.append(f"{name}: no sample {_since(state.time_s - state.rate_s[bar])}: bar {label} is less sure")
     if not layout.has_force.any():
         notes.append("no accelerometer: shape and steps of the contacts only; which way is up is not measured")
     elif state.time_s - state.force_s[layout.leader] > SILENT_S:
         notes.append("accelerometer: no sample: shape and steps of the contacts only")
     if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
-        notes.append(f"cable lengths: no sample for {_ago(state.time_s - state.lengths_s)}: the shape drifts")
+        notes.append(f"cable lengths: no sample {_since(state.time_s - state.lengths_s)}: the shape drifts")
     for endcap, reading_s in zip(layout.robot.endcaps, state.reading_s, strict=True):
         if state.time_s - reading_s > LONGEST_GAP_S:
-            notes.append(f"endcap {endcap.name}: no reading for {_ago(state.time_s - reading_s)}")
+            notes.append(f"{endcap.name}: no reading {_since(state.time_s - reading_s)}")
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
@@ -148,5 +148,5 @@ def _lost(state: State, layout: Layout) -> list[str]:
     return notes
 
 
-def _ago(seconds: float) -> str:
-    return f"{seconds:.1f} s" if np.isfinite(seconds) else "all the time"
+def _since(seconds: float) -> str:
+    return f"for {seconds:.1f} s" if np.isfinite(seconds) else "yet"

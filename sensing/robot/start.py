@@ -158,11 +158,20 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     still = stands & (gathered.squares <= STILL_RATE**2 * counted[:, 0])
     mean = gathered.rate / counted
     state.rate_bias = np.where(still[:, None], mean, 0.0)
+    _heard(state, gathered)
     spread_rate = np.sqrt(np.maximum(0.0, gathered.squares / counted[:, 0] - (mean**2).sum(axis=1)) / 3)
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving = not stands
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
+
+
+def _heard(state: State, gathered: Gathered) -> None:
+    """The inertial sensors of the start are not silent, whatever sample comes first after it."""
+    rates, forces = (gathered.counts > 0).T
+    state.rate[rates] = gathered.rate[rates] / gathered.counts[rates, :1]
+    state.force[forces] = gathered.force[forces] / gathered.counts[forces, 1:]
+    state.rate_s[rates], state.force_s[forces] = state.time_s, state.time_s
 
 
 def _last_turns(gathered: Gathered, settings: Settings) -> tuple[Array, Array]:

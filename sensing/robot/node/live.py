@@ -13,6 +13,7 @@ pictures are captured. Topics are reliable and volatile.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cad.messages import LOG
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.topics import open_participant
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 AT_ONCE = 64  # messages of a topic in one look
 IDLE_S = 0.002
+PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
 
 
 class LiveRobot:
@@ -65,14 +68,19 @@ class LiveRobot:
         for endcap in robot.endcaps if endcaps is None else ():
             topic = f"{ros_name(endcap.name)}/wrench"
             topics += [(f"{topic}/with_covariance", ros.ENDCAP_WRENCH, endcap.name), (topic, ros.WRENCH, endcap.name)]
-        self._readers = [(kind, name, _reader(self._participant, topic, kind)) for topic, kind, name in topics]
+        self._readers = [(topic, kind, name, _reader(self._participant, topic, kind)) for topic, kind, name in topics]
+        self._silent = [topic for topic, _, _ in topics]
 
     def arrivals(self) -> Iterator[tuple[float, Sample] | None]:
         """(time of arrival, sample); None while none comes, or while endcaps here have given no wrench yet."""
         if self._here is not None:
             self._here.start()
+        named_s = time.monotonic() + PATIENCE_S
         try:
             while True:
+                if time.monotonic() > named_s:
+                    named_s = math.inf
+                    self._name_silent()
                 found, ready = False, self._here is None or self._here.ready()
                 for sample in self._waiting():
                     if ready:
@@ -89,11 +97,20 @@ class LiveRobot:
         """Nobody knows."""
         return None
 
+    def _name_silent(self) -> None:
+        """A line with the topics that have brought nothing; one of an endcap's two is enough."""
+        plain = [topic.removesuffix("/with_covariance") for topic in self._silent]
+        silent = [topic for topic in dict.fromkeys(plain) if "/wrench" not in topic or plain.count(topic) > 1]
+        if silent:
+            LOG.warning(f"nothing for {PATIENCE_S:g} s on {', '.join(f'/{topic}' for topic in silent)}: waiting")
+
     def _waiting(self) -> Iterator[Sample]:
-        for kind, name, reader in self._readers:
+        for topic, kind, name, reader in self._readers:
             for message in reader.take(AT_ONCE):
                 if getattr(message, "header", None) is None:  # a publisher has gone
                     continue
+                if topic in self._silent:
+                    self._silent.remove(topic)
                 sample = self._sample(kind, name, message)
                 if sample is not None:
                     yield sample

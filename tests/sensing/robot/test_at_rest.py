@@ -65,6 +65,6 @@ def test_missing_streams_are_named():
     feed(estimator, [sample for sample in samples if not isinstance(sample, FootSample)])
     notes = "\n".join(estimator.state().health.notes)
     assert "bar red has no gyroscope" in notes and "which way is up is not measured" in notes
-    assert "endcap 0: no reading for all the time" in notes
+    assert "endcap_0: no reading yet" in notes
     later = "\n".join(estimator.state(at=1.5).health.notes)
     assert "cable lengths: no sample for 0.5 s" in later and "imu_green: no sample for 0.5 s" in later

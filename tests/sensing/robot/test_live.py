@@ -20,7 +20,7 @@ from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.estimator import RobotEstimator
-from sensing.robot.node import endcaps_here, messages
+from sensing.robot.node import endcaps_here, live, messages
 from sensing.robot.node.cli import main
 from sensing.robot.node.live import LiveRobot
 from sensing.robot.node.replay import Recording
@@ -213,6 +213,17 @@ def pressed(line):
 def force(line, name):
     endcap = next(endcap for endcap in line["endcaps"] if endcap["name"] == name)
     return np.array(endcap["force_n"], float)
+
+
+def test_topics_that_bring_nothing_are_named_once(monkeypatch, capsys):
+    monkeypatch.setattr(live, "PATIENCE_S", 0.0)
+    source = LiveRobot(ROBOT, domain=DOMAIN + 100)
+    source._silent = [topic for topic in source._silent if topic != "endcap_3/wrench/with_covariance"]  # it came
+    arrivals = source.arrivals()
+    assert [next(arrivals) for _ in range(3)] == [None] * 3
+    said = capsys.readouterr().err
+    assert said.count("waiting") == 1 and "/cable_lengths" in said and "/imu/imu_red" in said
+    assert "/endcap_0/wrench" in said and "/endcap_3/wrench" not in said and "with_covariance" not in said
 
 
 def test_lengths_are_put_in_the_order_of_the_description():

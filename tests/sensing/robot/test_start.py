@@ -17,7 +17,7 @@ from sensing.simulator.walk.simulate import simulate_walk
 from sensing.simulator.walk.stream import sensor_stream
 from sensing.simulator.walk.terrain import Terrain
 from sensing.tensegrity.robot_file import load_robot
-from sensing.tensegrity.samples import InertialSample, LengthSample
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 from sensing.tensegrity.shape import rotation_of
 
 ROBOT = load_robot()
@@ -124,3 +124,15 @@ def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
     assert 2.0 <= estimate.time_s < 2.2
     assert any("begun while the robot moved" in note for note in estimate.health.notes)
     assert np.sqrt(estimate.bars[0].covariance[3, 3]) > 0.15
+
+
+@pytest.mark.parametrize("late_s", [0.001, 0.003, 0.009])
+def test_whatever_sample_comes_first_after_the_start(late_s):
+    """A reading between two inertial samples is no silence of the inertial sensor."""
+    samples = standing_samples(ROBOT, 1.5, rate_hz=100.0)[1]
+    late = [replace(s, time_s=s.time_s + late_s) if isinstance(s, FootSample) else s for s in samples]
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, sorted(late, key=lambda sample: sample.time_s))
+    estimate = estimator.state()
+    assert not any("held" in note or "anew" in note for note in estimate.health.notes)
+    assert np.sqrt(np.diag(estimate.bars[0].covariance)[:3]).max() < 0.02

@@ -102,17 +102,17 @@ def noise_readings(
     found = {}
     for endcap in robot.endcaps:
         part = like[endcap.name]
-        feet = [
+        foot_samples = [
             one.sample for one in arrivals if isinstance(one.sample, FootSample) and one.sample.endcap == endcap.name
         ]
-        feet.sort(key=lambda foot: foot.time_s)
+        foot_samples.sort(key=lambda foot: foot.time_s)
         rows = np.round(part.time_s / float(walk.time_s[1] - walk.time_s[0])).astype(int)
         found[endcap.name] = replace(
-            part, wrench=np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in feet]),
-            covariance=np.array([foot.covariance for foot in feet]),
-            touching=np.array([int(bool(foot.touching)) for foot in feet]),
-            flags=np.array([" ".join(sorted(foot.flags)) for foot in feet]),
-            shown=true_wrenches(walk, robot, endcap, rows)[0], clamped=np.zeros(len(feet), dtype=bool),
+            part, wrench=np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in foot_samples]),
+            covariance=np.array([foot.covariance for foot in foot_samples]),
+            touching=np.array([int(bool(foot.touching)) for foot in foot_samples]),
+            flags=np.array([" ".join(sorted(foot.flags)) for foot in foot_samples]),
+            shown=true_wrenches(walk, robot, endcap, rows)[0], clamped=np.zeros(len(foot_samples), dtype=bool),
         )  # fmt: skip
     return found
 

@@ -198,13 +198,13 @@ def _gathered(
     readings: Sequence[EndcapReading], states: PressedStates, contacts: Contacts, walk: Walk, robot: TensegrityRobot,
     endcap: MountedEndcap, rows: NDArray[np.int64],
 ) -> Readings:  # fmt: skip
-    feet = [foot_sample(reading) for reading in readings]
+    foot_samples = [foot_sample(reading) for reading in readings]
     ran, _ = true_wrenches(walk, robot, endcap, rows)
     return Readings(
-        contacts.time_s, np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in feet]),
-        np.array([foot.covariance for foot in feet]),
-        np.array([-1 if foot.touching is None else int(foot.touching) for foot in feet]),
-        np.array([" ".join(sorted(foot.flags)) for foot in feet]),
+        contacts.time_s, np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in foot_samples]),
+        np.array([foot.covariance for foot in foot_samples]),
+        np.array([-1 if foot.touching is None else int(foot.touching) for foot in foot_samples]),
+        np.array([" ".join(sorted(foot.flags)) for foot in foot_samples]),
         states.wrench, ran, np.linalg.norm(ran[:, :3], axis=1), contacts.tilt_deg, states.clamped,
     )  # fmt: skip
 

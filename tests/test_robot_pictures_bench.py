@@ -62,10 +62,10 @@ def test_a_lighter_robot_has_the_same_shape_and_half_the_load(walk):
 def test_pictures_take_the_places_of_the_noise_model(arrivals, perfect):
     mixed = with_pictures(arrivals, perfect)
     assert [one.at_s for one in mixed] == [one.at_s for one in arrivals]
-    feet = [one.sample for one in mixed if isinstance(one.sample, FootSample)]
-    assert len(feet) == sum(len(part.time_s) for part in perfect.values())
-    assert all(foot.flags == {"out_of_range"} and foot.covariance[0, 0] == 0.01 for foot in feet)
-    foot = feet[0]
+    foot_samples = [one.sample for one in mixed if isinstance(one.sample, FootSample)]
+    assert len(foot_samples) == sum(len(part.time_s) for part in perfect.values())
+    assert all(foot.flags == {"out_of_range"} and foot.covariance[0, 0] == 0.01 for foot in foot_samples)
+    foot = foot_samples[0]
     part = perfect[foot.endcap]
     np.testing.assert_array_equal(foot.force_n, part.wrench[list(part.time_s).index(foot.time_s), :3])
     others = [one for one in mixed if not isinstance(one.sample, FootSample)]

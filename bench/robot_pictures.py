@@ -64,7 +64,7 @@ class Stage:
     """What all runs share: the shell, its states and the weights that ship.
 
     Args:
-        folder: where solved presses are kept. say: is told what goes on.
+        folder: where solved presses are kept. say: is called with what goes on.
     """
 
     def __init__(self, folder: Path, say: Say = lambda text: None) -> None:

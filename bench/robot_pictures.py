@@ -38,6 +38,7 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.walk.contacts import Contacts, contacts_of
 from sensing.simulator.walk.pictures import WalkSensor
 from sensing.simulator.walk.pressed import (
+    STATES,
     TILTS_DEG,
     PressedStates,
     Presses,
@@ -84,8 +85,7 @@ class Stage:
                 self.say(f"{tilt_deg:g} degrees: {done} states solved")
 
             self.folder.mkdir(parents=True, exist_ok=True)
-            more = {"states": states} if states else {}
-            save_presses(solve_tilt(self.simulator, tilt_deg, seed=seed, progress=progress, **more), path)
+            save_presses(solve_tilt(self.simulator, tilt_deg, states or STATES, seed, progress=progress), path)
             self.simulator.forget()
         return load_presses(path)
 

@@ -46,9 +46,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are refused before
-    from sensing.wrench.model import load_wrench_model
-
     config = FitConfig(
         components=options.components, hidden=options.hidden, epochs=options.epochs, seconds=options.seconds,
         seed=options.seed, device=options.device, rate=options.rate,
@@ -62,6 +59,14 @@ def _run(options: argparse.Namespace) -> int:
         raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
     if not options.data:
         return _rescaled(options)
+    return _trained(options, config)
+
+
+def _trained(options: argparse.Namespace, config: FitConfig) -> int:
+    """Weights from folders of labelled frames."""
+    from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are refused before
+    from sensing.wrench.model import load_wrench_model
+
     shape = (options.cells, options.cells)
     samples = read_all(options.data, options.method, shape)
     pictured = (
@@ -168,44 +173,28 @@ def _copied(weights: Path, folder: Path | None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    plain = FitConfig()
     parser = argparse.ArgumentParser(
         prog=program("python -m sensing.train"),
         description="Train a wrench model: on folders of labelled frames of one design, or for any design in minutes.",
         epilog="Bad input: one line on stderr, exit status 2. Evaluate with python -m sensing.evaluate.",
     )
+    _add_data(parser)
+    _add_design(parser.add_argument_group("weights of a design, from the library of solved states"))
+    _add_fit(parser.add_argument_group("how the model is fitted"))
+    return parser
+
+
+def _add_data(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("data", type=Path, nargs="*", metavar="DATA", help="folders of labelled frames")
-    parser.add_argument(
-        "--design", type=plain_number, nargs=2, metavar=("D", "T"),
-        help="instead: weights for this diameter and wall (mm), from the library of solved states",
-    )  # fmt: skip
-    parser.add_argument("--dot-rings", metavar="COUNTS", help=f"with --design: {HELP['dot_rings']}")
-    parser.add_argument("--dot-mm", type=plain_number, metavar="MM", help=f"with --design: {HELP['dot_mm']}")
-    parser.add_argument(
-        "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"with --design ({DEFAULT_SILICONE})"
-    )
     parser.add_argument(
         "--out", type=Path, metavar="FILE",
         help="weights.safetensors to write; with --design by default where live finds it",
     )  # fmt: skip
-    parser.add_argument("--unless-there", action="store_true", help="with --design: only where live finds none yet")
-    parser.add_argument("--copy-to", type=Path, metavar="DIR", help="with --design: leave a copy in this folder, too")
     parser.add_argument(
         "--others", type=Path, nargs="+", default=[], metavar="DATA",
         help="contacts of other kinds: the covariance alone learns from them, and they come out flagged",
     )  # fmt: skip
     parser.add_argument("--start", type=Path, metavar="FILE", help=f"weights to fine-tune; {DEFAULT}: those that ship")
-    parser.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
-    parser.add_argument(
-        "--rate",
-        type=float,
-        default=plain.rate,
-        metavar="R",
-        help=f"of learning, at first; less to fine-tune ({plain.rate:g})",
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
-    )
     parser.add_argument(
         "--method", default=MARKERS,
         help=f"{MARKERS}: labels of simulated frames as domain-randomised sensors would see them (default); dots: "
@@ -218,12 +207,40 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--tilt-to", type=float, default=90.0, metavar="DEG", help="of the contacts that --intervals counts (90: all)"
     )
-    parser.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
-    parser.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
-    parser.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (0)")
-    parser.add_argument("--device", default="cpu", help="torch's device (cpu)")
-    return parser
+
+
+def _add_design(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--design", type=plain_number, nargs=2, metavar=("D", "T"),
+        help="weights for this diameter and wall (mm), from the library of solved states",
+    )  # fmt: skip
+    group.add_argument("--dot-rings", metavar="COUNTS", help=HELP["dot_rings"])
+    group.add_argument("--dot-mm", type=plain_number, metavar="MM", help=HELP["dot_mm"])
+    group.add_argument(
+        "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})"
+    )
+    group.add_argument("--unless-there", action="store_true", help="only where live finds none yet")
+    group.add_argument("--copy-to", type=Path, metavar="DIR", help="leave a copy in this folder, too")
+
+
+def _add_fit(group: argparse._ArgumentGroup) -> None:
+    plain = FitConfig()
+    group.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
+    group.add_argument(
+        "--rate",
+        type=float,
+        default=plain.rate,
+        metavar="R",
+        help=f"of learning, at first; less to fine-tune ({plain.rate:g})",
+    )
+    group.add_argument(
+        "--seconds", type=float, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
+    )
+    group.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
+    group.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
+    group.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")
+    group.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (0)")
+    group.add_argument("--device", default="cpu", help="torch's device (cpu)")
 
 
 if __name__ == "__main__":

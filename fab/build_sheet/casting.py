@@ -6,13 +6,35 @@ from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.shopping import safety
 from fab.build_sheet.steps import stage_blocks
-from fab.recipe import RELEASE_AGENT
+from fab.recipe import RELEASE_AGENT, Recipe
 
 
 def silicone(data: SheetData) -> list[Block]:
     """Recipe, clock and the check by weight."""
-    recipe, silicone = data.recipe, data.recipe.silicone
-    rows = (
+    recipe = data.recipe
+    closed = f"{recipe.timeline[-1].end_min:g} min", f"closed; {recipe.pot_life_to_spare_min:g} min to spare"
+    clock = tuple((f"{step.start_min:g} to {step.end_min:g} min", step.what) for step in recipe.timeline)
+    return [
+        Heading("Silicone", 1),
+        *safety(data),
+        Heading("What to weigh"),
+        Table(("", ""), _recipe_rows(recipe), (1, 3)),
+        Heading("Clock, from the moment A and B meet"),
+        Table(("when", "what"), (*clock, closed), (1, 3)),
+        Heading("Check the pour by weight"),
+        Paragraph(
+            "Weigh the interface before casting (with its nuts) and the demolded endcap after. The difference is the "
+            f"silicone: {recipe.expected_g:.0f} g, accepted {recipe.lightest_g:.0f} to {recipe.heaviest_g:.0f} g once "
+            f"the flash is trimmed. Each gram missing is {recipe.air_mm3_per_g / 1000:.2f} ml of air or of unfilled "
+            f"gyroid; more than {recipe.heaviest_g:.0f} g means that the mold did not close. Write it down: ______ g "
+            "before, ______ g after, ______ g silicone."
+        ),
+    ]
+
+
+def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
+    silicone = recipe.silicone
+    return (
         ("part A", f"{recipe.part_a_g:.1f} g"),
         ("part B", f"{recipe.part_b_g:.1f} g"),
         ("mixing ratio", silicone.mix_ratio),
@@ -29,31 +51,6 @@ def silicone(data: SheetData) -> list[Block]:
         ("release agent", f"{RELEASE_AGENT}: all PLA that touches silicone, never the TPU"),
         ("hardness", f"Shore {silicone.shore}"),
     )
-    closed = f"{recipe.timeline[-1].end_min:g} min", f"closed; {recipe.pot_life_to_spare_min:g} min to spare"
-    clock = tuple((f"{step.start_min:g} to {step.end_min:g} min", step.what) for step in recipe.timeline)
-    return [
-        Heading("Silicone", 1),
-        *safety(data),
-        Heading("What to weigh"),
-        Table(("", ""), rows, (1, 3)),
-        Heading("Clock, from the moment A and B meet"),
-        Table(
-            ("when", "what"),
-            (*clock, closed),
-            (1, 3),
-        ),
-        Heading("Check the pour by weight"),
-        Paragraph(
-            f"Weigh the interface before casting (with its nuts) and the demolded endcap after. The difference is the "
-            f"silicone: {recipe.expected_g:.0f} g, accepted {recipe.lightest_g:.0f} to {recipe.heaviest_g:.0f} "
-            f"g once the "
-            f"flash is trimmed. Each gram missing is {recipe.air_mm3_per_g / 1000:.2f} ml of air or of unfilled "
-            f"gyroid; more "
-            f"than {recipe.heaviest_g:.0f} g means that the mold did not close. Write it down: ______ g before, "
-            f"______ g "
-            f"after, ______ g silicone."
-        ),
-    ]
 
 
 def casting(data: SheetData) -> list[Block]:

@@ -31,18 +31,27 @@ def prints(data: SheetData) -> list[Block]:
         first, second = (make_command(target, data) for target in ("slice", "sheet"))
         bed = f"Bed: {bed_needed(data)}."
         return [title, Paragraph(bed), Paragraph(f"Not sliced yet: run {first}, then {second} again.")]
-    projects, printer = data.sliced["projects"], data.sliced["printer"]
+    return [title, *_made_for(data, data.sliced), *_plates(data, data.sliced), *_filled(data.sliced["projects"])]
+
+
+def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
+    projects, printer = sliced["projects"], sliced["printer"]
     return [
-        title,
         Paragraph(
             f"Made for {printer['title']} ({printer['size']}, nozzle {printer['nozzle_mm']:g}), layers "
             f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data)} printer=NAME. Times and "
-            f"grams were measured on the G-code of {data.sliced['slicer']}."
+            f"grams were measured on the G-code of {sliced['slicer']}."
         ),
         Paragraph(
             "First the fit coupon: make coupons, print fit_plate, fit_tab in PLA and fit_nuts in TPU; if another step "
             f"than {data.layout.joint_clearance_mm:g} mm fits, make the molds again with it (joint_clearance=)."
         ),
+    ]
+
+
+def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
+    projects, printer = sliced["projects"], sliced["printer"]
+    return [
         Heading("Open the projects"),
         Paragraph(
             "PrusaSlicer: File, Open Project, <plate>.prusa.3mf. OrcaSlicer or Bambu Studio: File, Open Project, "
@@ -60,6 +69,11 @@ def prints(data: SheetData) -> list[Block]:
             tuple(_plate_row(project) for project in projects),
             (1.3, 0.9, 4, 0.8, 0.6),
         ),
+    ]
+
+
+def _filled(projects: list[Mapping[str, Any]]) -> list[Block]:
+    return [
         Heading("How each part is filled"),
         Table(("part", "filling", "also"), tuple(_fill_rows(projects)), (1.6, 3.4, 2)),
         *(

@@ -10,6 +10,7 @@ import json
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -63,61 +64,63 @@ def glb(parts: Sequence[PreviewPart]) -> bytes:
     Args:
         parts: none of them empty.
     """
-    binary, views, accessors, meshes, materials, nodes = b"", [], [], [], [], []
-    for number, part in enumerate(parts):
-        used, faces = np.unique(part.mesh.faces, return_inverse=True)
-        points = METRE * np.asarray(part.mesh.vertices)[used] @ Y_UP.T
-        low, high = points.min(axis=0), points.max(axis=0)
-        middle, half = (low + high) / 2, max(float((high - low).max()) / 2, 1e-9)
-        shorts = np.round((points - middle) / half * SHORT).astype(np.int16)
-        padded = np.zeros((len(shorts), 4), dtype=np.int16)  # a vertex begins on four bytes
-        padded[:, :3] = shorts
-        kind, wide = (5123, np.uint16) if len(used) < 65536 else (5125, np.uint32)
-        for data, target, stride in (
-            (padded.tobytes(), 34962, 8),
-            (faces.reshape(-1).astype(wide).tobytes(), 34963, 0),
-        ):
-            view = {"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), "target": target}
-            views.append(view | ({"byteStride": stride} if stride else {}))
-            binary += data + b"\0" * (-len(data) % 4)
-        limits = {"min": shorts.min(axis=0).tolist(), "max": shorts.max(axis=0).tolist()}
-        accessors.append(
-            {"bufferView": 2 * number, "componentType": 5122, "normalized": True, "count": len(shorts), "type": "VEC3"}
-            | limits
-        )
-        accessors.append({"bufferView": 2 * number + 1, "componentType": kind, "count": faces.size, "type": "SCALAR"})
-        primitive = {"attributes": {"POSITION": 2 * number}, "indices": 2 * number + 1, "material": number}
-        meshes.append({"name": part.name, "primitives": [primitive]})
-        color = [*(round(float(c), 5) for c in linear_color(np.array(part.color))), 1.0]
-        surface = {"baseColorFactor": color, "metallicFactor": 0.0, "roughnessFactor": 0.7}
-        materials.append({"name": part.name, "pbrMetallicRoughness": surface, "doubleSided": True})
-        apart = [round(float(v), 6) for v in METRE * np.array(part.apart_mm) @ Y_UP.T]
-        nodes.append(
-            {
-                "name": part.name,
-                "mesh": number,
-                "translation": [float(v) for v in middle],
-                "scale": [half] * 3,
-                "extras": {"group": part.group, "apart": apart},
-            }
-        )
-    scene = {
+    scene: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "endcap toolkit"},
         "extensionsUsed": ["KHR_mesh_quantization"],
         "extensionsRequired": ["KHR_mesh_quantization"],
         "scene": 0,
-        "scenes": [{"nodes": list(range(len(nodes)))}],
-        "nodes": nodes,
-        "meshes": meshes,
-        "materials": materials,
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(binary)}],
-    }
+        "scenes": [{"nodes": list(range(len(parts)))}],
+        "nodes": [], "meshes": [], "materials": [], "accessors": [], "bufferViews": [],
+    }  # fmt: skip
+    binary = b"".join(_put_part(scene, number, part) for number, part in enumerate(parts))
+    offset = 0
+    for view in scene["bufferViews"]:
+        view["byteOffset"] = offset
+        offset += _padded(view["byteLength"])
+    scene["buffers"] = [{"byteLength": len(binary)}]
     text = json.dumps(scene, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
+    text = text.ljust(_padded(len(text)))
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _put_part(scene: dict[str, Any], number: int, part: PreviewPart) -> bytes:
+    """Add one part's entries to the scene; returns its vertices and faces, each padded to four bytes."""
+    used, faces = np.unique(part.mesh.faces, return_inverse=True)
+    points = METRE * np.asarray(part.mesh.vertices)[used] @ Y_UP.T
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, max(float((high - low).max()) / 2, 1e-9)
+    vertices = np.zeros((len(used), 4), dtype=np.int16)  # a vertex begins on four bytes
+    vertices[:, :3] = np.round((points - middle) / half * SHORT)
+    kind, index = (5123, np.uint16) if len(used) < 65536 else (5125, np.uint32)
+    data = vertices.tobytes(), faces.reshape(-1).astype(index).tobytes()
+    scene["bufferViews"] += [
+        {"buffer": 0, "byteLength": len(data[0]), "target": 34962, "byteStride": 8},
+        {"buffer": 0, "byteLength": len(data[1]), "target": 34963},
+    ]
+    scene["accessors"] += [
+        {
+            "bufferView": 2 * number, "componentType": 5122, "normalized": True, "count": len(used), "type": "VEC3",
+            "min": vertices[:, :3].min(axis=0).tolist(), "max": vertices[:, :3].max(axis=0).tolist(),
+        },
+        {"bufferView": 2 * number + 1, "componentType": kind, "count": faces.size, "type": "SCALAR"},
+    ]  # fmt: skip
+    primitive = {"attributes": {"POSITION": 2 * number}, "indices": 2 * number + 1, "material": number}
+    scene["meshes"].append({"name": part.name, "primitives": [primitive]})
+    color = [*(round(float(c), 5) for c in linear_color(np.array(part.color))), 1.0]
+    surface = {"baseColorFactor": color, "metallicFactor": 0.0, "roughnessFactor": 0.7}
+    scene["materials"].append({"name": part.name, "pbrMetallicRoughness": surface, "doubleSided": True})
+    apart = [round(float(v), 6) for v in METRE * np.array(part.apart_mm) @ Y_UP.T]
+    scene["nodes"].append({
+        "name": part.name, "mesh": number, "translation": middle.tolist(), "scale": [half] * 3,
+        "extras": {"group": part.group, "apart": apart},
+    })  # fmt: skip
+    return b"".join(piece.ljust(_padded(len(piece)), b"\0") for piece in data)
+
+
+def _padded(length: int) -> int:
+    """The next multiple of four."""
+    return length + -length % 4
 
 
 def linear_color(color: np.ndarray) -> np.ndarray:

@@ -202,6 +202,13 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    _add_sources(parser)
+    _add_model(parser)
+    _add_outputs(parser)
+    return parser
+
+
+def _add_sources(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("where frames come from").add_mutually_exclusive_group()
     what.add_argument("--camera", metavar="N[,N]", help="numbers of USB cameras, one an endcap")
     what.add_argument("--video", type=Path, metavar="FILE", help="a video; its first picture is the untouched endcap")
@@ -219,6 +226,9 @@ def _parser() -> argparse.ArgumentParser:
     play.add_argument("--at-end", choices=["stop", "loop", "stay"], help="end the run, begin again, or wait (stop)")
     play.add_argument("--paused", action="store_true", help="show the first pictures and wait for the page's button")
     play.add_argument("--speed", type=float, metavar="X", help="also of videos and photos; 0: as fast as possible (1)")
+
+
+def _add_model(parser: argparse.ArgumentParser) -> None:
     model = parser.add_argument_group("what is computed")
     model.add_argument("--model", choices=known_models(), help="default: ours; paper: the released field and network")
     model.add_argument(
@@ -231,6 +241,9 @@ def _parser() -> argparse.ArgumentParser:
     model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
     model.add_argument("--workers", type=int, metavar="N", help="threads that share the endcaps (1)")
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
     out = parser.add_argument_group("outputs")
     out.add_argument("--no-page", action="store_true", help="numbers here only")
     out.add_argument("--host", help="address of the page (127.0.0.1); others need a token")
@@ -249,4 +262,3 @@ def _parser() -> argparse.ArgumentParser:
     out.add_argument("--output", action="append", metavar="NAME[=WORDS]", help="a plug-in's output; again for another")
     out.add_argument("--json", action="store_true", help="one line of JSON a frame on stdout; the rest on stderr")
     out.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
-    return parser

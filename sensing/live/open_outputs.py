@@ -6,11 +6,15 @@ import argparse
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cad import plugins
 from cad.errors import ParameterError
 from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun
+
+if TYPE_CHECKING:
+    from sensing.live.outputs.recording import Recording
 
 
 def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, lines: Lines) -> None:
@@ -32,38 +36,52 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     if options.record is not None:
         recording.start(None if options.record == Path() else options.record)
     if options.json:
-        from sensing.live.outputs.json_lines import JsonLines
-
-        numbers = JsonLines(sys.stdout, run.engine.health)
-        numbers.start()
-        run.engine.add_sink(numbers)
-        outputs.callback(lambda: numbers.close(run.patience_s))
-        run.stop_when(lambda: bool(numbers.failed))
-        run.losses.append(lambda: numbers.loss)
+        _add_json_lines(run, outputs)
     if options.ros:
-        from sensing.live.outputs.ros.topics import RosTopics
-
-        topics = RosTopics([endcap.pipeline for endcap in run.engine.endcaps], health=run.engine.health)
-        topics.start()
-        run.engine.add_sink(topics)
-        outputs.callback(lambda: topics.close(run.patience_s))
-        run.notes.append(lambda: topics.note)
+        _add_ros(run, outputs)
     if options.rerun:
         _add_rerun(run, outputs)
     for words in options.output or ():
         _add_plugin(run, words, outputs)
     if not options.no_page:
-        from sensing.live.web.access import qr_code
-        from sensing.live.web.page import PageServer
-
-        page = PageServer(run, recording, options.host, options.port)
-        page.start()
-        outputs.callback(lambda: page.close(min(run.patience_s, 3.0)))
-        run.notes.append(lambda: page.note)
-        lines.write(f"page: {page.url}\n")
-        if page.token and lines.isatty():
-            lines.write(qr_code(page.url))
+        _add_page(run, recording, options, outputs, lines)
     outputs.callback(recording.stop)  # the file is closed first
+
+
+def _add_json_lines(run: LiveRun, outputs: ExitStack) -> None:
+    from sensing.live.outputs.json_lines import JsonLines
+
+    numbers = JsonLines(sys.stdout, run.engine.health)
+    numbers.start()
+    run.engine.add_sink(numbers)
+    outputs.callback(lambda: numbers.close(run.patience_s))
+    run.stop_when(lambda: bool(numbers.failed))
+    run.losses.append(lambda: numbers.loss)
+
+
+def _add_ros(run: LiveRun, outputs: ExitStack) -> None:
+    from sensing.live.outputs.ros.topics import RosTopics
+
+    topics = RosTopics([endcap.pipeline for endcap in run.engine.endcaps], health=run.engine.health)
+    topics.start()
+    run.engine.add_sink(topics)
+    outputs.callback(lambda: topics.close(run.patience_s))
+    run.notes.append(lambda: topics.note)
+
+
+def _add_page(
+    run: LiveRun, recording: Recording, options: argparse.Namespace, outputs: ExitStack, lines: Lines
+) -> None:
+    from sensing.live.web.access import qr_code
+    from sensing.live.web.page import PageServer
+
+    page = PageServer(run, recording, options.host, options.port)
+    page.start()
+    outputs.callback(lambda: page.close(min(run.patience_s, 3.0)))
+    run.notes.append(lambda: page.note)
+    lines.write(f"page: {page.url}\n")
+    if page.token and lines.isatty():
+        lines.write(qr_code(page.url))
 
 
 def _add_plugin(run: LiveRun, words: str, outputs: ExitStack) -> None:

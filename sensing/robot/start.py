@@ -45,6 +45,7 @@ class Gathered:
         sums: (B, 3) of rates, without weights. turned: (B, 3) weighted sum of these sums, turned_squares: (B,) of
             their squares.
         halves: (2, C) sums of the lengths in the first and the second half of the start. half_counts: (2, C).
+        heard_s: (B, 2) times of the last rates and forces; -inf without.
         contacts: last one of each endcap.
     """
 
@@ -61,6 +62,7 @@ class Gathered:
     turned_squares: Array
     halves: Array
     half_counts: Array
+    heard_s: Array
     contacts: dict[int, Contact] = field(default_factory=dict)
 
     def copy(self) -> Gathered:
@@ -82,7 +84,7 @@ def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
     return Gathered(
         tried_s, np.nan, np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros((bars, 2)), np.zeros(cables),
         np.zeros(cables), np.zeros(bars), np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros(bars),
-        np.zeros((2, cables)), np.zeros((2, cables)),
+        np.zeros((2, cables)), np.zeros((2, cables)), np.full((bars, 2), -np.inf),
     )  # fmt: skip
 
 
@@ -102,7 +104,9 @@ def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: 
         gathered.turned[bar] += weight * gathered.sums[bar]
         gathered.turned_squares[bar] += weight * float(gathered.sums[bar] @ gathered.sums[bar])
         gathered.counts[bar, 0] += weight
+        gathered.heard_s[bar, 0] = time_s
         if sample.acceleration_m_s2 is not None and layout.has_force[bar]:
+            gathered.heard_s[bar, 1] = time_s
             gathered.force[bar] += weight * layout.sensor_turn[bar] @ sample.acceleration_m_s2
             gathered.counts[bar, 1] += weight
     elif isinstance(sample, LengthSample):
@@ -167,11 +171,13 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
 
 
 def _heard(state: State, gathered: Gathered) -> None:
-    """The inertial sensors of the start are not silent, whatever sample comes first after it."""
+    """Hand over when each inertial sensor was last heard, so that none is silent because another sample comes first."""
     rates, forces = (gathered.counts > 0).T
     state.rate[rates] = gathered.rate[rates] / gathered.counts[rates, :1]
     state.force[forces] = gathered.force[forces] / gathered.counts[forces, 1:]
-    state.rate_s[rates], state.force_s[forces] = state.time_s, state.time_s
+    state.rate_s, state.force_s = gathered.heard_s.T.copy()
+    since = np.where(np.isfinite(gathered.heard_s), state.time_s - gathered.heard_s, 0.0)
+    state.rate_used, state.force_used = since[:, :1] * state.rate, since[:, 1:] * state.force
 
 
 def _last_turns(gathered: Gathered, settings: Settings) -> tuple[Array, Array]:

@@ -7,7 +7,6 @@ import json
 import math
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 from zipfile import ZipFile
 
 import numpy as np
@@ -15,18 +14,15 @@ import pytest
 import trimesh
 
 from cad.errors import FileError, ParameterError
-from cad.identity import identity
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from fab.slice import __main__ as command
 from fab.slice.filaments import filament
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import empty_layers, floating_starts, print_figures, zone_figures
 from fab.slice.pose import laid_down
 from fab.slice.project_3mf import Volume, single, write_orca, write_prusa
-from fab.slice.projects import Export, read_export, read_part
-from fab.slice.result import PieceResult, SliceResult, slice_project, summary
-from fab.slice.run import NAMES, SlicerMissingError, find_slicer, model_info, slice_to_gcode
+from fab.slice.result import slice_project
+from fab.slice.run import NAMES, model_info, slice_to_gcode
 from fab.slice.settings import LAYER_MM, Region, native_density_percent, part_settings, zone_region
 from fab.variant import Variant
 
@@ -266,113 +262,3 @@ def test_a_part_beside_the_bed_shows_in_the_moves(tmp_path):
     else:
         moves = read_gcode(tmp_path / "beside.gcode")
         assert print_figures(moves, filament("PLA")).outside_bed_mm > 1.0
-
-
-# --- command line -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["D=abc", "T=8"], "D=abc is not a number"),
-        (["gcode=maybe"], "neither yes nor no"),
-        (["plates=many"], "neither nested nor single"),
-        (["printer=mk5"], "choose one of mk4, x1c, a1_mini, ender3, generic180"),
-        (["--quick"], "'--quick' is not an option"),
-        ([], "run `make molds D=130 T=8` first"),
-    ],
-)
-def test_bad_input_gets_one_line_and_status_2(words, expected, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("fab.slice.run.shutil.which", lambda name: f"/bin/{name}")
-    assert command.main([*words, f"exports={tmp_path}"]) == 2
-    err = capsys.readouterr().err
-    assert len(err.splitlines()) == 1 and expected in err and list(tmp_path.iterdir()) == []
-
-
-def test_without_the_slicer_the_command_says_how_to_get_it(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("fab.slice.run.shutil.which", lambda name: None)
-    assert command.main([f"exports={tmp_path}"]) == 2
-    assert "apt-get install" in capsys.readouterr().err
-    with pytest.raises(SlicerMissingError):
-        find_slicer()
-
-
-OTHER = {"digest": "other", "joint_clearance_mm": 0.15, "silicone": "Smooth-Sil 950", "parts": []}
-
-
-def test_a_changed_or_foreign_export_is_refused(tmp_path):
-    folder = tmp_path / SMALL.label
-    folder.mkdir()
-    (folder / "manifest.json").write_text("{}")
-    with pytest.raises(FileError, match="not a manifest of ours"):
-        read_export(SMALL_MOLD, tmp_path)
-    (folder / "manifest.json").write_text(json.dumps(OTHER))
-    with pytest.raises(FileError, match="other parameters"):
-        read_export(SMALL_MOLD, tmp_path)
-    ours = {"digest": SMALL.digest, "joint_clearance_mm": SMALL_MOLD.layout.joint_clearance_mm, "parts": []}
-    made_of = identity(SMALL, SMALL_MOLD.silicone)
-    (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone}))
-    assert read_export(SMALL_MOLD, tmp_path).manifest["parts"] == []  # of before: the released pattern
-    record = dataclasses.replace(made_of, aspects={**made_of.aspects, "dots": {"rings": "1-4"}}).record()
-    (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone, "identity": record}))
-    with pytest.raises(FileError, match=r"made for the dot pattern [0-9a-f]{8}, this endcap has the released"):
-        read_export(SMALL_MOLD, tmp_path)
-    (folder / "base.stl").write_bytes(b"changed")
-    manifest = {"parts": [{"name": "base", "files": {"base.stl": "0" * 64}}]}
-    with pytest.raises(FileError, match="changed since it was checked"):
-        read_part(Export(folder, SMALL_MOLD, manifest), "base")
-
-
-def test_a_variant_that_is_missing_names_those_that_have_been_made(tmp_path):
-    other = Variant(MoldLayout(SMALL, 0.1, "Dragon Skin 30"))
-    folder = tmp_path / other.label
-    folder.mkdir()
-    (folder / "manifest.json").write_text(json.dumps({"joint_clearance_mm": 0.1, "silicone": "Dragon Skin 30"}))
-    (tmp_path / "D100_T8_notes").mkdir()
-    with pytest.raises(FileError, match=r"first, or name what has been made: D=100 T=8 joint_clearance=0.1 material="):
-        read_export(SMALL_MOLD, tmp_path)
-
-
-def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, monkeypatch):
-    from fab.checks.check import Check
-
-    bad = SimpleNamespace(checks=[Check("base.empty_layers", 2, high=0)])
-    export = SimpleNamespace(folder=tmp_path, variant=SMALL_MOLD)
-    monkeypatch.setattr("fab.slice.run.find_slicer", lambda: "slicer")
-    monkeypatch.setattr("fab.slice.projects.read_export", lambda *_: export)
-    monkeypatch.setattr("fab.slice.projects.project_names", lambda _: ["base"])
-    monkeypatch.setattr("fab.slice.projects.nested_plates", lambda *_: [SimpleNamespace(name="base")])
-    monkeypatch.setattr(command, "_slice_one", lambda *_: bad)
-    monkeypatch.setattr(command, "worker_pool", lambda _count: Inline())
-    monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
-    assert command.main(["D=100", "T=8", f"exports={tmp_path}"]) == 1
-    assert "base.empty_layers = 2, wanted <= 0" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_is_none_of_it():
-    figures = SimpleNamespace(time_s=7200.0, grams=30.0, cost_usd=0.5, layers=9, floating_starts=0)
-    spool = part_settings("base", "PLA")
-    pieces = {name: PieceResult(name, spool, {}, grams) for name, grams in (("base", 10.0), ("hanger", 20.0))}
-
-    def plate(*names):
-        own = tuple(pieces[name] for name in names)
-        return SliceResult("plate_1", own, names, 9, figures, None, 0.1, None, (), {})
-
-    assert "mold:" not in summary([plate("base")])
-    assert "mold: 2 h 00, 30 g" in summary([plate("base"), plate("hanger")])
-    assert "mold: 1 h 20, 20 g" in summary([plate("base", "hanger")])  # two thirds of its plastic
-
-
-class Inline:
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        return False
-
-    def shutdown(self, **_):
-        pass
-
-    def submit(self, call, *words):
-        return SimpleNamespace(result=lambda: call(*words))

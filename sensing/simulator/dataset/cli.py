@@ -31,17 +31,6 @@ exit status: 0 written, 2 bad input or no place to write, 130 interrupted (what 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the command, one for each field of the request, and where and how to run."""
-    plain = {field.name: field.default for field in fields(DataRequest)}
-
-    def option(
-        name: str, kind: Callable[[str], object], text: str, flag: str = "", choices: tuple[object, ...] = ()
-    ) -> None:
-        said = f"{text}; one of {', '.join(map(str, choices))}" if choices else text
-        parser.add_argument(
-            flag or f"--{name.replace('_', '-')}", dest=name, type=kind, default=plain[name], metavar="V",
-            help=f"{said} (default {plain[name]})",
-        )  # fmt: skip
-
     parser.add_argument("--frames", type=int, default=2000, metavar="N", help="least number of frames (default 2000)")
     parser.add_argument("--out", type=Path, help="folder (default exports/data_D130_T8_static_0 or alike)")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes on this machine (default 1)")
@@ -52,32 +41,57 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--states", type=Path, metavar="DIR",
         help="take the solved states of that set, written with --render off and the same options",
     )  # fmt: skip
-    option("diameter_mm", plain_number, "diameter D, mm", "--diameter")
-    option("wall_mm", plain_number, "wall T, mm", "--wall")
-    option("dot_rings", str, "dots of each ring from tip to equator")
-    option("dot_mm", plain_number, "diameter of a dot, mm")
-    option("silicone", str, "row of cad/materials.csv")
-    option("interlock", plain_number, "stiffness of the zone with TPU gyroid over that of silicone; TPU 95A: 1.49")
-    option("indenter", str, "what presses", choices=tuple(KINDS))
-    option("radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
-    option("axis_deg", plain_number, "direction of an edge from the meridian, degrees", "--axis")
-    option("protocol", str, "loading paths", choices=tuple(PROTOCOLS))
-    option("loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS)
-    option("seed", int, "seed of the paths")
-    option("azimuths", int, "labelled azimuths of every solved state")
-    option("level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
+    _add_mechanics(parser)
+    _add_pictures(parser)
+
+
+def _add_mechanics(parser: argparse.ArgumentParser) -> None:
+    _option(parser, "diameter_mm", plain_number, "diameter D, mm", "--diameter")
+    _option(parser, "wall_mm", plain_number, "wall T, mm", "--wall")
+    _option(parser, "dot_rings", str, "dots of each ring from tip to equator")
+    _option(parser, "dot_mm", plain_number, "diameter of a dot, mm")
+    _option(parser, "silicone", str, "row of cad/materials.csv")
+    _option(
+        parser, "interlock", plain_number, "stiffness of the zone with TPU gyroid over that of silicone; TPU 95A: 1.49"
+    )
+    _option(parser, "indenter", str, "what presses", choices=tuple(KINDS))
+    _option(parser, "radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
+    _option(parser, "axis_deg", plain_number, "direction of an edge from the meridian, degrees", "--axis")
+    _option(parser, "protocol", str, "loading paths", choices=tuple(PROTOCOLS))
+    _option(
+        parser, "loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS
+    )
+    _option(parser, "seed", int, "seed of the paths")
+    _option(parser, "azimuths", int, "labelled azimuths of every solved state")
+    _option(parser, "level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
     parser.add_argument(
         "--rate-effects", action="store_true", help="the silicone relaxes as its row says (levels 1 and 2, dynamic)"
     )
-    option("density", str, "mesh", choices=tuple(DENSITIES))
-    option("tolerance", float, "residual over load at level 2")
-    option("render", str, "quality of the pictures", choices=RENDERERS)
-    option("lamp", str, "light of each path", choices=LAMPS)
-    option("sensor", int, "which hand-made endcap: paint, and but for 0 its camera and mounting")
-    option("unpainted", float, "fraction of dents without ink")
-    option("missing", float, "fraction of dots not there")
-    option("smeared", float, "fraction of smeared dots")
-    option("extra", int, "number of false dots")
+    _option(parser, "density", str, "mesh", choices=tuple(DENSITIES))
+    _option(parser, "tolerance", float, "residual over load at level 2")
+
+
+def _add_pictures(parser: argparse.ArgumentParser) -> None:
+    _option(parser, "render", str, "quality of the pictures", choices=RENDERERS)
+    _option(parser, "lamp", str, "light of each path", choices=LAMPS)
+    _option(parser, "sensor", int, "which hand-made endcap: paint, and but for 0 its camera and mounting")
+    _option(parser, "unpainted", float, "fraction of dents without ink")
+    _option(parser, "missing", float, "fraction of dots not there")
+    _option(parser, "smeared", float, "fraction of smeared dots")
+    _option(parser, "extra", int, "number of false dots")
+
+
+def _option(
+    parser: argparse.ArgumentParser, name: str, kind: Callable[[str], object], text: str, flag: str = "",
+    choices: tuple[object, ...] = (),
+) -> None:  # fmt: skip
+    """One field of the request, its default said in the help."""
+    default = next(field.default for field in fields(DataRequest) if field.name == name)
+    said = f"{text}; one of {', '.join(map(str, choices))}" if choices else text
+    parser.add_argument(
+        flag or f"--{name.replace('_', '-')}", dest=name, type=kind, default=default, metavar="V",
+        help=f"{said} (default {default})",
+    )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:

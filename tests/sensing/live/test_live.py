@@ -1,5 +1,4 @@
 import io
-import json
 import threading
 import time
 from dataclasses import replace
@@ -7,24 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, LinearModel, dots, endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, LinearModel, endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig, LiveConfig
-from sensing.live.core.endcaps_file import load_config, save_config
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.model import live_model, load_model
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.live.core.reading import plain
 from sensing.live.core.robot import robot_state
-from sensing.live.core.state import Condition, Event, State
+from sensing.live.core.state import Condition, Event
 from sensing.live.core.stats import STAGES, WINDOW, EndcapStats
 from sensing.live.outputs.json_lines import JsonLines
-from sensing.live.outputs.terminal import Terminal, endcap_line, robot_line, summary
-from sensing.live.run import LiveRun, run_until_stopped
+from sensing.live.outputs.terminal import robot_line
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.newest import Health, SourceError
 from sensing.wrench.contact import ContactState
@@ -37,69 +32,6 @@ def press() -> list[bytes]:
 
 def readings(pipe: EndcapPipeline, given: list[Frame]) -> list:
     return [pipe.update(frame) for frame in given]
-
-
-# --- configuration ---------------------------------------------------------------------------------------------
-def test_a_configuration_survives_the_file(tmp_path):
-    pose = np.eye(4)
-    pose[:3, 3] = 1.5, -2.0, 300.25
-    endcaps = (
-        EndcapConfig(
-            "left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, exposure=120.0, T_robot_endcap=pose
-        ),
-        EndcapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0),
-    )
-    config = LiveConfig(endcaps, "paper", tmp_path / "w.pth", "dis", 117.7)
-    save_config(config, tmp_path / "endcaps.toml")
-    again = load_config(tmp_path / "endcaps.toml")
-    assert [replace(a, T_robot_endcap=np.eye(4)).__repr__() for a in again.endcaps] == [
-        replace(c, T_robot_endcap=np.eye(4)).__repr__() for c in endcaps
-    ]
-    assert np.array_equal(again.endcaps[0].T_robot_endcap, pose)
-    assert (again.model, again.weights, again.method, again.weight_n) == ("paper", tmp_path / "w.pth", "dis", 117.7)
-
-
-@pytest.mark.parametrize(
-    ("text", "reported"),
-    [
-        ("endcaps = 3", "unknown key endcaps"),
-        ("[[endcap]]\nname = 'a'", "without name or source"),
-        ("[[endcap]]\nname = 'a'\nsource = 0", "source = 0"),
-        ("[[endcap]]\nname = 'a b'\nsource = '0'", "name='a b'"),
-        ("[[endcap]]\nname = 'a'\nsource = '0'\nT_robot_endcap = [[1,2],[3,4]]", "T_robot_endcap"),
-        ("[[endcap]]\nname = 'a'\nsource = '0'\ncontact_on_n = 1\ncontact_off_n = 2", "contact_off_n=2"),
-        ("[[endcap]]\nname = 'a'\nsource = '0'\n[[endcap]]\nname = 'a'\nsource = '1'", "endcaps=a"),
-        ("[[endcap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
-        ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "model='best'"),
-        ("endcap = 3", "no list of tables"),
-        ("weight_n = ", "no TOML"),
-    ],
-)
-def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, reported, capsys):
-    path = tmp_path / "endcaps.toml"
-    path.write_text(text)
-    with pytest.raises((FileError, ParameterError), match=reported.replace("[", r"\[")):
-        load_config(path)
-    assert main(["--config", str(path)]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["--camera", "front"],
-        ["--camera", "77"],
-        ["--video", "nowhere.avi"],
-        ["--photos", "nowhere"],
-        ["--url", "ftp://x"],
-        ["--config", "nowhere.toml"],
-        ["--video", "nowhere.avi", "--rate", "-1"],
-    ],
-)
-def test_bad_input_ends_with_one_line_and_status_2(arguments, capsys, monkeypatch):
-    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
-    assert main(arguments) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 # --- model -----------------------------------------------------------------------------------------------------
@@ -341,68 +273,3 @@ def test_three_endcaps_carry_the_weight_in_the_robots_frame(press):
     assert robot_state(endcaps, held, 200.0, 9.1).consistent is False
     assert robot_state(endcaps, held, 120.0, 30.0).unknown == tuple(c.name for c in endcaps)  # old readings say nothing
     assert "consistent" in robot_line(state)
-
-
-# --- outputs ---------------------------------------------------------------------------------------------------
-def test_json_lines_are_json_and_a_reader_that_leaves_ends_them_quietly(press):
-    found = readings(pipeline(), frames(press))
-    stream = io.StringIO()
-    lines = JsonLines(stream)
-    lines.start()
-    for reading in found:
-        lines.put(reading)
-    lines.close(PATIENCE_S)
-    reported = [json.loads(line) for line in stream.getvalue().splitlines()]
-    assert [t["sequence"] for t in reported] == [r.frame.sequence for r in found]
-    assert (
-        reported[15]["force_n"] == pytest.approx(found[15].wrench.force_n, abs=1e-5) and reported[15]["contact"] is True
-    )
-    assert reported[0]["centre_mm"] == [None] * 3  # no force, no place: null, not NaN
-    assert reported[0]["place_mm"] == reported[0]["normal"] == [None] * 3 and reported[0]["normal_sd_deg"] is None
-    pushed = reported[15]
-    assert pushed["normal"] == pytest.approx(found[15].place.normal, abs=1e-5) and pushed["friction_use_sd"] > 0
-    assert np.linalg.norm(pushed["normal"]) == pytest.approx(1, abs=1e-4) and 0 < pushed["normal_sd_deg"] < 90
-
-    class Gone(io.StringIO):
-        def write(self, _):
-            raise BrokenPipeError(32, "Broken pipe")
-
-    gone = JsonLines(Gone())
-    gone.start()
-    gone.put(found[0])
-    gone.close(PATIENCE_S)
-    assert gone.failed == "Broken pipe"
-
-
-def test_the_terminals_line_says_what_counts(press):
-    endcap = LiveEndcap(FileFeed(lambda: frames(press[:16]), Pace(0)), pipeline())
-    with Engine([endcap]) as engine:
-        engine.wait(PATIENCE_S)
-    line = endcap_line(endcap.health, endcap.stats.last)
-    assert (
-        "touch" in line and f"{dots()}/{dots()} dots" in line and f"{endcap.stats.last.wrench.force_n[0]:+6.1f}" in line
-    )
-    assert "16 frames, 0 dropped" in summary([endcap.health], 1.0)[1]
-    assert plain(endcap.stats.last)["dots"] == dots() > 90
-
-
-def test_where_nobody_looks_state_and_reason_are_printed_when_they_change():
-    stream = io.StringIO()
-    terminal, stats = Terminal(stream), EndcapStats("endcap_0")
-    for state, reason in (
-        (State.STARTING, ""), (State.BLIND, "0 of 88 dots are seen"), (State.BLIND, "3 of 88 dots are seen"),
-        (State.RUNNING, ""), (State.SILENT, "no frame for 1.2 s"), (State.SILENT, "no frame for 2.3 s"),
-    ):  # fmt: skip
-        terminal.show([stats.health(Health(), Condition(state, reason), 0)], {}, None, [])
-    assert stream.getvalue().splitlines() == [
-        "endcap_0: starting", "endcap_0: blind: 0 of 88 dots are seen", "endcap_0: running",
-        "endcap_0: silent: no frame for 1.2 s",
-    ]  # fmt: skip
-
-
-def test_a_run_ends_with_its_sources_and_a_summary(press):
-    config = LiveConfig((EndcapConfig("endcap_0", "test"),))
-    run = LiveRun(config, [LiveEndcap(FileFeed(lambda: frames(press), Pace(0)), pipeline())])
-    stream = io.StringIO()
-    run_until_stopped(run, stream)
-    assert f"{len(press)} frames" in stream.getvalue().splitlines()[-1]

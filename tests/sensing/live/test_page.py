@@ -7,26 +7,17 @@ import random
 import re
 import signal
 import socket
-import time
-import urllib.error
-import urllib.parse
-import urllib.request
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, dots, endless, film, pipeline, wait_for
+from live_site import Site, press_button, talk
+from live_stand_in import PATIENCE_S, dots, wait_for
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from cad.errors import ParameterError
-from sensing.live.core.config import EndcapConfig, LiveConfig
-from sensing.live.core.engine import LiveEndcap
-from sensing.live.core.feed import CameraFeed
-from sensing.live.outputs.recording import Recording
-from sensing.live.run import LiveRun
-from sensing.live.web.access import page_address, page_token, qr_code
 from sensing.live.web.link import LONGEST_LINE, Press, is_fresh, parse_line, parse_request
 from sensing.live.web.page import PageServer
 
@@ -34,67 +25,10 @@ ROOT = Path(__file__).resolve().parents[3]
 STATIC = ROOT / "sensing/live/web/static"
 
 
-class Site:
-    """A running page with what is behind it."""
-
-    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
-        pose = np.eye(4)
-        endcaps = []
-        for k in range(3):
-            pose[:3, 3] = 250 * np.cos(2.1 * k), 250 * np.sin(2.1 * k), 0
-            endcaps.append(EndcapConfig(f"endcap_{k}", "test", T_robot_endcap=pose))
-        pictures = film([0] * 4 + [0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5])
-        live = [LiveEndcap(CameraFeed(endless(pictures, 20)), pipeline(f"endcap_{k}", k)) for k in range(3)]
-        self.run = LiveRun(LiveConfig(tuple(endcaps), weight_n=30.0), live)
-        self.recording = Recording(self.run, folder)
-        self.server = PageServer(self.run, self.recording, host, 0)
-        self.url = self.server.url
-        self.folder = folder
-
-    def __enter__(self):
-        self.run.engine.__enter__()
-        self.server.start()
-        wait_for(lambda: len(self.run.latest.all()) == 3)
-        return self
-
-    def __exit__(self, *_):
-        self.server.close()
-        self.recording.stop()
-        self.run.engine.close()
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     with Site(tmp_path_factory.mktemp("page")) as running:
         yield running
-
-
-def fetch(url: str, **headers: str) -> tuple[int, bytes]:
-    try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=PATIENCE_S) as answer:
-            return answer.status, answer.read()
-    except urllib.error.HTTPError as error:
-        return error.code, error.read()
-
-
-def press(word: str, endcap: int = 0) -> str:
-    """A viewer's message for a button, pressed on the state of this moment."""
-    return json.dumps({"do": word, "endcap": endcap, "seen": int(1e3 * time.monotonic())})
-
-
-def talk(site: Site, *messages: str, **options) -> list:
-    """Answers to messages: a text and, if there is a new picture, bytes, each."""
-
-    async def go():
-        got = []
-        async with connect(site.url.replace("http", "ws", 1) + "ws", **options) as websocket:
-            got.append(json.loads(await websocket.recv()))
-            for message in messages:
-                await websocket.send(message)
-                got.append(await asyncio.wait_for(websocket.recv(), PATIENCE_S))
-        return got
-
-    return asyncio.run(go())
 
 
 # --- what is shown ---------------------------------------------------------------------------------------------
@@ -113,15 +47,17 @@ def test_the_socket_gives_names_then_numbers_then_a_picture(site):
 
 def test_buttons_zero_and_record(site):
     epoch = site.run.engine.endcaps[2].pipeline.zero.digest
-    wait_for(lambda: talk(site, press("record_start"), press("record_start")) and site.recording.on)
-    talk(site, press("record_start"))  # explicit: again is no stop
+    wait_for(lambda: talk(site, press_button("record_start"), press_button("record_start")) and site.recording.on)
+    talk(site, press_button("record_start"))  # explicit: again is no stop
     recorder = site.recording._recorder
     wait_for(lambda: recorder.frames > 5)
     assert site.recording._recorder is recorder
-    wait_for(lambda: talk(site, press("record_stop")) and not site.recording.on)
+    wait_for(lambda: talk(site, press_button("record_stop")) and not site.recording.on)
     assert len(list(site.folder.glob("endcap_*.mcap"))) == 1
     wait_for(
-        lambda: talk(site, press("zero_confirmed", 2)) and site.run.engine.endcaps[2].pipeline.zero.digest != epoch
+        lambda: (
+            talk(site, press_button("zero_confirmed", 2)) and site.run.engine.endcaps[2].pipeline.zero.digest != epoch
+        )
     )
 
 
@@ -135,112 +71,6 @@ def test_the_page_needs_nothing_but_this_server():
     assert set(re.findall(r"""(?:https?|wss?)://[\w./]+|//cdn|@import|url\(""", text)) == {"http://www.w3.org/2000/svg"}
     named = set(re.findall(r'(?:src|href)="([^"]+)"', text))
     assert named == {path.name for path in STATIC.iterdir()} - {"index.html"}
-
-
-# --- who may see it --------------------------------------------------------------------------------------------
-def test_it_binds_to_loopback_and_answers_only_to_its_own_names(site):
-    port = int(site.url.split(":")[2].strip("/"))
-    assert site.server.address[0] == "127.0.0.1"
-    assert fetch(site.url)[0] == 200 and fetch(site.url, Host=f"localhost:{port}")[0] == 200
-    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1.evil.example", "", "[::1", "10.0.0.7"):
-        status, _ = fetch(site.url + "state.json", Host=host)
-        assert status in (400, 403), host  # a page of another name that points here (DNS rebinding)
-    with pytest.raises(InvalidStatus):
-        talk(site, origin="http://evil.example")
-    talk(site, origin=site.url.strip("/"))
-
-
-@pytest.fixture
-def own_settings(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    return tmp_path / "config" / "endcap-toolkit" / "page_token"
-
-
-def test_on_another_address_it_wants_the_token(tmp_path, own_settings):
-    with Site(tmp_path, "0.0.0.0") as open_site:
-        port = open_site.server.address[1]
-        base, token = f"http://127.0.0.1:{port}/", open_site.server.token
-        assert len(token) >= 20 and open_site.url.endswith(f":{port}/?token={token}")
-        for path in (
-            "",
-            "page.js",
-            "state.json",
-            "domes.json",
-            "recording/0",
-            "?token=",
-            f"?token={token[:-1]}",
-            "state.json?token=ä",
-        ):
-            assert fetch(base + urllib.parse.quote(path, safe="?=&/"))[0] == 403, path
-        status, _ = fetch(f"{base}?token={token}")
-        cookie = {"Cookie": f"endcap_token_{port}={token}"}
-        assert status == 200 and fetch(base + "state.json", **cookie)[0] == 200
-        assert fetch(base + "state.json", Cookie=f"endcap_token_{port + 1}={token}")[0] == 403  # another run's
-        status, reported = fetch(base + "?token=wrong")
-        assert b"<h1>This page is locked</h1>" in reported and b"is not that of the run" in reported
-        assert b"has no token" in fetch(base)[1] and b"QR code" in fetch(base)[1]
-        open_site.url = base
-        with pytest.raises(InvalidStatus):
-            talk(open_site)
-        talk(open_site, additional_headers=cookie)
-
-
-def test_the_token_stays_and_is_for_its_owner_alone(own_settings):
-    token = page_token()
-    assert own_settings.stat().st_mode & 0o777 == 0o600 and own_settings.read_text().strip() == token
-    assert page_token() == token
-    own_settings.chmod(0o644)  # others have read it
-    assert page_token() != token and own_settings.stat().st_mode & 0o777 == 0o600
-    for content in ("", "short", "x" * 500, "\x1b[2J" * 9):
-        own_settings.write_text(content)
-        token = page_token()
-        assert re.fullmatch(r"[\w-]{22,}", token) and page_token() == token
-    own_settings.unlink()
-    os.mkfifo(own_settings, 0o600)  # nothing waits for it
-    assert len(page_token()) >= 22
-    assert [path.name for path in own_settings.parent.iterdir()] == ["page_token"]
-
-
-def test_the_printed_address_can_be_reached_from_another_device_and_its_code_read():
-    shown = urllib.parse.urlsplit(page_address("0.0.0.0", 8008, "t" * 22)).hostname
-    assert shown not in ("0.0.0.0", "127.0.0.1", "localhost", None)
-    assert page_address("::1", 80, "") == "http://[::1]:80/"
-    address = page_address("192.168.1.23", 8008, "AbCdEfGhIjKlMnOpQrStUv")
-    lines = [re.sub(r"\x1b\[[\d;]*m", "", line) for line in qr_code(address).splitlines()]
-    upper = np.array([[c in "█▀" for c in line] for line in lines])
-    lower = np.array([[c in "█▄" for c in line] for line in lines])
-    picture = np.stack([upper, lower], axis=1).reshape(-1, len(lines[0])).astype(np.uint8) * 255
-    picture = np.kron(picture, np.ones((8, 8), np.uint8))
-    assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == address
-
-
-def test_no_other_page_can_frame_this_one(site):
-    with urllib.request.urlopen(site.url) as answer:
-        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
-        assert answer.headers["X-Frame-Options"] == "DENY"
-
-
-def test_curves_and_recordings_are_for_this_page_alone_and_recordings_have_numbers(site):
-    status, answer = fetch(site.url + "domes.json")
-    curves = json.loads(answer)
-    assert status == 200 and [len(found) for found in curves] == [3, 3, 3]
-    for curve in curves[0]:
-        for name in ("force_n", "depth_mm", "patch_mm2"):
-            assert curve[name][0] == 0 and len(curve[name]) > 5 and (np.diff(curve[name]) >= 0).all(), name
-    for path in ("domes.json", "state.json", "recording/0"):
-        assert fetch(site.url + path, Origin="http://evil.example")[0] == 403, path
-    for path in ("recording/99", "recording/-1", "recording/x", "recording/0/../../page.py", "recording/"):
-        assert fetch(site.url + path)[0] == 404, path
-
-
-def test_no_path_reaches_a_file(site):
-    for path in (
-        "page.py", "../page.py", "%2e%2e/page.py", "static/page.js", "page.js/../../page.py", "..%2f..%2fetc/passwd",
-        "//etc/passwd", "etc/passwd", "page.js%00", "index.html", "state.json/x", "?file=/etc/passwd",
-    ):  # fmt: skip
-        status, body = fetch(site.url + path)
-        assert status in (400, 403, 404) or (path.startswith("?") and b"<title>Endcaps" in body), path
-        assert b"root:" not in body and b"def build_app" not in body
 
 
 # --- fuzz ------------------------------------------------------------------------------------------------------

@@ -1,7 +1,3 @@
-import base64
-import hashlib
-import http.server
-import re
 import threading
 import time
 from types import SimpleNamespace
@@ -9,6 +5,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from made_jpeg import jpeg
 
 from cad.errors import FileError, ParameterError
 from sensing.records import Frame
@@ -22,19 +19,10 @@ from sensing.sources.camera import (
     to_frame,
 )
 from sensing.sources.choose import source_opener
-from sensing.sources.degrade import random_degradation
 from sensing.sources.files import FolderSource, VideoSource, jpeg_size, read_picture
-from sensing.sources.mjpeg import MjpegSource, split_jpegs
 from sensing.sources.newest import LiveSource, NewestQueue, SourceError
-from sensing.sources.warp import Bump, Displacement, WarpSource, cell_truth, warp_image
 
 PATIENCE_S = 60.0
-
-
-def jpeg(level: int, size: tuple[int, int] = (64, 48)) -> bytes:
-    image = np.full((size[1], size[0], 3), level, np.uint8)
-    image[::5] = 255 - level
-    return cv2.imencode(".jpg", image)[1].tobytes()
 
 
 def frames(count: int, size: tuple[int, int] = (64, 48)) -> list[Frame]:
@@ -300,139 +288,3 @@ def test_a_camera_is_known_by_its_port_whatever_number_it_gets(tmp_path, monkeyp
 def test_bad_camera_settings_are_refused():
     with pytest.raises(ParameterError, match="rate_hz=0"):
         CameraConfig(rate_hz=0)
-
-
-# --- MJPEG over HTTP -----------------------------------------------------------------------------------------
-class Stream(http.server.BaseHTTPRequestHandler):
-    with_length = True
-
-    def do_GET(self):
-        self.send_response(200)
-        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=b")
-        self.end_headers()
-        for level in (10, 90, 170):
-            data = jpeg(level)
-            length = f"Content-Length: {len(data)}\r\n" if self.with_length else ""
-            head = f"--b\r\nContent-Type: image/jpeg\r\n{length}\r\n"
-            self.wfile.write(head.encode() + data + b"\r\n")
-
-    def log_message(self, *_):
-        pass
-
-
-@pytest.mark.parametrize("with_length", [True, False])
-def test_mjpeg_over_loopback(with_length):
-    handler = type("Handler", (Stream,), {"with_length": with_length})
-    server = http.server.HTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        got = []
-        with pytest.raises(SourceError, match="the stream ended"):
-            for frame in MjpegSource(f"http://127.0.0.1:{server.server_port}/"):
-                got.append(cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), 0)[2, 2])
-        assert np.abs(np.array(got, int) - [10, 90, 170]).max() < 12
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
-class Locked(Stream):
-    """A camera with user and password: ``scheme`` is Basic or Digest."""
-
-    scheme, user, password = "Basic", "a user", "p@ss/w:rd"
-
-    def do_GET(self):
-        asked = {"Basic": 'Basic realm="camera"', "Digest": 'Digest realm="camera", nonce="n0", qop="auth"'}
-        if not self.allowed(self.headers.get("Authorization", "")):
-            self.send_response(401)
-            self.send_header("WWW-Authenticate", asked[self.scheme])
-            self.end_headers()
-            return
-        super().do_GET()
-
-    def allowed(self, given: str) -> bool:
-        if self.scheme == "Basic":
-            return given == "Basic " + base64.b64encode(f"{self.user}:{self.password}".encode()).decode()
-        said = dict(re.findall(r'(\w+)="?([^",]+)"?', given.removeprefix("Digest ")))
-        md5 = lambda *words: hashlib.md5(":".join(words).encode()).hexdigest()  # noqa: E731
-        secret, asked = md5(self.user, "camera", self.password), md5("GET", self.path)
-        return given.startswith("Digest ") and said["response"] == md5(
-            secret, "n0", said["nc"], said["cnonce"], "auth", asked
-        )
-
-
-@pytest.mark.parametrize("scheme", ["Basic", "Digest"])
-def test_user_and_password_open_a_camera_and_are_never_shown(scheme):
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (Locked,), {"scheme": scheme}))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    place = f"127.0.0.1:{server.server_port}/stream?a=b"
-    try:
-        found = []
-        with pytest.raises(SourceError, match="the stream ended") as ended:
-            for frame in MjpegSource(f"http://a%20user:p%40ss%2Fw%3Ard@{place}"):
-                found.append(frame)
-        assert len(found) == 3 and {frame.source for frame in found} == {f"http://***@{place}"}
-        assert "user" not in str(ended.value)
-        for wrong in (f"http://a%20user:guess@{place}", f"http://{place}"):
-            with pytest.raises(SourceError, match="USER:PASSWORD@HOST") as refused:
-                list(MjpegSource(wrong))
-            assert "guess" not in str(refused.value)
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
-def test_stream_that_never_ends_a_picture_is_refused():
-    class Endless:
-        def readline(self, size):
-            return b"\xff\xd8" + b"x" * (size - 2)
-
-    with pytest.raises(ValueError, match="no end of picture"):
-        list(split_jpegs(Endless()))
-
-
-def test_dead_address_is_said():
-    with pytest.raises(SourceError, match="check address"):
-        list(MjpegSource("http://127.0.0.1:9/", timeout_s=1))
-    for address in ("file:///etc/passwd", "http://[::1"):
-        with pytest.raises(ParameterError, match="give an http address"):
-            MjpegSource(address)
-
-
-# --- warp ----------------------------------------------------------------------------------------------------
-def test_warp_moves_a_dot_where_the_displacement_says():
-    image = np.full((240, 320), 200, np.uint8)
-    cv2.circle(image, (150, 110), 6, 20, -1)
-    motion = Displacement((3.0, 2.0), 0.02, (160.0, 120.0), (Bump((150.0, 110.0), (8.0, -5.0), 90.0),))
-    dark = 200.0 - warp_image(image, motion)
-    y, x = np.mgrid[0:240, 0:320]
-    centre = np.array([(dark * x).sum(), (dark * y).sum()]) / dark.sum()
-    u, v = motion.at(np.array(150.0), np.array(110.0))
-    assert np.abs(centre - [150 + u, 110 + v]).max() < 0.03
-
-
-@pytest.mark.parametrize("shift", [0.1, 0.25, 0.5, 0.8])
-def test_warp_shifts_a_ramp_without_bias(shift):
-    ramp = np.tile(np.arange(0, 256, 2, dtype=np.uint8), (32, 1))
-    moved = warp_image(ramp, Displacement((shift, 0.0))).astype(float)[4:-4, 8:-8]
-    expected = np.floor(ramp[4:-4, 8:-8] - 2 * shift + 0.5)
-    assert (moved == expected).mean() > 0.95  # one gray level is half a pixel of this ramp
-
-
-def test_cell_truth_converges_to_the_centre_value_for_small_cells():
-    motion = Displacement(bumps=(Bump((320.0, 240.0), (10.0, 0.0), 80.0),))
-    fine = cell_truth(motion, (640, 480), (240, 240), unit_px=480)
-    assert abs(fine[0].max() - 10) < 0.01
-    coarse = cell_truth(motion, (640, 480), (30, 30), unit_px=480)
-    assert np.allclose(fine.reshape(2, 30, 8, 30, 8).mean(axis=(2, 4)), coarse, atol=1e-3)
-
-
-def test_warp_source_frames_follow_the_clock():
-    image = np.zeros((48, 64), np.uint8)
-    got = list(WarpSource(image, [Displacement((i, 0.0)) for i in range(3)], rate_hz=50))
-    assert [f.time_s for f in got] == [0.0, 0.02, 0.04] and got[0].size == (64, 48)
-
-
-def test_unknown_level_is_refused():
-    with pytest.raises(ParameterError, match="clean, mild, hard"):
-        random_degradation("awful", np.random.default_rng(0))

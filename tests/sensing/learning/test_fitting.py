@@ -1,0 +1,150 @@
+"""Symmetries, ridge, samples and the fit that goes on: closed forms, refusals, the same weights after a stop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_samples import SIDE, bump_fields, made_samples
+
+from cad.errors import ParameterError
+from sensing.learning.samples import shared_between
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+
+from sensing.learning.fit_config import FitConfig  # noqa: E402
+from sensing.learning.fitting import fit  # noqa: E402
+from sensing.learning.ridge import fit_ridge  # noqa: E402
+from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
+
+QUICK = FitConfig(components=12, hidden=24, epochs=28, batch=96, rate=1e-2, decay=1e-3)
+
+
+@pytest.fixture(scope="module")
+def data():
+    return made_samples()
+
+
+def test_symmetries_form_a_group_and_move_fields_as_they_move_what_caused_them(data):
+    inputs = data.fields.reshape(len(data), -1).astype(float)
+    for number in range(COUNT):
+        M = plane_map(number)
+        assert np.allclose(M @ M.T, np.eye(2))
+        moved = moved_inputs(inputs, number, SIDE)
+        again = bump_fields(moved_wrenches(data.wrenches, number)).reshape(len(data), -1)
+        assert np.abs(moved - again).max() < 0.08  # the noise
+    quarter = inputs
+    for _ in range(4):
+        quarter = moved_inputs(quarter, 1, SIDE)
+    assert np.array_equal(quarter, inputs)
+
+
+def test_mirror_makes_a_torque_a_pseudo_vector():
+    """The torque of a mirrored force at a mirrored place, from the cross product."""
+    rng = np.random.default_rng(0)
+    place, force = rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
+    for number in range(COUNT):
+        M = np.eye(3)
+        M[:2, :2] = plane_map(number)
+        reported = moved_wrenches(np.concatenate([force, np.cross(place, force)], axis=1), number)
+        assert np.allclose(reported[:, 3:], np.cross(place @ M.T, force @ M.T))
+
+
+def test_ridge_finds_a_linear_law_and_gives_zero_at_zero():
+    rng = np.random.default_rng(1)
+    truth = rng.normal(size=(6, 8))
+    symmetric = np.zeros_like(truth)
+    for k in range(COUNT):  # average over the group: a law that the symmetries allow
+        back = moved_inputs(np.eye(8), k, 2)
+        symmetric += moved_wrenches((back @ truth.T), [0, 3, 2, 1, 4, 5, 6, 7][k]).T / COUNT
+    x = rng.normal(size=(200, 8))
+    weights, share = fit_ridge(x, x @ symmetric.T, np.repeat(np.arange(10), 20), 2)
+    assert np.abs(weights - symmetric).max() < 1e-6 and share <= 1e-8
+
+
+def test_ridge_stands_ill_conditioned_duplicate_single_and_constant_samples(data):
+    one = fit_ridge(data.inputs[:1], data.wrenches[:1], data.path[:1], SIDE)[0]
+    twice = np.repeat(data.inputs[:3], 50, axis=0)
+    many = fit_ridge(twice, np.repeat(data.wrenches[:3], 50, axis=0), np.repeat([0, 1, 2], 50), SIDE)[0]
+    zero = fit_ridge(np.zeros((9, 72)), np.ones((9, 6)), np.arange(9), SIDE)[0]
+    assert np.isfinite(one).all() and np.isfinite(many).all() and not zero.any()
+    with pytest.raises(ParameterError, match="need"):
+        fit_ridge(data.inputs, data.wrenches[:, :5], data.path, SIDE)
+    with pytest.raises(ParameterError, match="not finite"):
+        fit_ridge(data.inputs * np.nan, data.wrenches, data.path, SIDE)
+
+
+def test_bad_samples_are_refused(data):
+    with pytest.raises(ParameterError, match="no axis missing"):
+        replace(data, wrenches=data.wrenches[:, :5])
+    with pytest.raises(ParameterError, match="not finite"):
+        replace(data, fields=data.fields * np.float32("nan"))
+    with pytest.raises(ParameterError, match="at least 2 needed"):
+        fit(data.take(data.path == data.path[0]), QUICK)
+    with pytest.raises(ParameterError, match="all zero"):
+        fit(replace(data, fields=np.zeros_like(data.fields)), QUICK)
+    with pytest.raises(ParameterError, match="hidden=0"):
+        FitConfig(hidden=0)
+    assert len(made_samples(paths=3)) and not data.take(np.zeros(0, int)).fields.size
+
+
+def test_leaks_between_training_and_test_are_found(data):
+    train, test = data.split(0.3, 1)
+    assert shared_between(train, test) == []
+    assert 0.2 < len(np.unique(test.path)) / 24 < 0.4
+    leak = test.take(np.arange(3))
+    assert any(line.startswith("path") for line in shared_between(data, leak))
+    renamed = replace(leak, path=np.array(["other"] * 3))
+    assert "identical fields" in shared_between(data, renamed)
+    posed = replace(
+        train, tilt_deg=np.full(len(train), 10.0), azimuth_deg=np.ones(len(train)), friction=np.ones(len(train))
+    )
+    other = replace(
+        test, tilt_deg=np.full(len(test), 10.0), azimuth_deg=np.ones(len(test)), friction=np.ones(len(test))
+    )
+    assert shared_between(posed, other) == ["pose tilt=10 azimuth=1 friction=1"]
+
+
+@pytest.mark.parametrize("stage", ["mean", "spread"])
+def test_an_interrupted_training_goes_on_to_the_same_weights(stage, tmp_path, monkeypatch):
+    monkeypatch.setattr("sensing.learning.checkpoint.EVERY_S", 0.0)
+    small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=6), tmp_path / "kept"
+    whole = fit(small, config)
+    reported = []
+
+    def stop(part, seconds, error):
+        reported.append(part)
+        if reported.count(stage) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(small, config, progress=stop, checkpoint=kept)
+    assert kept.is_file()
+    again = []
+    resumed = fit(small, config, progress=lambda part, seconds, error: again.append(part), checkpoint=kept)
+    assert again.count(stage) < reported.count(stage) + 4 and again.count("mean") + reported.count("mean") == 6
+    for name, value in whole.weights.items():
+        assert np.array_equal(value, resumed.weights[name]), name
+    assert not kept.exists()
+
+
+def test_a_checkpoint_of_other_samples_or_damaged_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr("sensing.learning.checkpoint.EVERY_S", 0.0)
+    small, config, kept = made_samples(paths=8, seed=3), replace(QUICK, epochs=2), tmp_path / "kept"
+
+    def stop(part, seconds, error):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(made_samples(paths=8, seed=4), config, progress=stop, checkpoint=kept)
+    whole, other = fit(small, config), fit(small, config, checkpoint=kept)
+    assert all(np.array_equal(value, other.weights[name]) for name, value in whole.weights.items())
+    kept.write_bytes(b"damaged")
+    assert np.array_equal(fit(small, config, checkpoint=kept).weights["linear"], whole.weights["linear"])
+
+
+def test_moments_of_the_symmetric_copies_are_those_of_the_copies(data):
+    gram, moment = symmetric_moments(data.inputs, data.wrenches, SIDE)
+    copies = [(moved_inputs(data.inputs, k, SIDE), moved_wrenches(data.wrenches, k)) for k in range(COUNT)]
+    assert np.allclose(gram, sum(x.T @ x for x, _ in copies)) and np.allclose(moment, sum(x.T @ w for x, w in copies))

@@ -1,0 +1,74 @@
+"""The configuration's file, and bad input at the command line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from live_stand_in import stand_in
+
+from cad.errors import FileError, ParameterError
+from sensing.live.cli import main
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.endcaps_file import load_config, save_config
+
+
+def test_a_configuration_survives_the_file(tmp_path):
+    pose = np.eye(4)
+    pose[:3, 3] = 1.5, -2.0, 300.25
+    endcaps = (
+        EndcapConfig(
+            "left_1", "0", tmp_path / "a.npz", contact_on_n=0.8, contact_off_n=0.5, exposure=120.0, T_robot_endcap=pose
+        ),
+        EndcapConfig("right", 'http://h/"s"\\', diameter_mm=120.0, wall_mm=7.0),
+    )
+    config = LiveConfig(endcaps, "paper", tmp_path / "w.pth", "dis", 117.7)
+    save_config(config, tmp_path / "endcaps.toml")
+    again = load_config(tmp_path / "endcaps.toml")
+    assert [replace(a, T_robot_endcap=np.eye(4)).__repr__() for a in again.endcaps] == [
+        replace(c, T_robot_endcap=np.eye(4)).__repr__() for c in endcaps
+    ]
+    assert np.array_equal(again.endcaps[0].T_robot_endcap, pose)
+    assert (again.model, again.weights, again.method, again.weight_n) == ("paper", tmp_path / "w.pth", "dis", 117.7)
+
+
+@pytest.mark.parametrize(
+    ("text", "reported"),
+    [
+        ("endcaps = 3", "unknown key endcaps"),
+        ("[[endcap]]\nname = 'a'", "without name or source"),
+        ("[[endcap]]\nname = 'a'\nsource = 0", "source = 0"),
+        ("[[endcap]]\nname = 'a b'\nsource = '0'", "name='a b'"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\nT_robot_endcap = [[1,2],[3,4]]", "T_robot_endcap"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\ncontact_on_n = 1\ncontact_off_n = 2", "contact_off_n=2"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\n[[endcap]]\nname = 'a'\nsource = '1'", "endcaps=a"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
+        ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "model='best'"),
+        ("endcap = 3", "no list of tables"),
+        ("weight_n = ", "no TOML"),
+    ],
+)
+def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, reported, capsys):
+    path = tmp_path / "endcaps.toml"
+    path.write_text(text)
+    with pytest.raises((FileError, ParameterError), match=reported.replace("[", r"\[")):
+        load_config(path)
+    assert main(["--config", str(path)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--camera", "front"],
+        ["--camera", "77"],
+        ["--video", "nowhere.avi"],
+        ["--photos", "nowhere"],
+        ["--url", "ftp://x"],
+        ["--config", "nowhere.toml"],
+        ["--video", "nowhere.avi", "--rate", "-1"],
+    ],
+)
+def test_bad_input_ends_with_one_line_and_status_2(arguments, capsys, monkeypatch):
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
+    assert main(arguments) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

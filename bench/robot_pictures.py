@@ -1,8 +1,8 @@
 """A run of the simulated robot through pictures: every frame of every endcap rendered, tracked and estimated.
 
-    stage = Stage(folder)                                        # shell, states and weights; solves what is missing
-    arrivals = sensor_stream(walk, robot, seed=walk.seed)
-    readings = read_walk(stage, walk, robot, frame_times(arrivals), "flat_101")      # six endcaps, kept in the folder
+    stage = Stage(folder)                                        # shell and weights; keeps the solved states
+    arrivals = sensor_stream(walk, robot, SensorSet(wrench_hz=10.0), walk.seed)
+    readings = stage.read(walk, robot, frame_times(arrivals), "flat_101")      # six endcaps
     arrivals = with_pictures(arrivals, readings)
 
 Forces in N, torques in N m on the endcap at its origin, times in s of the run.
@@ -10,44 +10,33 @@ Forces in N, torques in N m on the endcap at its origin, times in s of the run.
 
 from __future__ import annotations
 
-import hashlib
-import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.errors import ParameterError
 from cad.materials import silicone
 from cad.params import EndcapParams
-from cad.whole_file import put_file
+from cad.whole_file import make_folder
 from sensing.calibration.dots import find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.decode import decode_bgr
 from sensing.live.core.config import EndcapConfig
-from sensing.live.core.model import LiveModel, known_weights, load_model
+from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.records import Frame, Image
+from sensing.records import Image
 from sensing.robot.readings import foot_sample
 from sensing.simulator.levels import Simulator
-from sensing.simulator.reduced.library import Library
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.walk.contacts import Contacts, contacts_of
 from sensing.simulator.walk.pictures import WalkSensor
-from sensing.simulator.walk.pressed import (
-    STATES,
-    TILTS_DEG,
-    PressedStates,
-    Presses,
-    fit_presses,
-    load_presses,
-    save_presses,
-    solve_tilt,
-    states_of,
-)
+from sensing.simulator.walk.pressed import PressedStates, load_states, save_states, solve_contacts
 from sensing.simulator.walk.stream import Arrival, true_wrenches
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import MountedEndcap, TensegrityRobot
@@ -58,55 +47,107 @@ Array = NDArray[np.float64]
 Say = Callable[[str], None]
 PARAMS = EndcapParams(130.0, 8.0)
 FIRST_SENSOR = 201  # no training, tuning or test has seen these
-TOLERANCE = 1e-2  # of level 2: markers within 0.01 % of level 1 (docs/simulator.md), the fit is a hundred times worse
+TOLERANCE = 1e-2  # of level 2: markers within 0.01 % of level 1 (docs/simulator.md)
+
+
+def shell() -> Simulator:
+    """The shell of the endcaps."""
+    return Simulator(ShellGeometry.from_params(PARAMS), silicone().neo_hooke(), tolerance=TOLERANCE)
+
+
+def solve_file(contacts: Contacts, path: Path) -> Path:
+    """Solve one endcap's contacts into a file; what a worker does."""
+    save_states(solve_contacts(shell(), contacts), path)
+    return path
 
 
 class Stage:
-    """What all runs share: the shell, its states and the weights that ship.
+    """What all runs share: the shell, the weights that ship, and the folder of solved states.
 
     Args:
-        folder: where solved presses are kept. say: is called with what goes on.
+        folder: where solved states are kept. say: is called with what goes on. workers: processes that solve.
     """
 
-    def __init__(self, folder: Path, say: Say = lambda text: None) -> None:
-        self.folder, self.say = folder, say
-        self.simulator = Simulator(ShellGeometry.from_params(PARAMS), silicone().neo_hooke(), tolerance=TOLERANCE)
-
-    def presses(self, tilt_deg: float, seed: int = 0, states: int = 0) -> Presses:
-        """Solved presses at a tilt, kept.
-
-        Args:
-            tilt_deg: of the plane. seed: of the path. states: how many; 0 for what a fit takes.
-        """
-        path = self.folder / f"presses_{tilt_deg:g}_{seed}.npz"
-        if not path.exists():
-
-            def progress(done: int) -> None:
-                self.say(f"{tilt_deg:g} degrees: {done} states solved")
-
-            self.folder.mkdir(parents=True, exist_ok=True)
-            save_presses(solve_tilt(self.simulator, tilt_deg, states or STATES, seed, progress=progress), path)
-            self.simulator.forget()
-        return load_presses(path)
-
-    @cached_property
-    def library(self) -> Library:
-        """Of all presses."""
-        return fit_presses(self.simulator, [self.presses(tilt) for tilt in TILTS_DEG])
+    def __init__(self, folder: Path, say: Say = lambda text: None, workers: int = 1) -> None:
+        self.folder, self.say, self.workers = folder, say, workers
+        self.simulator = shell()
 
     @cached_property
     def model(self) -> LiveModel:
         """The weights that ship."""
         return load_model("default", PARAMS)
 
-    @cached_property
-    def digest(self) -> str:
-        """Of what decides a reading: states and weights."""
-        weights = known_weights("default", PARAMS)
-        found = hashlib.sha256(weights.read_bytes() if weights else b"")
-        for name in ("even", "odd", "modes"):
-            found.update(np.round(getattr(self.library, name), 9).tobytes())
-        return found.hexdigest()[:10]
+    def read(self, walk: Walk, robot: TensegrityRobot, times: dict[str, Array], name: str) -> dict[str, Readings]:
+        """Readings of every endcap.
+
+        Args:
+            walk: what happened. robot: whose. times: of each endcap's frames. name: of the run, part of files' names.
+        """
+        rows = {end.name: np.round(times[end.name] / walk_step(walk)).astype(int) for end in robot.endcaps}
+        contacts = {end.name: contacts_of(walk, robot, end, rows[end.name]) for end in robot.endcaps}
+        states = self.states(contacts, name)
+        found = {}
+        for number, endcap in enumerate(robot.endcaps):
+            self.say(f"endcap {endcap.name}: {len(times[endcap.name])} frames")
+            sensor = WalkSensor(self.simulator, FIRST_SENSOR + number)
+            pipeline = self.pipeline(sensor, endcap.name)
+            frames = sensor.frames(states[endcap.name], contacts[endcap.name])
+            readings = [reading for frame in frames if (reading := pipeline.update(frame)) is not None]
+            pipeline.close()
+            ran, _ = true_wrenches(walk, robot, endcap, rows[endcap.name])
+            found[endcap.name] = _gathered(readings, states[endcap.name], contacts[endcap.name], ran)
+        return found
+
+    def states(self, contacts: dict[str, Contacts], name: str) -> dict[str, PressedStates]:
+        """Solved states of all endcaps; those of an earlier call are read from the folder.
+
+        Args:
+            contacts: of every endcap. name: of the run.
+
+        Raises:
+            ParameterError: kept states of another run.
+        """
+        make_folder(self.folder)
+        paths = {endcap: self.folder / f"{name}_{endcap}.npz" for endcap in contacts}
+        missing = [endcap for endcap, path in paths.items() if not path.exists()]
+        with ProcessPoolExecutor(max(1, min(self.workers, len(missing)))) as pool:
+            jobs = [pool.submit(solve_file, contacts[endcap], paths[endcap]) for endcap in missing]
+            for done, job in enumerate(jobs, 1):
+                self.say(f"{job.result().name}: solved, {done} of {len(jobs)} endcaps")
+        found = {endcap: load_states(path) for endcap, path in paths.items()}
+        for endcap, states in found.items():
+            if len(states.wrench) != len(contacts[endcap].time_s):
+                raise ParameterError(f"{paths[endcap]}: {len(states.wrench)} states of another run: remove it")
+        return found
+
+    def pipeline(self, sensor: WalkSensor, name: str) -> EndcapPipeline:
+        """Zeroed on ten pictures of the untouched dome, its camera calibrated on them, as ``endcap setup`` does.
+
+        Args:
+            sensor: whose pictures. name: of the endcap.
+        """
+        zero = take_zero(sensor.rest(), sensor.name)
+        blobs, _ = find_blobs(zero.image)
+        found = calibrate_from_dots(blobs, PARAMS, (zero.image.shape[1], zero.image.shape[0]))
+        camera = self.folder / f"camera_{name}.json"
+        config = EndcapConfig(f"endcap_{name}", "simulated")
+        found.mounted.save(camera, config.identity)
+        return EndcapPipeline(replace(config, camera=camera), self.model, zero)
+
+    def picture(self, walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, time_s: float) -> Image:
+        """What the camera of an endcap sees at a moment of a run; the contact is solved for it.
+
+        Args:
+            walk: what happened. robot: whose. endcap: which. time_s: when.
+        """
+        contacts = contacts_of(walk, robot, endcap, np.array([round(time_s / walk_step(walk))]))
+        sensor = WalkSensor(self.simulator, FIRST_SENSOR + robot.endcaps.index(endcap))
+        return decode_bgr(next(sensor.frames(solve_contacts(self.simulator, contacts), contacts)))
+
+
+def walk_step(walk: Walk) -> float:
+    """Seconds between two samples of the truth."""
+    return float(walk.time_s[1] - walk.time_s[0])
 
 
 @dataclass(frozen=True)
@@ -117,8 +158,8 @@ class Readings:
         time_s: (n,). wrench: (n, 6) filtered; NaN where it does not count. covariance: (n, 6, 6).
         touching: (n,) 1, 0, or -1 where it is not known. flags: (n,) words, with spaces between.
         shown: (n, 6) wrench of the state in the picture. ran: (n, 6) wrench of the run.
-        load_n, tilt_deg: (n,) of the run's contact. clamped: (n,) whether the picture shows another state than the
-            run's, the nearest that was solved.
+        load_n, tilt_deg: (n,) of the run's contact. clamped: (n,) whether the picture shows a state of another contact
+            near it, because the run's lies beyond what can be solved.
     """
 
     time_s: Array
@@ -141,101 +182,15 @@ class Readings:
         )  # fmt: skip
 
 
-def read_walk(
-    stage: Stage, walk: Walk, robot: TensegrityRobot, times: dict[str, Array], name: str
-) -> dict[str, Readings]:
-    """Readings of every endcap; those of an earlier call are read from the stage's folder.
-
-    Args:
-        stage: shell, states, weights. walk: what happened. robot: whose. times: of each endcap's frames. name: of the
-            run, part of the files' names.
-    """
-    found = {}
-    for number, endcap in enumerate(robot.endcaps):
-        path = stage.folder / f"{name}_{endcap.name}_{stage.digest}.npz"
-        if not path.exists():
-            put_file(path, _read_endcap(stage, walk, robot, endcap, times[endcap.name], FIRST_SENSOR + number))
-        with np.load(path, allow_pickle=False) as data:
-            found[endcap.name] = Readings(**{entry.name: data[entry.name] for entry in fields(Readings)})
-    return found
-
-
-def _read_endcap(
-    stage: Stage, walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, times: Array, number: int
-) -> bytes:
-    """Frames of one endcap through a pipeline of its own, as the bytes of a file."""
-    rows = np.round(times / float(walk.time_s[1] - walk.time_s[0])).astype(int)
-    contacts = contacts_of(walk, robot, endcap, rows)
-    states = states_of(stage.library, contacts)
-    sensor = WalkSensor(stage.simulator, stage.library, number)
-    pipeline = _pipeline(stage, sensor, endcap.name)
-    readings = []
-    for frame in sensor.frames(states, contacts):
-        reading = pipeline.update(frame)
-        assert reading is not None  # times only rise
-        readings.append(reading)
-        if len(readings) % 30 == 0:
-            stage.say(f"endcap {endcap.name}: {len(readings)} of {len(rows)} frames")
-    pipeline.close()
-    np.savez_compressed(
-        buffer := io.BytesIO(), **vars(_gathered(readings, states, contacts, walk, robot, endcap, rows))
-    )
-    return buffer.getvalue()
-
-
-def _pipeline(stage: Stage, sensor: WalkSensor, name: str) -> EndcapPipeline:
-    """Zeroed on ten pictures of the untouched dome, its camera calibrated on them, as ``endcap setup`` does."""
-    zero = take_zero(sensor.rest(), sensor.name)
-    blobs, _ = find_blobs(zero.image)
-    found = calibrate_from_dots(blobs, PARAMS, (zero.image.shape[1], zero.image.shape[0]))
-    camera = stage.folder / f"camera_{name}.json"
-    config = EndcapConfig(f"endcap_{name}", "simulated")
-    found.mounted.save(camera, config.identity)
-    return EndcapPipeline(replace(config, camera=camera), stage.model, zero)
-
-
-def _gathered(
-    readings: Sequence[EndcapReading], states: PressedStates, contacts: Contacts, walk: Walk, robot: TensegrityRobot,
-    endcap: MountedEndcap, rows: NDArray[np.int64],
-) -> Readings:  # fmt: skip
-    foot_samples = [foot_sample(reading) for reading in readings]
-    ran, _ = true_wrenches(walk, robot, endcap, rows)
+def _gathered(readings: Sequence[EndcapReading], states: PressedStates, contacts: Contacts, ran: Array) -> Readings:
+    samples = [foot_sample(reading) for reading in readings]
     return Readings(
-        contacts.time_s, np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in foot_samples]),
-        np.array([foot.covariance for foot in foot_samples]),
-        np.array([-1 if foot.touching is None else int(foot.touching) for foot in foot_samples]),
-        np.array([" ".join(sorted(foot.flags)) for foot in foot_samples]),
+        contacts.time_s, np.array([np.concatenate([foot.force_n, foot.torque_nm]) for foot in samples]),
+        np.array([foot.covariance for foot in samples]),
+        np.array([-1 if foot.touching is None else int(foot.touching) for foot in samples]),
+        np.array([" ".join(sorted(foot.flags)) for foot in samples]),
         states.wrench, ran, np.linalg.norm(ran[:, :3], axis=1), contacts.tilt_deg, states.clamped,
     )  # fmt: skip
-
-
-def alone(stage: Stage, fields_mm: Array, azimuth_deg: float) -> Array:
-    """(n, 6) what the live pipeline estimates of single pictures, each for itself.
-
-    Args:
-        stage: shell, weights. fields_mm: (n, k, 3) displacement of the simulator's inner surface. azimuth_deg: of all.
-    """
-    sensor = WalkSensor(stage.simulator, stage.library, FIRST_SENSOR)
-    pipeline, found = _pipeline(stage, sensor, "check"), []
-    for number, field in enumerate(fields_mm):
-        picture = sensor.picture(field, number, azimuth_deg)
-        reading = pipeline.update(Frame(float(number), number, sensor.name, jpeg=picture))
-        assert reading is not None  # times only rise
-        found.append(np.concatenate([reading.estimate.force_n, reading.estimate.torque_nm]))
-    pipeline.close()
-    return np.array(found)
-
-
-def frame_at(stage: Stage, walk: Walk, robot: TensegrityRobot, number: int, time_s: float) -> Image:
-    """What the camera of an endcap sees at a moment of a run.
-
-    Args:
-        stage: shell and states. walk: what happened. robot: whose. number: of the endcap. time_s: when.
-    """
-    row = np.array([round(time_s / float(walk.time_s[1] - walk.time_s[0]))])
-    contacts = contacts_of(walk, robot, robot.endcaps[number], row)
-    sensor = WalkSensor(stage.simulator, stage.library, FIRST_SENSOR + number)
-    return decode_bgr(next(sensor.frames(states_of(stage.library, contacts), contacts)))
 
 
 def frame_times(arrivals: Sequence[Arrival]) -> dict[str, Array]:

@@ -1,6 +1,6 @@
 """What the cameras of a robot's endcaps see during a run: a picture for every frame, of the dome as it is pressed.
 
-    sensor = WalkSensor(simulator, library, number=101)
+    sensor = WalkSensor(simulator, number=101)
     rest = [sensor.picture(None, noise) for noise in range(10)]
     frames = sensor.frames(states, contacts)                       # sensing.records.Frame, capture times of the run
 
@@ -17,7 +17,6 @@ from cad.params import EndcapParams
 from sensing.records import Frame
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.levels import Simulator
-from sensing.simulator.reduced.library import Library
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.solid.element import Array
 from sensing.simulator.walk.contacts import Contacts
@@ -30,17 +29,16 @@ class WalkSensor:
     """The camera in one endcap.
 
     Args:
-        simulator: of the shell. library: of its states. number: of the sensor: its paint, and how its camera sits
+        simulator: of the shell. number: of the sensor: its paint, and how its camera sits
             (:class:`sensing.simulator.dataset.request.DataRequest`). render: quality of the pictures.
     """
 
-    def __init__(self, simulator: Simulator, library: Library, number: int, render: str = "data") -> None:
+    def __init__(self, simulator: Simulator, number: int, render: str = "data") -> None:
         diameter, wall = 2 * simulator.geometry.outer_radius_mm, simulator.geometry.wall_mm
         request = DataRequest(1, diameter, wall, render=render, sensor=number)
         surface = simulator.surface
         self.params: EndcapParams = request.params
         self.name = f"simulated sensor {number}"
-        self._library = library
         self._renderer = DomeRenderer(
             request.params, request.mounted, request.settings, surface.position, surface.interpolation
         )
@@ -68,7 +66,6 @@ class WalkSensor:
             states: of the shell. contacts: to which they belong.
         """
         for k, time_s in enumerate(contacts.time_s):
-            pressed = bool(contacts.normal_n[k] > 0)
-            field = self._library.fields(states.weights[k : k + 1])[0] if pressed else None
+            field = states.surface_mm[k].astype(float) if contacts.normal_n[k] > 0 else None
             jpeg = self.picture(field, REST + k, float(contacts.azimuth_deg[k]))
             yield Frame(float(time_s), REST + k, self.name, jpeg=jpeg)

@@ -12,7 +12,6 @@ pulled, however it came about in the run.
 from __future__ import annotations
 
 import io
-import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.messages import LOG
 from cad.whole_file import put_file
+from sensing.npz import read_npz
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
@@ -120,7 +120,6 @@ def load_states(path: Path) -> PressedStates:
         FileError: missing, damaged, or another file.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            return PressedStates(**{one.name: data[one.name] for one in fields(PressedStates)})
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        return PressedStates(**read_npz(path, [one.name for one in fields(PressedStates)]))
+    except (OSError, ValueError, KeyError) as error:
         raise FileError(f"{path}: no solved contacts ({error}): remove it, and they are solved anew") from None

@@ -10,6 +10,7 @@ import numpy as np
 
 from cad.errors import FileError
 from cad.whole_file import put_file
+from sensing.npz import read_npz
 from sensing.tensegrity.description import Array
 
 
@@ -65,9 +66,8 @@ def load_walk(path: Path) -> Walk:
         FileError: missing, damaged, or another file.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            values = {entry.name: data[entry.name] for entry in fields(Walk)}
-    except (OSError, ValueError, KeyError, EOFError) as error:
+        values = read_npz(path, [entry.name for entry in fields(Walk)])
+    except (OSError, ValueError, KeyError) as error:
         raise FileError(f"{path}: no run of the robot ({error}): simulate it anew") from None
     terrain, seed, friction = (values.pop(name) for name in ("terrain", "seed", "friction"))
     return Walk(str(terrain), int(seed), float(friction), **values)

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.messages import LOG
 from cad.whole_file import put_file
-from sensing.npz import read_npz
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
@@ -30,6 +29,7 @@ from sensing.simulator.press.state import Refusal
 from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.solid.surface import turn_wrench
 from sensing.simulator.walk.contacts import Contacts
+from sensing.simulator.walk.truth import DAMAGED
 
 Array = NDArray[np.float64]
 FRICTION = 0.9  # of the solved contacts: the pull of a sliding endcap, 0.7 of its load, has to be held
@@ -120,6 +120,7 @@ def load_states(path: Path) -> PressedStates:
         FileError: missing, damaged, or another file.
     """
     try:
-        return PressedStates(**read_npz(path, [one.name for one in fields(PressedStates)]))
-    except (OSError, ValueError, KeyError) as error:
+        with np.load(path, allow_pickle=False) as data:
+            return PressedStates(**{one.name: data[one.name] for one in fields(PressedStates)})
+    except DAMAGED as error:
         raise FileError(f"{path}: no solved contacts ({error}): remove it, and they are solved anew") from None

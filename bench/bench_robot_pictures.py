@@ -45,7 +45,7 @@ HERE = Path(__file__).parent
 FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
 RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load from which a reading is one of a contact
 INSIDE_95 = 1.96
-SHOWN_S, VIEW_PX = 9.0, (320, 240)  # moment of the run, and size of a view on the sheet
+SHOWN_S, VIEW_PX = 18.5, (320, 240)  # moment of the run, and size of a view on the sheet
 ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
 
 
@@ -190,10 +190,9 @@ def picture(options: argparse.Namespace, stage: Stage) -> bytes:
     for endcap in robot.endcaps:
         view = cv2.resize(stage.picture(walk, robot, endcap, SHOWN_S), VIEW_PX, interpolation=cv2.INTER_AREA)
         load = float(np.linalg.norm(true_wrenches(walk, robot, endcap, rows)[0][0, :3]))
-        for color, width in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-            cv2.putText(
-                view, f"{endcap.name}: {load:.1f} N", (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, color, width, cv2.LINE_AA
-            )
+        label = f"{endcap.name}: {load:.1f} N"
+        view = cv2.copyMakeBorder(view, 24, 0, 0, 0, cv2.BORDER_CONSTANT, value=(255, 255, 255))
+        cv2.putText(view, label, (8, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
         views.append(view)
     sheet = np.vstack([np.hstack(views[:3]), np.hstack(views[3:])])
     return cv2.imencode(".jpg", sheet, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()

@@ -16,7 +16,7 @@ from pathlib import Path
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG
-from cad.plain_numbers import plain_number
+from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import LiveModel
@@ -144,14 +144,12 @@ def _parser() -> argparse.ArgumentParser:
         "--postures", type=Path, metavar="FILE.csv",
         help="a robot's own weight: columns recording, up_x, up_y, up_z (vertical in the robot frame)",
     )  # fmt: skip
+    parser.add_argument("--tilt", type=number, default=0.0, metavar="DEG", help="of the endcap, guided (0: level)")
+    parser.add_argument("--azimuth", type=number, default=0.0, metavar="DEG", help="of that tilt, from x (0)")
     parser.add_argument(
-        "--tilt", type=plain_number, default=0.0, metavar="DEG", help="of the endcap, guided (0: level)"
+        "--scale-sd", type=number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
     )
-    parser.add_argument("--azimuth", type=plain_number, default=0.0, metavar="DEG", help="of that tilt, from x (0)")
-    parser.add_argument(
-        "--scale-sd", type=plain_number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
-    )
-    parser.add_argument("--gravity", type=plain_number, default=GRAVITY_M_S2, metavar="M/S2", help="m/s2 (9.80665)")
+    parser.add_argument("--gravity", type=number, default=GRAVITY_M_S2, metavar="M/S2", help="m/s2 (9.80665)")
     parser.add_argument("--dry-run", action="store_true", help="show the gain and store nothing")
     return parser
 

@@ -133,7 +133,11 @@ def _range(seen, gram, square):
 
 @numba.njit(**_KERNEL)
 def contact_angles(wrenches, radius_mm, least_n):
-    """Answer of :func:`sensing.wrench.range.contact_angle_deg` for contiguous float64 wrenches (N, 6), least in N."""
+    """Answer of :func:`sensing.wrench.range.contact_angle_deg`.
+
+    Args:
+        wrenches: (N, 6) contiguous float64, N and N m. radius_mm: of the sphere. least_n: with less force it is 0.
+    """
     angle = np.zeros(len(wrenches))
     for n in range(len(wrenches)):
         size = math.sqrt(wrenches[n, 0] ** 2 + wrenches[n, 1] ** 2 + wrenches[n, 2] ** 2)

@@ -31,6 +31,7 @@ from robot_pictures import Readings, Stage, frame_times, walk_step, with_picture
 from robot_runs import FIRST_SEED, held_out, judge_arrivals
 
 from cad.whole_file import replace_file
+from sensing.live.core.gate import UNCONFIRMED
 from sensing.robot.settings import DEFAULTS
 from sensing.simulator.walk.stream import Arrival, SensorSet, sensor_stream, true_wrenches
 from sensing.simulator.walk.terrain import Terrain
@@ -57,6 +58,8 @@ class ReadingErrors:
         where: ``inside`` 60 N and 60 degrees, ``beyond``, or ``free``: no contact.
         readings: how many. rmse_force_n, rmse_torque_nm: of an axis. median_force_percent: of the load.
         covered: part of the axes within 1.96 stated standard deviations. flagged: part with ``out_of_range``.
+        unconfirmed: part that the pipeline marks so: a sudden change that no second picture has confirmed yet.
+        confirmed_rmse_n: of an axis of the force of the others.
         lost: part without a number. wrong_bit: part whose contact bit is wrong. clamped: part whose picture shows a
             contact near the run's. apart_n, apart_nm: root mean square of an axis by which the state in the picture and
             the run differ.
@@ -72,6 +75,8 @@ class ReadingErrors:
     median_force_percent: float
     covered: float
     flagged: float
+    unconfirmed: float
+    confirmed_rmse_n: float
     lost: float
     wrong_bit: float
     clamped: float
@@ -133,11 +138,13 @@ def reading_errors(found: dict[str, Readings], label: tuple[str, int, str]) -> I
         load = every.load_n[rows][known]
         share = np.linalg.norm(error[:, :3], axis=1)[load > 0] / load[load > 0]
         flags = every.flags[rows]
+        unconfirmed = np.array([UNCONFIRMED in word.split() for word in flags], dtype=bool)
         yield ReadingErrors(
             *label, where, int(rows.sum()), _rms(error[:, :3]), _rms(error[:, 3:]),
             100 * float(np.median(share)) if len(share) else float("nan"),
             float((np.abs(error) < INSIDE_95 * sigma).mean()) if known.any() else float("nan"),
             float(np.mean(["out_of_range" in word for word in flags])),
+            float(unconfirmed.mean()), _rms(error[~unconfirmed[known], :3]),
             1 - float(known.mean()), float((bit != (every.load_n[rows] > 0)).mean()), float(every.clamped[rows].mean()),
             _rms((every.ran - every.shown)[rows, :3]), _rms((every.ran - every.shown)[rows, 3:]),
         )  # fmt: skip

@@ -81,6 +81,13 @@ def test_errors_of_readings_are_those_that_were_planted(perfect):
     worse = next(reading_errors(off, ("6kg", 1, "pictures")))
     assert worse.rmse_force_n == pytest.approx(0.3 / 3**0.5) and worse.rmse_torque_nm == 0
     assert worse.covered == pytest.approx(5 / 6)
+    sudden = {}
+    for name, part in off.items():
+        first = np.arange(len(part.time_s)) < len(part.time_s) // 2
+        wrench = np.where(first[:, None], part.wrench, perfect[name].wrench)
+        sudden[name] = replace(part, wrench=wrench, flags=np.where(first, "out_of_range unconfirmed", "out_of_range"))
+    marked = next(reading_errors(sudden, ("6kg", 1, "pictures")))
+    assert 0 < marked.unconfirmed < 1 and marked.rmse_force_n > 0 and marked.confirmed_rmse_n == 0
     blind = {name: replace(part, wrench=np.full_like(part.wrench, np.nan)) for name, part in perfect.items()}
     assert next(reading_errors(blind, ("6kg", 1, "pictures"))).lost == 1
 

@@ -41,7 +41,9 @@ BOTTOM = {
 PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part", "robot_sides")
 }  # standard library only, too
-SHARED = {f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz")}
+SHARED = {
+    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "typed_number")
+}
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
     "tensegrity": set(),  # description and samples of the robot, which simulator and estimator share

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import zipfile
+import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -67,7 +69,7 @@ def load_walk(path: Path) -> Walk:
     try:
         with np.load(path, allow_pickle=False) as data:
             values = {entry.name: data[entry.name] for entry in fields(Walk)}
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"{path}: no run of the robot ({error}): simulate it anew") from None
     terrain, seed, friction = (values.pop(name) for name in ("terrain", "seed", "friction"))
     return Walk(str(terrain), int(seed), float(friction), **values)

@@ -199,9 +199,11 @@ def test_a_run_is_its_seed_and_survives_its_file(tmp_path: Path):
     back = load_walk(tmp_path / "walk.npz")
     np.testing.assert_array_equal(back.force_n, first.force_n)
     assert (back.terrain, back.seed) == ("rough", 4)
-    (tmp_path / "walk.npz").write_bytes(b"PK nothing")
-    with pytest.raises(FileError):
-        load_walk(tmp_path / "walk.npz")
+    whole = (tmp_path / "walk.npz").read_bytes()
+    for damaged in (b"PK nothing", b"", whole[:3], whole[:300], whole[: len(whole) // 2], whole[:-10]):
+        (tmp_path / "walk.npz").write_bytes(damaged)
+        with pytest.raises(FileError, match="simulate it anew"):
+            load_walk(tmp_path / "walk.npz")
 
 
 def test_tips_lift_a_foot_of_their_face_and_symmetric_ones_agree():

@@ -7,8 +7,9 @@
 3. Mesh: error of weights that know the library's ``data`` mesh of D=130 T=8, on four paths solved on other meshes.
 
 4. Study: its figures for every node that is left out, against those of the solved shell.
+5. Training: force error of weights of three sizes by the processor time that their training took, on paths held out.
 
-Seven minutes of processor time.
+Seven minutes of processor time, and ten for the training.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import argparse
 import csv
 import os
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -44,11 +46,14 @@ HERE = Path(__file__).parent
 LEFT_OUT: Design = (165.0, 11.0)
 NODE_COUNTS, PATH_COUNTS = (5, 7, 9), (4, 8)
 MESHES = ("draft", "data", "fine")
+TRAINED: tuple[Design, ...] = ((110.0, 8.5), (165.0, 11.0), (200.0, 16.0))
+EPOCHS = (1, 3, 7, 20, 60)
 STUDIED = ("stiffness_0_n_mm", "stiffness_25_n_mm", "stiffness_50_n_mm", "safe_n", "strain_percent", "depth_mm")
 STUDIED += ("patch_mm2", "px_per_n", "bound_10_n", "bound_25_n", "bound_40_n", "bound_50_n", "bound_nm")
 FIRST = (0, 1, 4, 6, 7)  # nodes at the ends of the region: those a library starts with
 COLUMNS = (
     "study", "diameter_mm", "wall_mm", "nodes", "paths", "mesh", "surface_percent", "force_percent", "off_percent",
+    "train_cpu_s",
 )  # fmt: skip
 
 
@@ -139,6 +144,25 @@ def by_mesh() -> list[dict[str, Any]]:
     return rows
 
 
+def by_training() -> list[dict[str, Any]]:
+    """Weights of three sizes by passes over their data; the time is ``sensing.train --design``'s, pictures left out."""
+    library, rows = load_library(), []
+    for design in TRAINED:
+        request = DesignRequest(EndcapParams(*design), pictures=False, numbers=TRAIN)
+        simulator, scale = shell_of(request.data("off", 1))
+        test = tested_on(request, TEST, library_source(simulator, own_states(design, Path())))
+        for epochs in (0, *EPOCHS):  # the first compiles and is not counted
+            begin = time.process_time()
+            model = design_weights(request, FitConfig(epochs=epochs), None, library_source(simulator, library))
+            spent = time.process_time() - begin
+            if not epochs:
+                continue
+            percent = 100 * errors(model, test).force_n / scale.top_n
+            rows.append(_row("training", design, len(NODES), 16, "data", force_percent=percent, train_cpu_s=spent))
+            print(rows[-1], flush=True)
+    return rows
+
+
 def _row(study: str, design: Design, nodes: int, paths: int, mesh: str, **percent: float) -> dict[str, Any]:
     given = dict(zip(COLUMNS, (study, *design, nodes, paths, mesh), strict=False))
     return given | {name: percent.get(name, np.nan) for name in COLUMNS[len(given) :]}
@@ -146,8 +170,10 @@ def _row(study: str, design: Design, nodes: int, paths: int, mesh: str, **percen
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    studies = {"nodes": by_nodes, "study": by_study, "paths": by_nodes_and_paths, "mesh": by_mesh}
-    parser = argparse.ArgumentParser(description="Nodes, paths and mesh of the library against error.")
+    studies = {
+        "nodes": by_nodes, "study": by_study, "paths": by_nodes_and_paths, "mesh": by_mesh, "training": by_training,
+    }  # fmt: skip
+    parser = argparse.ArgumentParser(description="Nodes, paths and mesh of the library, and training, against error.")
     parser.add_argument("--studies", nargs="+", choices=list(studies), default=list(studies))
     options = parser.parse_args(arguments)
     rows = [row for name in options.studies for row in studies[name]()]
@@ -157,7 +183,7 @@ def main(arguments: list[str] | None = None) -> int:
         with path.open(newline="") as stream:
             rows = [row for row in csv.DictReader(stream) if row["study"] not in made] + rows
     with path.open("w", newline="") as stream:
-        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n", restval="nan")
         table.writeheader()
         table.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     plot()
@@ -171,7 +197,10 @@ def plot() -> None:
 
     with (HERE / "library.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    panels = {"nodes": _plot_nodes, "nodes and paths": _plot_paths, "mesh": _plot_mesh, "study": _plot_study}
+    panels = {
+        "nodes": _plot_nodes, "nodes and paths": _plot_paths, "mesh": _plot_mesh, "training": _plot_training,
+        "study": _plot_study,
+    }  # fmt: skip
     parts = {name: [row for row in rows if row["study"].split(": ")[0] == name] for name in panels}
     shown = [name for name in panels if parts[name]]
     figure = Figure(figsize=(1 + 4 * len(shown), 3.8), layout="constrained")
@@ -207,6 +236,15 @@ def _plot_paths(axis, rows) -> None:
 def _plot_mesh(axis, rows) -> None:
     axis.bar([row["mesh"] for row in rows], [float(row["force_percent"]) for row in rows])
     axis.set(xlabel="mesh of the tested states", ylabel="force error an axis, % of the range")
+
+
+def _plot_training(axis, rows) -> None:
+    for design in dict.fromkeys((row["diameter_mm"], row["wall_mm"]) for row in rows):
+        line = [row for row in rows if (row["diameter_mm"], row["wall_mm"]) == design]
+        place = [float(row["train_cpu_s"]) for row in line], [float(row["force_percent"]) for row in line]
+        axis.plot(*place, "o-", label=f"D={design[0]} T={design[1]}")
+    axis.set(xlabel="processor time, s", ylabel="force error an axis, % of the range", ylim=(0, None))
+    axis.legend(fontsize=7)
 
 
 def _plot_study(axis, rows) -> None:

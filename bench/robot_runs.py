@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from sensing.robot.estimator import RobotEstimator
 from sensing.robot.settings import Contacts, KnownContact, Settings
 from sensing.simulator.walk.gait import endcap_centres, held_out_gait
 from sensing.simulator.walk.simulate import simulate_walk
-from sensing.simulator.walk.stream import SensorSet, rotation_matrices, rotation_vectors, sensor_stream
+from sensing.simulator.walk.stream import Arrival, SensorSet, rotation_matrices, rotation_vectors, sensor_stream
 from sensing.simulator.walk.terrain import Terrain
 from sensing.simulator.walk.truth import Walk, load_walk, save_walk
 from sensing.tensegrity.description import TensegrityRobot
@@ -86,17 +87,17 @@ def held_out(robot: TensegrityRobot, terrain: Terrain, seed: int, duration_s: fl
 
 
 def followed(
-    walk: Walk, robot: TensegrityRobot, sensors: SensorSet, settings: Settings, seed: int
+    walk: Walk, robot: TensegrityRobot, arrivals: Sequence[Arrival], settings: Settings
 ) -> tuple[list[RobotEstimate], float, Array]:
     """(estimates, processor time in s, wall-clock time of each sample in s).
 
     Args:
-        walk: what happened. robot: whose. sensors: how good they are. settings: of the estimator. seed: of the noise.
+        walk: what happened. robot: whose. arrivals: what its sensors report. settings: of the estimator.
     """
     estimator = RobotEstimator(robot, settings)
     known = known_contacts(walk, robot) if settings.contacts is Contacts.KNOWN else {}
     estimates, walls, spent, ask_s = [], [], 0.0, 0.0
-    for arrival in sensor_stream(walk, robot, sensors, seed):
+    for arrival in arrivals:
         sample = arrival.sample
         begun, wall = time.process_time(), time.perf_counter()
         if isinstance(sample, InertialSample):
@@ -220,9 +221,21 @@ def judge(walk: Walk, robot: TensegrityRobot, sensors: SensorSet, settings: Sett
         walk: what happened. robot: whose. sensors: how good they are. settings: of the estimator.
         knob, level: of a curve.
     """
-    estimates, spent, walls = followed(walk, robot, sensors, settings, walk.seed)
+    return judge_arrivals(walk, robot, sensor_stream(walk, robot, sensors, walk.seed), settings, (knob, level))
+
+
+def judge_arrivals(
+    walk: Walk, robot: TensegrityRobot, arrivals: Sequence[Arrival], settings: Settings, knob: tuple[str, float]
+) -> Score:
+    """Follow what sensors report, and judge.
+
+    Args:
+        walk: what happened. robot: whose. arrivals: of its samples. settings: of the estimator.
+        knob: and its level, of a curve.
+    """
+    estimates, spent, walls = followed(walk, robot, arrivals, settings)
     found = errors(walk, robot, estimates)
-    return score(walk, found, (len(walls), spent, walls), (settings.contacts.value, knob, level))
+    return score(walk, found, (len(walls), spent, walls), (settings.contacts.value, *knob))
 
 
 def _aligned(truth: Array, first: Array, leader: int) -> Array:

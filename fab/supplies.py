@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from cad.data_table import positive, read_table
 from cad.fasteners import BomLine
@@ -15,6 +17,8 @@ from fab.recipe import Recipe
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
 CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degassed
+SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0}  # of the rows of supplies.csv
+SPARE = 1.1  # E: skirts, brims, and a part that fails
 PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
 
 
@@ -71,6 +75,33 @@ def supply_lines(mix: Recipe) -> list[BomLine]:
         for row in supplies().values()
         if row.kind != "silicone"
     ]  # fmt: skip
+
+
+def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Grams of each plastic in the printed parts.
+
+    Args:
+        parts: of the manifest. figures: grams and price of each part that was sliced.
+    """
+    grams: dict[str, float] = {}
+    for part in parts:
+        if part["name"] in figures:
+            grams[part["material"]] = grams.get(part["material"], 0.0) + part["quantity"] * figures[part["name"]][0]
+    return grams
+
+
+def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float]) -> list[BomLine]:
+    """The same lines with as many spools as the prints take.
+
+    Args:
+        lines: of the bill. grams: of each plastic, as sliced; of one that is missing the table's amount stays.
+    """
+    spools = {
+        f"{plastic.split()[0]} filament": math.ceil(SPARE * grams[plastic] / spool)
+        for plastic, spool in SPOOL_G.items()
+        if grams.get(plastic)
+    }
+    return [replace(line, quantity=spools.get(line.item, line.quantity)) for line in lines]
 
 
 def camera_supply() -> Supply:

@@ -23,11 +23,11 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.whole_file import make_folder, replace_file
+from sensing.arguments import number
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE
 from sensing.records_labelled import LabelledSet
-from sensing.typed_number import typed_number
 
 DEFAULT = "default"
 
@@ -211,11 +211,11 @@ def _add_data(parser: argparse.ArgumentParser) -> None:
 
 def _add_design(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
-        "--design", type=typed_number, nargs=2, metavar=("D", "T"),
+        "--design", type=number, nargs=2, metavar=("D", "T"),
         help="weights for this diameter and wall (mm), from the library of solved states",
     )  # fmt: skip
     group.add_argument("--dot-rings", metavar="COUNTS", help=HELP["dot_rings"])
-    group.add_argument("--dot-mm", type=typed_number, metavar="MM", help=HELP["dot_mm"])
+    group.add_argument("--dot-mm", type=number, metavar="MM", help=HELP["dot_mm"])
     group.add_argument(
         "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})"
     )

@@ -16,13 +16,13 @@ from pathlib import Path
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG
+from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.live.open_endcaps import configured_models, open_endcaps
-from sensing.typed_number import typed_number
 from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import as_trained, film_readings
 from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain, require_poses
@@ -144,14 +144,12 @@ def _parser() -> argparse.ArgumentParser:
         "--postures", type=Path, metavar="FILE.csv",
         help="a robot's own weight: columns recording, up_x, up_y, up_z (vertical in the robot frame)",
     )  # fmt: skip
+    parser.add_argument("--tilt", type=number, default=0.0, metavar="DEG", help="of the endcap, guided (0: level)")
+    parser.add_argument("--azimuth", type=number, default=0.0, metavar="DEG", help="of that tilt, from x (0)")
     parser.add_argument(
-        "--tilt", type=typed_number, default=0.0, metavar="DEG", help="of the endcap, guided (0: level)"
+        "--scale-sd", type=number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
     )
-    parser.add_argument("--azimuth", type=typed_number, default=0.0, metavar="DEG", help="of that tilt, from x (0)")
-    parser.add_argument(
-        "--scale-sd", type=typed_number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
-    )
-    parser.add_argument("--gravity", type=typed_number, default=GRAVITY_M_S2, metavar="M/S2", help="m/s2 (9.80665)")
+    parser.add_argument("--gravity", type=number, default=GRAVITY_M_S2, metavar="M/S2", help="m/s2 (9.80665)")
     parser.add_argument("--dry-run", action="store_true", help="show the gain and store nothing")
     return parser
 

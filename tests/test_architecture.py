@@ -42,7 +42,7 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part", "robot_sides")
 }  # standard library only, too
 SHARED = {
-    f"sensing.{name}" for name in ("records", "records_labelled", "frames", "decode", "compiled", "npz", "typed_number")
+    f"sensing.{name}" for name in ("arguments", "compiled", "decode", "frames", "npz", "records", "records_labelled")
 }
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
@@ -91,6 +91,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     },
 }
 SHARED_WITH_SIMULATOR = {
+    "sensing.arguments",  # forms of options: nothing that an estimate is made with
     "sensing.records",
     "sensing.records_labelled",
 }  # besides the packages camera and tensegrity

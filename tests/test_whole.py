@@ -28,6 +28,7 @@ def runner(wanted, seen: list[Step], status: dict[str, int] | None = None):
             (folder / "study").mkdir()
             (folder / "study" / "study.csv").write_text(
                 "key,name,value,unit,source,note\nrange_n,range <of> it,54.6875,N,computed,\nx,y,,%,unknown,\n"
+                "plastic_g,plastic,1065.6,g,measured,\n"
             )
         return (status or {}).get(step.module, 0)
 
@@ -50,6 +51,8 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
         "2 checks",
         "range &lt;of&gt; it",
         "54.7 N",
+        "<td>–</td>",
+        "1066 g",
         "base.stl",
         "study/study.csv",
         "--diameter 180 --wall 10",

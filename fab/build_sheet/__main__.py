@@ -114,7 +114,7 @@ def _collect(
 ) -> tuple[SheetData, dict[str, Any]]:
     """Measure, gate and draw; returns the sheet's data and its own record."""
     from cad.mold_core import REMOVAL_ORDER
-    from fab.bom import all_joints, bom_checks, bom_lines
+    from fab.bom import all_joints, bom_checks, bom_lines, printed_figures
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import draw_ring_light, ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
@@ -122,11 +122,14 @@ def _collect(
     from fab.checks.extraction import core_path
     from fab.recipe import overflow_checks, overflow_mm3, recipe, shell_volume_mm3
     from fab.steps.endcap import all_steps
+    from fab.supplies import plastic_g, with_spools
 
     progress("parts and screws")
     shop = open_workshop(export)
     mix = recipe(shell_volume_mm3(export.manifest), overflow_mm3(shop.layout), export.variant.silicone)
-    lines = bom_lines(export.manifest, shop.fits, mix, sliced)
+    lines = with_spools(
+        bom_lines(export.manifest, shop.fits, mix, sliced), plastic_g(export.manifest["parts"], printed_figures(sliced))
+    )
     depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.spilled_mm3)
     ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
     steps = all_steps(shop.layout, ways)

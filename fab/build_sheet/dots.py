@@ -4,7 +4,7 @@ A gore is the strip of the inner surface between two meridians: along its middle
 lengths on each parallel are true. Cut out and laid into the dome from the tip it meets its dots.
 
 Notes:
-    The camera's picture is the equidistant fisheye r = f theta with its disc of 331 px at 90 degrees (M, CAM04).
+    The camera's picture is that of the lens of the module at hand (:mod:`cad.lens`), as drawn frames have it.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import math
 from collections.abc import Sequence
 
 from cad.dots import Dot, dot_pattern, dot_position_mm
+from cad.lens import camera_module
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Drawing
 
 MARGIN_MM = 4.0
-DISC_PX = 331.0  # M, CAM04: radius of the shell in a 640 x 480 frame
+DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
 FRAME_PX = (640.0, 480.0)
 SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
@@ -48,14 +49,31 @@ def gore_of(dot: Dot, count: int) -> int:
 
 
 def camera_pixels(params: EndcapParams) -> list[tuple[float, float]]:
-    """Where the dots should appear (x right, y down, frame of 640 x 480), for the ones before the 180 degree plane."""
+    """Where the dots should appear (x right, y down, frame of 640 x 480), for those that the lens sees."""
     pixels = []
     for dot in dot_pattern(params):
         x, y, z = dot_position_mm(params, dot)
         off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
-        reach, azimuth = DISC_PX * off_axis / (math.pi / 2), math.atan2(y, x)
-        pixels.append((FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 - reach * math.sin(azimuth)))
+        if math.degrees(off_axis) <= camera_module().max_half_angle_deg:
+            reach, azimuth = lens_px(off_axis), math.atan2(y, x)
+            pixels.append((FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 + reach * math.sin(azimuth)))
     return pixels
+
+
+def lens_px(off_axis: float) -> float:
+    """Distance from the frame's centre, px: Kannala and Brandt 2006, doi:10.1109/TPAMI.2006.153, radial terms.
+
+    Args:
+        off_axis: angle from the optical axis, rad.
+    """
+    module = camera_module()
+    radial = 1.0 + sum(k * off_axis ** (2 * power) for power, k in enumerate(module.k, start=1))
+    return module.focal_per_row * FRAME_PX[1] * off_axis * radial
+
+
+def disc_px() -> float:
+    """Radius at which the picture of the shell ends."""
+    return lens_px(math.radians(DISC_DEG))
 
 
 def dots_in(pixels: Sequence[tuple[float, float]], width: float, height: float) -> int:
@@ -73,7 +91,7 @@ def first_light(params: EndcapParams) -> Drawing:
     scale = 110.0 / width
     shapes = [
         f'<rect x="0" y="0" width="{width:g}" height="{height:g}" fill="#eef1f3" stroke="#20242a"/>',
-        f'<circle cx="{width / 2:g}" cy="{height / 2:g}" r="{DISC_PX:g}" '
+        f'<circle cx="{width / 2:g}" cy="{height / 2:g}" r="{disc_px():.0f}" '
         'fill="none" stroke="#2f6f6a" stroke-width="2"/>',
         f'<rect x="{(width - SQUARE_PX) / 2:g}" y="{(height - SQUARE_PX) / 2:g}" width="{SQUARE_PX:g}" '
         f'height="{SQUARE_PX:g}" fill="none" stroke="#c05a1c" stroke-width="1.5" stroke-dasharray="6 4"/>',

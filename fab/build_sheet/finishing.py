@@ -12,7 +12,7 @@ from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import INTERPRETER, program_command
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import DISC_PX, FRAME_PX, SQUARE_PX, camera_pixels, dots_in, first_light, gores, ruler
+from fab.build_sheet.dots import FRAME_PX, SQUARE_PX, camera_pixels, disc_px, dots_in, first_light, gores, ruler
 from fab.build_sheet.steps import stage_blocks, steps
 
 RELEASED = EndcapParams(130.0, 8.0)
@@ -94,9 +94,9 @@ def light_check(data: SheetData) -> list[Block]:
         Table(
             ("look at", "good", "if not"),
             (
-                ("disc of the shell", f"centre within 10 px of the frame's, radius about {DISC_PX:g} px",
+                ("disc of the shell", f"centre within 10 px of the frame's, radius about {disc_px():.0f} px",
                  "camera not flat on its four pads, or another lens"),
-                ("dots in the whole frame", f"about {frame} by an equidistant lens{of_frame}",
+                ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
                  "ink missing, or lamps too dark"),
                 ("dots in the centre square", f"about {square} by the same{of_square}",
                  "camera not centred"),

@@ -14,14 +14,16 @@ import json
 import re
 import secrets
 import socket
-from collections.abc import Mapping
+import traceback
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from cad.errors import ParameterError
+from cad.errors import EndcapError, ParameterError
+from cad.messages import LOG
 from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.jobs import Jobs
 
@@ -96,10 +98,32 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 60
 
     def do_GET(self) -> None:
+        self._answered(self._get)
+
+    def do_POST(self) -> None:
+        self._answered(self._post)
+
+    def _answered(self, work: Callable[[], None]) -> None:
+        """Answer a request; an error is one line, here and in the terminal, never an empty reply."""
+        try:
+            work()
+        except (ConnectionError, TimeoutError):
+            self._close_after()  # a browser that went away
+        except EndcapError as error:
+            LOG.error(f"design page: {error}")
+            self._text(HTTPStatus.INTERNAL_SERVER_ERROR, str(error))
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
+            LOG.error(f"design page: {urlsplit(self.path).path}: {what}")
+            self._close_after()  # what is left of the request is unread
+            self._text(HTTPStatus.INTERNAL_SERVER_ERROR, f"An error of the program, please report it: {what}")
+
+    def _get(self) -> None:
         if self._refused():
             return
         address = urlsplit(self.path)
-        path, query = unquote(address.path), dict(parse_qsl(address.query, max_num_fields=16))
+        path, query = unquote(address.path), dict(parse_qsl(address.query, True, max_num_fields=16))
         if path in STATIC:
             self._static(path)
         elif path == "/region.json":
@@ -115,7 +139,7 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._text(HTTPStatus.NOT_FOUND, "There is nothing under this address.")
 
-    def do_POST(self) -> None:
+    def _post(self) -> None:
         if self._refused():
             return
         given = self.headers.get(TOKEN_HEADER, "")

@@ -42,8 +42,11 @@ class Figure:
 
     @property
     def text(self) -> str:
-        """Value with unit, or a dash."""
-        return "–" if self.value is None else f"{self.value:.3g} {self.unit}".strip()
+        """Three digits with the unit, larger numbers whole; or a dash."""
+        if self.value is None:
+            return "–"
+        digits = f"{self.value:.0f}" if abs(self.value) >= 999.5 else f"{self.value:.3g}"
+        return f"{digits} {self.unit}".strip()
 
 
 def figures(study: Study, prints: Prints | None = None) -> list[Figure]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from html import escape
 
-from cad.materials import silicones
+from cad.design_arguments import design_words
+from cad.materials import DEFAULT_SILICONE, silicones
 from cad.plain_numbers import plain
 from sensing.design.figures import Figure, blind_direction
 from sensing.design.plots import bound_bars, dots_picture, load_curves, map_panels
@@ -35,7 +37,6 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
         study: the design. lines: its figures.
     """
     params = study.params
-    words = f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
     weights = find_weights(params, study.silicone)
     has = f"weights: <code>{escape(str(weights))}</code>" if weights else "no weights yet:"
     train = "" if weights else f"<pre>{escape(command_for(params, study.silicone))}</pre>"
@@ -51,9 +52,18 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
         f"{params.label} in {study.silicone}: what it will feel",
         f"<table>{''.join(_row(line) for line in lines)}</table>{SOURCES}"
         f"<p>Blind: {escape(blind_direction(study))}.</p>{pictures}"
-        f"<h2>Next</h2><p>{has}</p>{train}<pre>make molds {words}\nmake endcap {words}\n"
-        f"python -m sensing.live --diameter {plain(params.diameter_mm)} --wall {plain(params.wall_mm)}</pre>",
+        f"<h2>Next</h2><p>{has}</p>{train}<pre>{escape(_next(study))}</pre>",
     )
+
+
+def _next(study: Study) -> str:
+    """Commands that make and run this very design, its dots and silicone included."""
+    params, other = study.params, study.silicone != DEFAULT_SILICONE
+    made = {"D": plain(params.diameter_mm), "T": plain(params.wall_mm), **params.option_words}
+    made |= {"material": shlex.quote(study.silicone)} if other else {}
+    words = " ".join(f"{name}={value}" for name, value in made.items())
+    live = (*design_words(params), *(("--silicone", shlex.quote(study.silicone)) if other else ()))
+    return f"make molds {words}\nmake endcap {words}\npython -m sensing.live {' '.join(live)}"
 
 
 def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) -> str:

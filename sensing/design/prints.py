@@ -10,11 +10,12 @@ from pathlib import Path
 from cad.errors import FileError
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
-from sensing.design.region import MOLD_RADIUS_MM, MOLD_USD
+from sensing.design.region import MOLD_RADIUS_MM
 
 SLICES = Path("slice", "slice.json")  # beside the study, from make slice
 SECOND_FORM = "interface_gyroid"  # one interface is printed, in one of two forms
-PLA_USD_KG, PLA_GRAMS_H = 20.0, 25.0  # E: a kilogram spool; 0.2 mm layers of a 0.4 mm nozzle, walls and little filling
+MOLD_GRAMS, PLA_GRAMS_H = 514.0, 17.5  # M at D=130 T=8 as make slice measures; E: in proportion to R^2, and one rate
+PLA_USD_KG = 20.0  # E: a kilogram spool
 INTERFACE_GRAMS, INTERFACE_H = 23.8, 3.02  # M at D=130 T=8 (bench/slice.csv, "infill"); E: in proportion to R
 TPU_USD_KG = 35.0  # E
 
@@ -83,9 +84,9 @@ def sliced_prints(params: EndcapParams, path: Path) -> Prints:
 def estimated_prints(params: EndcapParams) -> Prints:
     """Mold and interface by closed form: thin walls of PLA with R squared, the interface's ring with R."""
     ratio = params.outer_radius_mm / MOLD_RADIUS_MM
-    mold_usd = MOLD_USD * ratio**2
-    mold_grams, ring_grams = 1000 * mold_usd / PLA_USD_KG, INTERFACE_GRAMS * ratio
+    mold_grams, ring_grams = MOLD_GRAMS * ratio**2, INTERFACE_GRAMS * ratio
     return Prints(
         mold_grams / PLA_GRAMS_H + INTERFACE_H * ratio, mold_grams + ring_grams,
-        mold_usd + TPU_USD_KG * ring_grams / 1000, "mold and interface; base and stand not counted", False,
+        (PLA_USD_KG * mold_grams + TPU_USD_KG * ring_grams) / 1000, "mold and interface; base and stand not counted",
+        False,
     )  # fmt: skip

@@ -15,6 +15,7 @@ from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
+from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights
@@ -25,7 +26,6 @@ from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, reduce_pauses, run_until_stopped
 from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import known_methods
-from sensing.typed_number import typed_number
 from sensing.wrench.weight_files import command_for
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def _add_sources(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--config", type=Path, metavar="FILE", help="endcaps.toml")
     play = parser.add_argument_group("how a recording is played")
     play.add_argument(
-        "--from", dest="from_s", type=typed_number, metavar="S", help="begin so many seconds after its start (0)"
+        "--from", dest="from_s", type=number, metavar="S", help="begin so many seconds after its start (0)"
     )
     play.add_argument("--at-end", choices=["stop", "loop", "stay"], help="end the run, begin again, or wait (stop)")
     play.add_argument("--paused", action="store_true", help="show the first pictures and wait for the page's button")

@@ -132,6 +132,40 @@ def _range(seen, gram, square):
 
 
 @numba.njit(**_KERNEL)
+def contact_angles(wrenches, radius_mm, least_n):
+    """Answer of :func:`sensing.wrench.range.contact_angle_deg`.
+
+    Args:
+        wrenches: (N, 6) contiguous float64, N and N m. radius_mm: of the sphere. least_n: with less force it is 0.
+    """
+    angle = np.zeros(len(wrenches))
+    for n in range(len(wrenches)):
+        size = math.sqrt(wrenches[n, 0] ** 2 + wrenches[n, 1] ** 2 + wrenches[n, 2] ** 2)
+        if not size >= least_n:
+            continue
+        x, y, z = wrenches[n, 0] / size, wrenches[n, 1] / size, wrenches[n, 2] / size
+        p, q, r = 1000 * wrenches[n, 3] / size, 1000 * wrenches[n, 4] / size, 1000 * wrenches[n, 5] / size
+        a, b, c = y * r - z * q, z * p - x * r, x * q - y * p  # point of the line nearest to the centre
+        height = c - z * math.sqrt(max(radius_mm**2 - (a * a + b * b + c * c), 0.0))
+        angle[n] = math.degrees(math.acos(min(max(height / radius_mm, -1.0), 1.0)))
+    return angle
+
+
+@numba.njit(**_KERNEL)
+def largest_deviations(covariance, unit):
+    """(N,) largest standard deviation of covariances (N, 6, 6), each axis in its ``unit`` (6,)."""
+    largest = np.zeros(len(covariance))
+    for n in range(len(covariance)):
+        for k in range(6):
+            deviation = math.sqrt(covariance[n, k, k]) / unit[k]
+            if not deviation <= largest[n]:
+                largest[n] = deviation
+            if math.isnan(deviation):
+                break
+    return largest
+
+
+@numba.njit(**_KERNEL)
 def predict(state, covariance, step, walk, density):
     """States and covariances of M motions after a ``step``.
 

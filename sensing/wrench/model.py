@@ -27,7 +27,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.wrench.kernels import answer_many, answer_one
+from sensing.wrench.kernels import answer_many, answer_one, largest_deviations
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
@@ -128,9 +128,8 @@ class WrenchModel:
         """(N,) largest standard deviation before calibration, in units and tolerances, of wrenches (N, 6) with
         covariances (N, 6, 6): high where a field is like those of contacts that the mean was not fitted to.
         """
-        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         unit = self._doubles["calibration"] * self._doubles["units"]
-        return np.asarray((sigma / unit).max(axis=1) / tolerance(value[:, :3])[:, 0])
+        return np.asarray(largest_deviations(covariance, unit) / tolerance(value[:, :3])[:, 0])
 
     def _beyond_contacts(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
         """(N,) True where estimated wrenches (N, 6) are larger, further from the tip or, by their covariances

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.wrench.kernels import contact_angles
+
 Array = NDArray[np.float64]
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
 STEEP_SHARE = 0.6  # M: of the tilt that training covered; below it planes raise less doubt (docs/wrench.md)
@@ -51,13 +53,7 @@ def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
     Args:
         wrenches: on the endcap about the sphere's centre, N and N m. radius_mm: of the sphere.
     """
-    force, torque = wrenches[:, :3], 1000 * wrenches[:, 3:]
-    size = np.linalg.norm(force, axis=1)
-    clear = size >= LEAST_FORCE_N
-    unit = force / np.where(clear, size, 1.0)[:, None]
-    near = np.cross(unit, torque) / np.where(clear, size, 1.0)[:, None]  # point of the line nearest to the centre
-    height = near[:, 2] - unit[:, 2] * np.sqrt(np.maximum(radius_mm**2 - (near**2).sum(axis=1), 0.0))
-    return np.where(clear, np.degrees(np.arccos(np.clip(height / radius_mm, -1.0, 1.0))), 0.0)
+    return np.asarray(contact_angles(np.ascontiguousarray(wrenches, float), radius_mm, LEAST_FORCE_N))
 
 
 def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array, Array]:

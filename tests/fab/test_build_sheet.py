@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cad.dots import dot_pattern
+from cad.dots import dot_pattern, dot_position_mm
 from cad.errors import FileError
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
@@ -20,7 +20,7 @@ from fab.bom import bom_lines
 from fab.build_sheet import __main__ as command
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import DISC_PX, camera_pixels, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.dots import camera_pixels, disc_px, dots_in, first_light, gore_of, gores, ruler
 from fab.build_sheet.finishing import light_check
 from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
@@ -33,6 +33,7 @@ from fab.led_ring.light import dome_light
 from fab.recipe import recipe
 from fab.slice.projects import Export
 from fab.variant import Variant
+from sensing.camera.nominal import nominal_mount
 
 PARAMS = EndcapParams(130.0, 8.0)
 
@@ -77,14 +78,22 @@ def test_ruler_is_a_hundred_millimetres_long():
     assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg
 
 
-def test_camera_picture_is_centred_and_a_dot_at_ninety_degrees_lies_on_the_disc():
-    pixels = np.array(camera_pixels(PARAMS))
-    assert np.allclose(pixels[0], (320, 240))
-    reach = np.linalg.norm(pixels - (320, 240), axis=1)
-    assert reach.max() <= DISC_PX + 1
-    inside = dots_in(list(map(tuple, pixels)), 640, 480)
-    assert 0 < dots_in(list(map(tuple, pixels)), 480, 480) < inside <= len(pixels)
-    assert first_light(PARAMS).svg.count("<circle") == len(pixels) + 1
+@pytest.mark.parametrize("module", ["ELP-USBFHD01M-L180", "ELP-USBFHD01M-L170"])
+@pytest.mark.parametrize("params", [PARAMS, EndcapParams(162.5, 10.75)])
+def test_first_light_shows_the_dots_where_the_nominal_camera_sees_them(params, module, monkeypatch):
+    monkeypatch.setenv("ENDCAP_CAMERA", module)
+    nominal = nominal_mount(params)
+    seen = nominal.project(np.array([dot_position_mm(params, dot) for dot in dot_pattern(params)]))
+    wanted = seen[np.isfinite(seen).all(axis=1)] + 0.5  # a drawing begins at the pixel's corner
+    pixels = camera_pixels(params)
+    assert np.allclose(pixels, wanted, atol=1e-6)
+    assert 0 < dots_in(pixels, 480, 480) < dots_in(pixels, 640, 480) <= len(pixels)
+    assert first_light(params).svg.count("<circle") == len(pixels) + 1
+
+
+def test_the_shell_ends_where_the_photos_show_it():
+    """CAM04: 331 px at 640 x 480."""
+    assert disc_px() == pytest.approx(331.0, abs=0.5)
 
 
 def test_the_poured_silicone_has_its_volume_and_fills_to_the_depth():

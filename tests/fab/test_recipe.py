@@ -18,6 +18,7 @@ from cad.params import EndcapParams
 from fab.bom import all_joints, bom_checks, bom_csv, bom_lines
 from fab.checks.screw_fit import LENGTHS_MM, ScrewFit, fitted, length_tolerance_mm, screw_fit
 from fab.recipe import mix_parts, recipe, shell_volume_mm3
+from fab.supplies import plastic_g, supply_lines, with_spools
 
 LAYOUT = MoldLayout(EndcapParams(130.0, 8.0))
 
@@ -181,6 +182,15 @@ def test_every_part_screw_and_nut_has_its_line():
     assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 5 + 10 + 6 + 8 + 6
     rows = list(csv.DictReader(io.StringIO(bom_csv(lines))))
     assert len(rows) == len(lines) and math.isclose(float(rows[0]["quantity"]), 1)
+
+
+@pytest.mark.parametrize(("grams", "spools"), [(900.0, 1), (950.0, 2), (2000.0, 3)])
+def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
+    parts = [{"name": name, "material": "PLA", "quantity": 1} for name in ("base", "hanger", "not_sliced")]
+    plastics = plastic_g(parts, {"base": (100.0, 2.0), "hanger": (grams - 100.0, 2.0), "camera": (50.0, 1.0)})
+    assert plastics == {"PLA": grams}
+    amounts = {line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, 2e3)), plastics)}
+    assert amounts["PLA filament"] == spools and amounts["TPU filament"] == 1
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,9 @@ const svg = (name, values, parent) => {
 const query = () => new URLSearchParams(KNOBS.map((name) => [name, (SLIDERS.includes(name) ? $(name + "_number") : $(name)).value]));
 
 async function begin() {
-  const offer = page.offer = await (await fetch("region.json")).json();
+  const reply = await fetch("region.json");
+  if (!reply.ok) { $("refusal").textContent = await reply.text(); return; }
+  const offer = page.offer = await reply.json();
   for (const [name, [low, high]] of [["D", offer.diameter], ["T", offer.wall], ["joint_clearance", offer.clearance]]) {
     const step = Number($(name).step); // the slider stops at round numbers; the field beside it takes any
     $(name).min = step * Math.ceil(low / step - 1e-9); $(name).max = step * Math.floor(high / step + 1e-9);
@@ -39,7 +41,7 @@ async function begin() {
 async function refresh() {
   const number = ++page.asked, words = query();
   const [answer, shape] = await Promise.all([
-    fetch("answer.json?" + words).then((r) => r.json()),
+    fetch("answer.json?" + words).then(async (r) => (r.ok ? r.json() : { refusal: await r.text() })),
     viewer.gl ? fetch("preview.glb?" + words).then((r) => (r.ok ? r.arrayBuffer() : null)) : null,
   ]);
   if (number !== page.asked) return; // a later change is on its way
@@ -110,10 +112,12 @@ async function follow() { // asks, and is answered when something has changed
   let seen = "";
   for (;;) {
     try {
-      const job = await (await fetch("job.json?seen=" + seen)).json();
+      const reply = await fetch("job.json?seen=" + seen);
+      if (!reply.ok) throw new Error(await reply.text());
+      const job = await reply.json();
       if (String(job.number) !== seen) { seen = String(job.number); show_job(job); }
     } catch (error) {
-      $("status").textContent = "The page's program has ended: start make design again.";
+      $("status").textContent = error instanceof TypeError ? "The page's program has ended: start make design again." : error.message;
       $("make").disabled = true;
       say();
       return;

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, transient
+from sensing.arguments import number
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
 from sensing.robot.node.record import Report, report_text
@@ -20,7 +21,6 @@ from sensing.robot.node.terminal import RobotTerminal
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.robot_file import SHIPPED, load_robot
 from sensing.tensegrity.samples import Sample
-from sensing.typed_number import typed_number
 
 if TYPE_CHECKING:
     from sensing.robot.node.page import RobotPage
@@ -204,7 +204,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--live", action="store_true", help="samples of ROS 2 topics (docs/robot.md)")
     parser.add_argument("--endcaps", type=Path, metavar="FILE", help="live, with the cameras here: endcaps.toml")
     parser.add_argument(
-        "--wrench-sd", type=typed_number, nargs=2, metavar=("N", "NM"),
+        "--wrench-sd", type=number, nargs=2, metavar=("N", "NM"),
         help="live: standard deviations of wrenches without covariance (geometry_msgs/WrenchStamped)",
     )  # fmt: skip
     parser.add_argument("--replay", type=Path, metavar="FILE", help="a recording made with --record")
@@ -216,6 +216,6 @@ def _parser() -> argparse.ArgumentParser:
     simulated = parser.add_argument_group("the simulated robot")
     simulated.add_argument("--terrain", metavar="NAME", help="what it walks on (flat)")
     simulated.add_argument("--seed", type=int, metavar="N", help="of the ground and all noise (1)")
-    simulated.add_argument("--seconds", type=typed_number, metavar="S", help="length of the run (40)")
-    simulated.add_argument("--speed", type=typed_number, metavar="X", help="0: as fast as possible (1)")
+    simulated.add_argument("--seconds", type=number, metavar="S", help="length of the run (40)")
+    simulated.add_argument("--speed", type=number, metavar="X", help="0: as fast as possible (1)")
     return parser

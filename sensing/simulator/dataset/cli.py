@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
-from cad.plain_numbers import plain_number
+from sensing.arguments import number
 from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
 from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
@@ -46,17 +46,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_mechanics(parser: argparse.ArgumentParser) -> None:
-    _option(parser, "diameter_mm", plain_number, "diameter D, mm", "--diameter")
-    _option(parser, "wall_mm", plain_number, "wall T, mm", "--wall")
+    _option(parser, "diameter_mm", number, "diameter D, mm", "--diameter")
+    _option(parser, "wall_mm", number, "wall T, mm", "--wall")
     _option(parser, "dot_rings", str, "dots of each ring from tip to equator")
-    _option(parser, "dot_mm", plain_number, "diameter of a dot, mm")
+    _option(parser, "dot_mm", number, "diameter of a dot, mm")
     _option(parser, "silicone", str, "row of cad/materials.csv")
-    _option(
-        parser, "interlock", plain_number, "stiffness of the zone with TPU gyroid over that of silicone; TPU 95A: 1.49"
-    )
+    _option(parser, "interlock", number, "stiffness of the zone with TPU gyroid over that of silicone; TPU 95A: 1.49")
     _option(parser, "indenter", str, "what presses", choices=tuple(KINDS))
-    _option(parser, "radius_mm", plain_number, "radius of a sphere or edge, mm", "--radius")
-    _option(parser, "axis_deg", plain_number, "direction of an edge from the meridian, degrees", "--axis")
+    _option(parser, "radius_mm", number, "radius of a sphere or edge, mm", "--radius")
+    _option(parser, "axis_deg", number, "direction of an edge from the meridian, degrees", "--axis")
     _option(parser, "protocol", str, "loading paths", choices=tuple(PROTOCOLS))
     _option(
         parser, "loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS

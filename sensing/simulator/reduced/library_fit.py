@@ -25,7 +25,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, transient
-from cad.plain_numbers import plain_number
+from sensing.arguments import number
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
@@ -235,8 +235,8 @@ def main(arguments: list[str] | None = None) -> int:
         description="Fit the level 4 library of one shell (some minutes on one core).",
     )
     parser.add_argument("--out", type=Path, required=True, help="file to write, .npz")
-    parser.add_argument("--diameter", type=plain_number, default=130, help="diameter D, mm (default 130)")
-    parser.add_argument("--wall", type=plain_number, default=8, help="wall T, mm (default 8)")
+    parser.add_argument("--diameter", type=number, default=130, help="diameter D, mm (default 130)")
+    parser.add_argument("--wall", type=number, default=8, help="wall T, mm (default 8)")
     parser.add_argument("--silicone", default=DEFAULT_SILICONE, help=f"row of the table (default {DEFAULT_SILICONE})")
     parser.add_argument("--density", default="data", help="mesh (default data)")
     parser.add_argument("--states", type=int, default=STATES, help=f"states at each tilt (default {STATES})")

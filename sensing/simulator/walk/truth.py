@@ -14,6 +14,8 @@ from cad.errors import FileError
 from cad.whole_file import put_file
 from sensing.tensegrity.description import Array
 
+DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)  # what a bad ``.npz`` raises
+
 
 @dataclass(frozen=True)
 class Walk:
@@ -69,7 +71,7 @@ def load_walk(path: Path) -> Walk:
     try:
         with np.load(path, allow_pickle=False) as data:
             values = {entry.name: data[entry.name] for entry in fields(Walk)}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except DAMAGED as error:
         raise FileError(f"{path}: no run of the robot ({error}): simulate it anew") from None
     terrain, seed, friction = (values.pop(name) for name in ("terrain", "seed", "friction"))
     return Walk(str(terrain), int(seed), float(friction), **values)

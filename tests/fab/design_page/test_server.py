@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cad.errors import ParameterError
+from cad.errors import FileError, ParameterError
 from fab.design_page import __main__ as command
 from fab.design_page.jobs import Jobs, program_commands
 from fab.design_page.server import TOKEN_HEADER, DesignServer
@@ -75,6 +75,35 @@ def test_a_page_of_another_name_and_a_button_without_the_token_are_refused(serve
     assert ask(server, "/make", {"D": "130", "T": "8"}, **{TOKEN_HEADER: "guess"})[0] == 403
     assert ask(server, "/make", {"D": "130", "T": "8"}, Origin="http://evil.example", **good)[0] == 403
     assert server.jobs.seen(-1)["number"] == 0  # nothing has been started
+
+
+def test_an_empty_field_is_no_size(server):
+    status, content, _ = ask(server, "/answer.json?D=&T=10")
+    assert status == 200 and "D= is not a number" in json.loads(content)["refusal"]
+
+
+def raising(error: Exception):
+    def stand_in(*_: object) -> None:
+        raise error
+
+    return stand_in
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (FileError("cad/materials.csv: line 3: no density"), "cad/materials.csv: line 3: no density"),
+        (KeyError("bowl"), "An error of the program, please report it: KeyError: 'bowl' (test_server.py, line "),
+    ],
+)
+def test_an_error_while_answering_is_a_line_on_the_page_and_in_the_terminal(server, monkeypatch, capsys, error, said):
+    monkeypatch.setattr("fab.design_page.server.answer", raising(error))
+    monkeypatch.setattr(server.jobs, "stop", raising(error))
+    button = {TOKEN_HEADER: server.token}
+    for status, content, _ in (ask(server, "/answer.json?D=130&T=8"), ask(server, "/stop", {}, **button)):
+        assert status == 500 and content.decode().startswith(said)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2 and all(line.startswith("design page: ") for line in lines)
 
 
 def test_every_answer_forbids_frames_and_other_networks(server):

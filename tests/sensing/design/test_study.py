@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 import math
 
@@ -13,9 +14,10 @@ from cad.errors import ParameterError
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing import study as command
-from sensing.design.figures import Source, as_csv, figures
+from sensing.design.figures import Figure, Source, as_csv, figures
+from sensing.design.page import study_page
 from sensing.design.pressed import GYROID_FRACTION, Study
-from sensing.design.prints import prints_of
+from sensing.design.prints import estimated_prints, prints_of
 from sensing.design.region import Place, choose, grid, in_silicone, pareto, place_of
 
 RELEASED = Study(EndcapParams(130, 8))
@@ -26,6 +28,35 @@ def test_every_figure_says_where_it_comes_from_and_none_is_not_a_number():
     assert len({line.key for line in lines}) == len(lines)
     assert all(line.source is Source.UNKNOWN if line.value is None else math.isfinite(line.value) for line in lines)
     assert len(as_csv(lines).splitlines()) == len(lines) + 1
+
+
+def test_the_next_commands_are_those_of_the_very_design():
+    study = Study(EndcapParams(111, 7.1, dot_mm=3.5), "Dragon Skin 20")
+    page = html.unescape(study_page(study, []))
+    for words in (
+        "make molds D=111 T=7.1 dot_mm=3.5 material='Dragon Skin 20'\n",
+        "make endcap D=111 T=7.1 dot_mm=3.5 material='Dragon Skin 20'\n",
+        "python -m sensing.live --diameter 111 --wall 7.1 --dot-mm 3.5 --silicone 'Dragon Skin 20'<",
+    ):
+        assert words in page
+    released = html.unescape(study_page(RELEASED, []))
+    assert "make molds D=130 T=8\n" in released and "sensing.live --diameter 130 --wall 8<" in released
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(1065.6, "1066 g"), (999.6, "1000 g"), (999.4, "999 g"), (0.01234, "0.0123 g"), (None, "–")]
+)
+def test_a_figure_is_a_plain_number(value, said):
+    assert Figure("plastic_g", "plastic", value, "g", Source.MEASURED, "").text == said
+
+
+@pytest.mark.parametrize(
+    ("design", "hours", "grams"), [((111, 7.1), 21.62 + 3.27, 366 + 25.7), ((162.5, 10.75), 43.07 + 5.17, 777 + 43.4)]
+)
+def test_the_estimate_of_printing_is_that_of_slices_at_other_sizes(design, hours, grams):
+    """Mold and interface as `make slice` measured them; the estimate was set at D=130 T=8."""
+    found = estimated_prints(EndcapParams(*design))
+    assert found.time_h == pytest.approx(hours, rel=0.08) and found.grams == pytest.approx(grams, rel=0.05)
 
 
 def test_the_volume_is_that_of_the_wall_by_quadrature():

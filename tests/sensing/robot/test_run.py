@@ -190,13 +190,6 @@ def test_bad_input_gets_one_line(words, said, run, tmp_path, monkeypatch, capsys
     assert said in error and error.count("\n") == 1
 
 
-def test_a_number_that_is_none_is_named_with_the_form_that_is_accepted(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["--speed", "x"])
-    assert ended.value.code == 2
-    assert "--speed: x is not a plain decimal number: write it like 130 or 8.5" in capsys.readouterr().err
-
-
 def test_a_file_that_is_there_stays(run):
     with pytest.raises(FileError, match="is there already"):
         RobotRecorder(run[0], ROBOT, b"")

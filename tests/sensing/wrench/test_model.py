@@ -229,6 +229,18 @@ def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
     assert taught.out_of_range(made_samples(seed=5).inputs).mean() < 0.15  # a few paths teach coarsely
 
 
+def test_doubt_is_the_largest_deviation_in_units_and_tolerances(model):
+    rng = np.random.default_rng(3)
+    root, value = rng.standard_normal((20, 6, 6)), 20 * rng.standard_normal((20, 6))
+    covariance = root @ root.transpose(0, 2, 1)
+    unit = model.weights["calibration"].astype(float) * model.weights["units"]
+    expected = np.max(np.sqrt(np.einsum("nkk->nk", covariance)) / unit, axis=1)
+    expected /= 1 + np.linalg.norm(value[:, :3], axis=1) / 20
+    assert model.doubt(value, covariance) == pytest.approx(expected, rel=1e-12)
+    covariance[7, 4, 4] = np.nan
+    assert np.isnan(model.doubt(value, covariance)).nonzero()[0].tolist() == [7]
+
+
 def test_less_doubt_is_enough_where_planes_raise_less(data):
     """A contact near the tip is strange at 0.8 of the doubt that counts on the side; both ways of asking agree."""
     model = fit(data, QUICK)

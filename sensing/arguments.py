@@ -1,4 +1,4 @@
-"""A plain decimal number as the value of a command's option: one line says what was typed and what is accepted."""
+"""Types of command-line options: what they refuse, argparse prints as they say it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from cad.errors import ParameterError
 from cad.plain_numbers import plain_number
 
 
-def typed_number(text: str) -> float:
-    """The number; for ``type=`` of argparse, which would hide the reason of any other error.
+def number(text: str) -> float:
+    """A plain decimal number.
 
     Raises:
-        argparse.ArgumentTypeError: another form.
+        argparse.ArgumentTypeError: another form; argparse would name the function where a ``ValueError`` is raised.
     """
     try:
         return plain_number(text)

@@ -1,0 +1,74 @@
+"""The bounds of bench_floor.py beside the errors of single frames, by axis and load: docs/floor.md's table.
+
+    python bench/floor_summary.py          # reads bench/floor.csv and bench/wrench_cells.csv, prints Markdown
+
+Root mean squares over all frames to 55 degrees of tilt: bound with the loading history known, with it unknown, and with
+what calibration leaves of the camera; error on the same frames (nominal sensor); error on the four other sensors of
+docs/wrench.md, each calibrated from its rest picture, and that without the mean error of each sensor in the range of
+load: no gain, and no shift, can take out more. N, N m.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+LARGEST_TILT_DEG = 55.0
+BOUNDS = ("bound_known", "bound_unknown", "bound_camera")
+COLUMNS = (
+    "load", "axis", "history known", "unknown", "and camera", "nominal sensor", "other sensors", "without their mean",
+)  # fmt: skip
+OTHERS = tuple(f"ours, sensor{number}" for number in (91, 92, 93, 94))
+Rows = list[dict[str, str]]
+
+
+def main() -> None:
+    """Print the table."""
+    bounds, cells = (_read(HERE / name) for name in ("floor.csv", "wrench_cells.csv"))
+    print(
+        "| load | axis | history known | unknown | and camera | nominal sensor | other sensors | without their mean |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
+    for load in sorted({(float(row["load_from_n"]), float(row["load_to_n"])) for row in bounds}):
+        for axis in dict.fromkeys(row["axis"] for row in bounds):
+            here = [row for row in _of_load(bounds, load) if row["axis"] == axis]
+            values = [_rms(here, name) for name in (*BOUNDS, "rmse")]
+            values += _others(_of_load(cells, load), axis)
+            print(f"| {load[0]:g} to {load[1]:g} N | {axis} |", " | ".join(f"{value:.2g}" for value in values), "|")
+
+
+def _read(file: Path) -> Rows:
+    """Rows of a table to the largest tilt, with frames."""
+    with file.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return [row for row in rows if float(row["tilt_to_deg"]) <= LARGEST_TILT_DEG and int(row["frames"])]
+
+
+def _of_load(rows: Rows, load: tuple[float, float]) -> Rows:
+    """Those from the same load on; the last range ends at 60 N in one table, at the largest force in the other."""
+    return [row for row in rows if float(row["load_from_n"]) == load[0]]
+
+
+def _rms(rows: Rows, name: str) -> float:
+    """Root mean square over all frames of the rows."""
+    frames = np.array([int(row["frames"]) for row in rows])
+    return float(np.sqrt(frames @ np.array([float(row[name]) for row in rows]) ** 2 / frames.sum()))
+
+
+def _others(cells: Rows, axis: str) -> list[float]:
+    """Error on the other sensors, and what it is without each sensor's mean."""
+    square, left, count = 0.0, 0.0, 0
+    for name in OTHERS:
+        rows = [row for row in cells if row["name"] == name]
+        frames = np.array([int(row["frames"]) for row in rows])
+        mean = frames @ np.array([float(row[f"bias_{axis}"]) for row in rows]) / frames.sum()
+        own = frames.sum() * _rms(rows, f"rmse_{axis}") ** 2
+        square, left, count = square + own, left + own - frames.sum() * mean**2, count + frames.sum()
+    return [float(np.sqrt(total / count)) for total in (square, left)]
+
+
+if __name__ == "__main__":
+    main()

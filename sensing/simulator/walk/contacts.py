@@ -1,0 +1,63 @@
+"""How the ground presses on an endcap during a run, in the words of the shell's simulation (N, degrees).
+
+    contacts = contacts_of(walk, robot, robot.endcaps[0], rows)
+
+The contact's direction on the dome is that of the ground's normal, seen from the endcap: on the rigid sphere of the run
+the two are one. Load and pull are the parts of the ground's force along it and across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensing.simulator.walk.truth import Walk
+from sensing.tensegrity.description import Array, MountedEndcap, TensegrityRobot
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """One endcap at n times.
+
+    Attributes:
+        time_s: (n,). tilt_deg: (n,) from the tip to the contact; 0 without one. azimuth_deg: (n,) of it, endcap frame.
+        normal_n: (n,) load along the inward normal; 0 without contact.
+        tangential_n: (n, 2) of the ground on the endcap, along (meridian, lateral) as in
+            :mod:`sensing.simulator.contact.indenter`.
+    """
+
+    time_s: Array
+    tilt_deg: Array
+    azimuth_deg: Array
+    normal_n: Array
+    tangential_n: Array
+
+    def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Contacts:
+        """Some of them, by index or mask."""
+        return Contacts(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+
+
+def contacts_of(walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, rows: NDArray[np.int64]) -> Contacts:
+    """Contacts of an endcap.
+
+    Args:
+        walk: what happened. robot: whose. endcap: which. rows: samples of the walk.
+    """
+    number, bar = robot.endcaps.index(endcap), robot.bar_number(endcap.bar)
+    into = np.swapaxes(walk.T_world_bar[rows, bar, :3, :3] @ endcap.T_bar_endcap[:3, :3], 1, 2)
+    outward = -np.einsum("nij,nj->ni", into, walk.normal[rows, number])
+    force = np.einsum("nij,nj->ni", into, walk.force_n[rows, number])
+    normal = -np.einsum("ni,ni->n", force, outward)
+    loaded = normal > 0
+    outward[~loaded] = [0.0, 0.0, 1.0]
+    tilt, azimuth = np.arccos(np.clip(outward[:, 2], -1, 1)), np.arctan2(outward[:, 1], outward[:, 0])
+    zero = np.zeros_like(tilt)
+    meridian = np.stack([np.cos(tilt) * np.cos(azimuth), np.cos(tilt) * np.sin(azimuth), -np.sin(tilt)], axis=1)
+    lateral = np.stack([-np.sin(azimuth), np.cos(azimuth), zero], axis=1)
+    pull = np.stack([(force * meridian).sum(axis=1), (force * lateral).sum(axis=1)], axis=1)
+    return Contacts(
+        walk.time_s[rows], np.degrees(tilt), np.degrees(azimuth),
+        np.where(loaded, normal, 0.0), np.where(loaded[:, None], pull, 0.0),
+    )  # fmt: skip

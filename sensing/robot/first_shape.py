@@ -2,9 +2,10 @@
 
 Notes:
     Poses near the ends that the description states, by Gauss and Newton's steps on: cable lengths; gravity in the
-    leading bar's accelerometer; where all endcaps' forces are known, that each bar is in balance under its weight, its
-    contacts and its cables. The tensions are unknowns, near those of the stated rest lengths; the forces are scaled to
-    carry the weight, so that a silicone of another stiffness does not matter. Lengths alone do not fix the shape: at
+    leading bar's accelerometer; that each bar is in balance under its weight, its contacts and its cables. The tensions
+    are unknowns, near those of the stated rest lengths; the forces are scaled to carry the weight, so that a silicone
+    of another stiffness does not matter. The force on an endcap that is silent is unknown, and then so is that scale:
+    both are solved for beside the tensions. Lengths alone do not fix the shape: at
     the symmetric prism one motion leaves them as they are to first order, and no bar that turns about its own axis
     changes the length of a cable on that axis. What they leave open keeps a width, so that the covariance says it.
 """
@@ -24,12 +25,15 @@ from sensing.tensegrity.shape import cable_lengths, moved, rotation_of, standing
 GUESS_SD_M, GUESS_SD, SPIN_SD = 0.1, 0.3, 1.0  # E: of the stated ends, of a bar's turn, of one about its own axis
 LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
 BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of one bar
+SILENT_SHARE, SCALE_SD = 1 / 3, 0.3  # E: of the force on a silent endcap, of the weight; of the scale of the others
 MEANS = 4.0  # E: by which means over the start are better than one sample
 REST_SD_M = 0.005  # E: of a rest length, which a motor may have moved
 OPEN_SD_M, REACH_M = 0.03, 0.4  # E: along the motion that the lengths leave open; half a bar
 FIXED_SD = 1e-5  # of what a convention sets: origin and heading
 ROUNDS, STEP, HALVED = 15, 1e-6, 5
 SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0  # first guesses, those that are followed, a residual that counts no more
+DOUBTED_STARTS = 8  # that are followed where an endcap is silent: there are more solutions then
+DOUBT = 4.0  # E: by which the squared residuals of two solutions mislead, since their errors are not independent
 
 
 class FirstShape:
@@ -45,7 +49,8 @@ class FirstShape:
     ) -> None:
         self.layout = layout
         self.contacts = {k: c for k, c in contacts.items() if c.known and c.touching}
-        self.all_heard = len(contacts) == layout.endcaps  # one that is silent may carry what balances the others
+        heard = [k for k, c in contacts.items() if c.touching is False or np.isfinite(c.force_n).all()]
+        self.silent = sorted(set(range(layout.endcaps)) - set(heard))  # each may carry what balances the others
         self.lengths = lengths
         self.cables = [cable for cable in layout.robot.cables if cable.measured]
         self.length_sd = max(settings.length_sd_m / MEANS, settings.length_error_m)
@@ -88,11 +93,18 @@ class FirstShape:
         count = SPINS if self.contacts else 1
         guesses = [self._guess(spin) for spin in np.linspace(0, 2 * math.pi, count, endpoint=False)]
         guesses.sort(key=self._cost)
-        best = min((self._descended(guess) for guess in guesses[:STARTS]), key=lambda found: found[0])
-        _, self.guess, step, jacobian = best
+        starts = guesses[: DOUBTED_STARTS if self.silent else STARTS]
+        found = sorted((self._descended(guess) for guess in starts), key=lambda one: one[0])
+        _, self.guess, step, jacobian = found[0]
         poses = moved(self.guess, step)
+        others = np.zeros((len(step), len(step)))
+        if self.silent:  # turns may be open: where they are, their axes are those of the poses, not those of the guess
+            others = _spread_over([(cost, moved(guess, far)) for cost, guess, far, _ in found])
+            self.guess, step = poses, np.zeros(len(step))
+            jacobian = self._slopes(step, self.residuals(step))
         motion = self._open_motion(poses)
-        return poses, np.linalg.inv(jacobian.T @ jacobian) + OPEN_SD_M**2 * np.outer(motion, motion)
+        spread = np.linalg.inv(jacobian.T @ jacobian) + OPEN_SD_M**2 * np.outer(motion, motion)
+        return poses, spread + others
 
     def _cost(self, guess: Array) -> float:
         self.guess = guess
@@ -105,7 +117,7 @@ class FirstShape:
         value = self.residuals(step)
         cost, jacobian = float(value @ value), np.zeros((len(value), len(step)))
         for _ in range(ROUNDS):
-            jacobian = np.array([(self.residuals(step + STEP * e) - value) / STEP for e in np.eye(len(step))]).T
+            jacobian = self._slopes(step, value)
             change = np.linalg.lstsq(jacobian, -value, rcond=None)[0]
             change *= min(1.0, 0.3 / max(float(np.abs(change).max()), 1e-12))
             for _ in range(HALVED):
@@ -120,6 +132,9 @@ class FirstShape:
             if gained < 1e-3 * cost:
                 break
         return cost, guess, step, jacobian
+
+    def _slopes(self, step: Array, value: Array) -> Array:
+        return np.array([(self.residuals(step + STEP * e) - value) / STEP for e in np.eye(len(step))]).T
 
     def _open_motion(self, poses: Array) -> Array:
         """(6 B,) motion by a metre that changes the cables least: lengths curve along it, and have two solutions."""
@@ -147,7 +162,7 @@ class FirstShape:
             parts.append((poses[self.layout.leader, :3, :3] @ self.up)[:2] / self.force_sd)
         if self.contacts:
             parts.append(self._level_ground(poses))
-        if self.contacts and self.all_heard:
+        if self.contacts:
             parts.append(self._balance(poses))
         return np.concatenate(parts)
 
@@ -164,17 +179,12 @@ class FirstShape:
         """(6 B + C,) of the forces on each bar and their torques about its centre of mass, at the best tensions."""
         layout, cables = self.layout, self.layout.robot.cables
         centre = poses[:, :3, 3] + np.einsum("bij,bj->bi", poses[:, :3, :3], layout.reference_m + layout.mass_lever)
-        loads = np.zeros((len(poses), 6))
-        weight, carried = float(layout.mass_kg.sum()) * GRAVITY_M_S2, 0.0
-        for endcap, contact in self.contacts.items():
-            bar = layout.endcap_bar[endcap]
-            turn = poses[bar, :3, :3]
-            force = turn @ contact.force_n
-            point = self._centre(poses, endcap) + turn @ (layout.radius_m[endcap] * contact.normal)
-            loads[bar] += np.concatenate([force, np.cross(point - centre[bar], force)])
-            carried += float(force[2])
-        loads *= weight / max(carried, weight / 4)
-        loads[:, 2] -= layout.mass_kg * GRAVITY_M_S2
+        loads, carried = self._contact_loads(poses, centre)
+        weight = float(layout.mass_kg.sum()) * GRAVITY_M_S2
+        if not self.silent:
+            loads *= weight / max(carried, weight / 4)
+        known = loads.copy()
+        known[:, 2] -= layout.mass_kg * GRAVITY_M_S2
         pulls = np.zeros((len(cables), len(poses), 6))
         lengths = np.empty(len(cables))
         for pull, cable, number in zip(pulls, cables, range(len(cables)), strict=True):
@@ -187,14 +197,40 @@ class FirstShape:
             along = (two - one) / lengths[number]
             pull[first] += np.concatenate([along, np.cross(one - centre[first], along)])
             pull[second] -= np.concatenate([along, np.cross(two - centre[second], along)])
-        spread = np.tile(np.repeat([BALANCE_SD_N, BALANCE_SD_NM], 3), len(poses))
         stiffness = np.array([cable.stiffness_n_m for cable in cables])
         stated = stiffness * np.maximum(0.0, lengths - [cable.rest_m for cable in cables])
-        rows = np.concatenate(
-            [pulls.reshape(len(cables), -1).T / spread[:, None], np.diag(1 / (stiffness * REST_SD_M))]
-        )
-        wanted = np.concatenate([-loads.ravel() / spread, stated / (stiffness * REST_SD_M)])
+        sds = stiffness * REST_SD_M
+        if self.silent:  # unknown beside the tensions: by what part the loads are off, and the silent endcaps' forces
+            pushes = self._silent_loads(poses, centre)
+            pulls = np.concatenate([pulls, loads[None], pushes])
+            stated = np.concatenate([stated, np.zeros(1 + len(pushes))])
+            sds = np.concatenate([sds, [SCALE_SD], np.full(len(pushes), SILENT_SHARE * weight)])
+        spread = np.tile(np.repeat([BALANCE_SD_N, BALANCE_SD_NM], 3), len(poses))
+        rows = np.concatenate([pulls.reshape(len(pulls), -1).T / spread[:, None], np.diag(1 / sds)])
+        wanted = np.concatenate([-known.ravel() / spread, stated / sds])
         return np.asarray(rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted)
+
+    def _contact_loads(self, poses: Array, centre: Array) -> tuple[Array, float]:
+        """((B, 6) force on each bar by the contacts that report, and its torque about the centre; N upward)."""
+        loads, carried = np.zeros((len(poses), 6)), 0.0
+        for endcap, contact in self.contacts.items():
+            bar = self.layout.endcap_bar[endcap]
+            turn = poses[bar, :3, :3]
+            force = turn @ contact.force_n
+            point = self._centre(poses, endcap) + turn @ (self.layout.radius_m[endcap] * contact.normal)
+            loads[bar] += np.concatenate([force, np.cross(point - centre[bar], force)])
+            carried += float(force[2])
+        return loads, carried
+
+    def _silent_loads(self, poses: Array, centre: Array) -> Array:
+        """(3 S, B, 6) loads of a newton along each world axis at the lowest point of each silent endcap."""
+        loads = np.zeros((len(self.silent), 3, len(poses), 6))
+        for pushes, endcap in zip(loads, self.silent, strict=True):
+            bar = self.layout.endcap_bar[endcap]
+            arm = self._centre(poses, endcap) - [0.0, 0.0, self.layout.radius_m[endcap]] - centre[bar]
+            for push, axis in zip(pushes, np.eye(3), strict=True):
+                push[bar] = np.concatenate([axis, np.cross(arm, axis)])
+        return loads.reshape(-1, len(poses), 6)
 
     def _level_ground(self, poses: Array) -> Array:
         turn = poses[:, :3, :3]
@@ -213,3 +249,26 @@ class FirstShape:
         low = [self._centre(poses, k)[2] - layout.radius_m[k] for k in range(layout.endcaps)]
         yields = {k: self.compliance * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
         return float(np.mean([low[k] + by for k, by in yields.items()])) if yields else min(low)
+
+
+def _spread_over(found: list[tuple[float, Array]]) -> Array:
+    """(6 B, 6 B) second moment, about the first of several solutions, of all by their likelihood.
+
+    Args:
+        found: (cost, poses (B, 4, 4)) of each, the best one first.
+    """
+    best, poses = found[0]
+    likely = np.exp([(best - cost) / (2 * DOUBT) for cost, _ in found])
+    away = np.empty((len(found), len(poses), 6))
+    for row, (_, other) in zip(away, found, strict=True):
+        row[:, :3] = other[:, :3, 3] - poses[:, :3, 3]
+        row[:, 3:] = [_vector_of(there[:3, :3] @ here[:3, :3].T) for there, here in zip(other, poses, strict=True)]
+    rows = away.reshape(len(found), -1)
+    return np.asarray(rows.T @ (likely[:, None] * rows) / likely.sum())
+
+
+def _vector_of(turn: Array) -> Array:
+    """(3,) rad, rotation vector of a rotation by less than half a turn."""
+    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    size = float(np.linalg.norm(twice))
+    return np.asarray(twice * (math.atan2(size, float(np.trace(turn)) - 1) / size if size > 1e-12 else 0.5))

@@ -141,6 +141,12 @@ def _lost(state: State, layout: Layout) -> list[str]:
         notes.append("begun anew after a silence of the inertial sensor: place and heading are those of before it")
     if state.began_moving:
         notes.append("begun while the robot moved: its shape may be wrong; let it stand still and begin anew")
+    if state.began_silent:
+        names = ", ".join(layout.robot.endcaps[endcap].name for endcap in state.began_silent)
+        notes.append(
+            f"begun without the force of {names}: the shape may be wrong by more than its covariance says; "
+            "begin anew once all endcaps report"
+        )
     at = layout.velocity(layout.leader)
     speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
     if speed_sd > LOST_M_S:

@@ -166,7 +166,7 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     spread_rate = np.sqrt(np.maximum(0.0, gathered.squares / counted[:, 0] - (mean**2).sum(axis=1)) / 3)
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
-    state.began_moving = not stands
+    state.began_moving, state.began_silent = not stands, tuple(problem.silent)
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
 
 

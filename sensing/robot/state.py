@@ -32,7 +32,8 @@ class State:
         consistency: (2,) mean squared innovation over its variance, lengths and anchors. weight_ratio: lately.
         rejected: lengths of the last sample. known: what a simulation knows of each contact.
         held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
-            again; -inf without. began_moving: whether the robot moved as the estimate began.
+            again; -inf without. began_moving: whether the robot moved as the estimate began. began_silent: numbers
+            of the endcaps whose force was unknown then.
     """
 
     time_s: float
@@ -65,6 +66,7 @@ class State:
     held_s: float = 0.0
     anew_s: float = -np.inf
     began_moving: bool = False
+    began_silent: tuple[int, ...] = ()
 
     def copy(self) -> Self:
         """One that can be changed on its own."""

@@ -74,10 +74,10 @@ def test_a_robot_that_rocks_begins_as_it_is_at_the_end_of_the_start(phase_deg):
     assert tilt @ np.linalg.solve(spread, tilt) < 9.21  # 99 %
 
 
-def first_squares(walk, seed: int) -> tuple[np.ndarray, float]:
-    """((B,) squared errors of the bars' first turns over their covariance, /3, heading taken out; its time, s)."""
-    estimate = first_estimate(arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=seed))
-    assert not estimate.health.notes
+def first_squares(walk, seed: int, silent: str = "") -> tuple[np.ndarray, float, tuple[str, ...]]:
+    """((B,) squared errors of the bars' first turns over their covariance, /3, heading taken out; time, s; notes)."""
+    samples = [arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=seed)]
+    estimate = first_estimate(s for s in samples if not (isinstance(s, FootSample) and s.endcap == silent))
     truth = walk.T_world_bar[round(estimate.time_s / 0.005)]
     turned = estimate.bars[0].T_world_bar[:3, :3] @ truth[0, :3, :3].T
     yaw = math.atan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1])
@@ -85,7 +85,7 @@ def first_squares(walk, seed: int) -> tuple[np.ndarray, float]:
     errors = [turn_between(bar.T_world_bar, pose) for bar, pose in zip(estimate.bars, truth, strict=True)]
     spreads = [bar.covariance[3:6, 3:6] + 1e-7 * np.eye(3) for bar in estimate.bars]
     squares = [error @ np.linalg.solve(spread, error) / 3 for error, spread in zip(errors, spreads, strict=True)]
-    return np.array(squares), estimate.time_s
+    return np.array(squares), estimate.time_s, estimate.health.notes
 
 
 def test_the_first_shape_is_as_sure_as_it_says():
@@ -93,15 +93,29 @@ def test_the_first_shape_is_as_sure_as_it_says():
     found = []
     for seed in range(1, 5):
         for terrain in (Terrain.FLAT, Terrain.SLOPE):
-            found.append(first_squares(simulate_walk(ROBOT, terrain, seed=seed, duration_s=1.2), seed)[0])
+            squares, _, notes = first_squares(simulate_walk(ROBOT, terrain, seed=seed, duration_s=1.2), seed)
+            assert not notes
+            found.append(squares)
     mean = np.mean(found, axis=0)
     assert (mean > 0.05).all() and (mean < 2).all(), mean
+
+
+@pytest.mark.parametrize(("seed", "silent"), [(3, 3), (4, 4), (8, 2), (10, 4)])
+def test_an_endcap_that_is_silent_leaves_the_first_shape_as_sure_as_it_says(seed, silent):
+    """Without any balance, shapes of these starts were off by 4 to 24 degrees, five to seven standard deviations."""
+    terrain, name = (Terrain.FLAT, Terrain.SLOPE)[seed % 2], ROBOT.endcaps[silent].name
+    walk = simulate_walk(ROBOT, terrain, seed=seed, duration_s=1.2)
+    squares, _, notes = first_squares(walk, seed, name)
+    assert any(note.startswith(f"{name}: no reading yet") for note in notes)
+    assert any(note.startswith(f"begun without the force of {name}:") for note in notes)
+    assert squares.max() < 16.3 / 3  # 99.9 %
 
 
 @pytest.mark.parametrize("seed", [1, 5])
 def test_after_a_drop_the_estimate_waits_until_the_robot_stands(seed):
     walk = simulate_walk(ROBOT, Terrain.DROP, seed=seed, duration_s=6.5)
-    squares, time_s = first_squares(walk, seed)
+    squares, time_s, notes = first_squares(walk, seed)
+    assert not notes
     row = round(time_s / 0.005)
     assert np.linalg.norm(walk.velocity[row - 200 : row, :, 3:], axis=2).max() < 0.4
     assert squares.max() < 16.3 / 3  # 99.9 %

@@ -23,8 +23,8 @@ TILTS_DEG = (10.0, 25.0, 40.0, 50.0)
 PARTS = (0.15, 0.5, 0.9)  # of the weights' range, at which bounds are given
 ELONGATION_SHARE = 0.5  # E: of the elongation at break, that a cast part may see again and again
 GYROID_FRACTION = 0.093  # M: printed volume fraction of TPU in the interlock (facts: 9.3 to 9.4 %)
-# E: of the range, by diameter, of weights that know all paths. Labels gave 1.3, 0.9 and 0.5 to 0.7 % where the held-out
-# paths lay among those of training, and 2.7, 1.1 and 0.6 to 1.0 % where the hardest were held out (bench/similarity.csv)
+# E: of the range, by diameter, of weights that know all paths. Labels gave 1.3, 0.9 and 0.5 to 0.7 % where held-out
+# paths lay among those of training, 2.7, 1.1 and 0.6 to 1.0 % where the hardest were held out (bench/similarity.csv)
 EXPECTED_SHARES = ((104.0, 0.013), (110.0, 0.0095), (121.0, 0.0055))
 
 

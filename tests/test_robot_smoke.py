@@ -16,7 +16,7 @@ from robot_runs import FIRST_SEED, errors, followed, score
 from sensing.robot.settings import Settings
 from sensing.simulator.walk.gait import held_out_gait
 from sensing.simulator.walk.simulate import simulate_walk
-from sensing.simulator.walk.stream import SensorSet
+from sensing.simulator.walk.stream import SensorSet, sensor_stream
 from sensing.simulator.walk.terrain import Terrain
 from sensing.tensegrity.robot_file import load_robot
 
@@ -27,7 +27,8 @@ ROBOT = load_robot()
 def test_a_robot_with_slow_inertial_sensors_is_followed_where_the_ground_is_not_level(terrain):
     walk = simulate_walk(ROBOT, terrain, held_out_gait(FIRST_SEED), FIRST_SEED, 8.0)
     assert walk.path_m() > 0.4  # else it would look at a robot that stands
-    estimates, spent, walls = followed(walk, ROBOT, SensorSet(inertial_hz=100.0), Settings(), FIRST_SEED)
+    arrivals = sensor_stream(walk, ROBOT, SensorSet(inertial_hz=100.0), FIRST_SEED)
+    estimates, spent, walls = followed(walk, ROBOT, list(arrivals), Settings())
     for estimate in estimates:
         bars = [(bar.T_world_bar, bar.velocity_m_s, bar.covariance) for bar in estimate.bars]
         assert all(np.isfinite(number).all() for bar in bars for number in bar)

@@ -159,13 +159,13 @@ def test_a_force_above_the_range_counts_less():
 
 
 def test_a_reading_that_waits_for_the_next_frame_says_nothing():
-    """The same bits as without a number; taken at its word, a force of the wrong sign shows in the estimate."""
+    """The same bits as without a number; used as a measurement, a wrong force shows in the estimate."""
 
     def every_seventh(**changes):
-        feet = 0
+        readings = 0
         for sample in SAMPLES:
-            feet += isinstance(sample, FootSample)
-            yield replace(sample, **changes) if isinstance(sample, FootSample) and feet % 7 == 0 else sample
+            readings += isinstance(sample, FootSample)
+            yield replace(sample, **changes) if isinstance(sample, FootSample) and readings % 7 == 0 else sample
 
     wrong = {"force_n": np.array([30.0, 30.0, 30.0]), "touching": False}
     held = after(list(every_seventh(**wrong, flags=frozenset({"unconfirmed"}))))

@@ -26,6 +26,7 @@ from sensing.tensegrity.samples import FootSample
 # E: of a wrench without covariance: standard deviations, and the parts of the force's size that come on top
 FORCE_SD_N, TORQUE_SD_NM, SHARE, LEVER_SHARE_M = 0.2, 0.01, 0.02, 0.0005
 SPIN_SHARE = 0.3  # E: error of the needed coefficient where the torque uses all friction, as a part
+UNCONFIRMED = "unconfirmed"  # flag of a reading that waits for the next frame (sensing.live.core.gate)
 OUT_OF_RANGE = 2.0  # E: times the variance of a wrench that is flagged
 LEAST_PUSH = 0.1  # of the force: a line of action that grazes the sphere, or misses it, is that of no single contact
 
@@ -68,6 +69,8 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
     force = np.asarray(sample.force_n, float)
     torque = np.asarray(sample.torque_nm, float)
     size = math.sqrt(float(force @ force))
+    if UNCONFIRMED in sample.flags:  # its force is what the filter expected of this frame, and so is its contact bit
+        return Contact(None, False, _NOTHING, _NOTHING, math.nan, *_NO_NUMBERS)
     if not math.isfinite(size + float(torque.sum())):
         return Contact(sample.touching, False, _NOTHING, _NOTHING, math.nan, *_NO_NUMBERS)
     touching = size >= settings.least_force_n if sample.touching is None else sample.touching

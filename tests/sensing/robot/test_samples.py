@@ -158,6 +158,25 @@ def test_a_force_above_the_range_counts_less():
     assert one.normal_sd_rad >= two.normal_sd_rad and one.friction_ratio_sd > two.friction_ratio_sd
 
 
+def test_a_reading_that_waits_for_the_next_frame_says_nothing():
+    """The same bits as without a number; used as a measurement, a wrong force shows in the estimate."""
+
+    def every_seventh(**changes):
+        readings = 0
+        for sample in SAMPLES:
+            readings += isinstance(sample, FootSample)
+            yield replace(sample, **changes) if isinstance(sample, FootSample) and readings % 7 == 0 else sample
+
+    wrong = {"force_n": np.array([30.0, 30.0, 30.0]), "touching": False}
+    held = after(list(every_seventh(**wrong, flags=frozenset({"unconfirmed"}))))
+    missing = after(list(every_seventh(force_n=np.full(3, np.nan), touching=None)))
+    taken = after(list(every_seventh(**wrong)))
+    for one, two in zip(held.bars, missing.bars, strict=True):
+        np.testing.assert_array_equal(one.T_world_bar, two.T_world_bar)
+        np.testing.assert_array_equal(one.covariance, two.covariance)
+    assert any((one.covariance != two.covariance).any() for one, two in zip(held.bars, taken.bars, strict=True))
+
+
 def test_a_long_time_of_standing():
     _, samples = standing_samples(ROBOT, SECONDS, rate_hz=25.0, every=3)
     estimator = RobotEstimator(ROBOT, Settings(history_s=2.0))

@@ -1,4 +1,4 @@
-"""The dot tracker is compiled before the first test, which spends no test's patience on that; one browser for all."""
+"""The dot tracker is compiled before the first test, which spends no test's patience on that; a browser for each file."""
 
 import sys
 from pathlib import Path
@@ -38,7 +38,7 @@ def fitted_once():
         yield
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # a page that is left open draws on, and slows all tests after it
 def tab(tmp_path_factory):
     """The page of a headless browser; a test that changes its size or colours sets them back."""
     if CHROMIUM is None:
@@ -51,8 +51,8 @@ def tab(tmp_path_factory):
         browser.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def stage(tab, tmp_path_factory):
-    """One running program for all tests of the page; each begins with ``stage.free()``."""
+    """One running program for all tests of a file; each begins with ``stage.free()``."""
     with Stage(tmp_path_factory.mktemp("run"), tab, Shown()) as stage:
         yield stage

@@ -111,18 +111,7 @@ def record(
         ParameterError: too few untouched frames, or a slop out of range. ZeroError: the endcap moved during the first
         frames. ClockError: a clock jumped. StreamError: the stream broke. FileError: no space left.
     """
-    if rest_frames < LEAST_FRAMES:
-        raise ParameterError(
-            f"rest={rest_frames}: at least {LEAST_FRAMES} untouched frames make the reference and the tare",
-            name="rest",
-            value=rest_frames,
-        )
-    if most is not None and most <= rest_frames:
-        raise ParameterError(
-            f"frames={most}: give more than the {rest_frames} untouched ones (--rest), the others are to learn from",
-            name="frames",
-            value=most,
-        )
+    _check_counts(rest_frames, most)
     synchroniser = Synchroniser(slop_s)
     waiting: deque[Frame] = deque()
     rest: list[Frame] = []
@@ -153,6 +142,22 @@ def record(
         finally:
             recording.flush()
     return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty)
+
+
+def _check_counts(rest_frames: int, most: int | None) -> None:
+    """Refuse counts of frames that give no reference, or nothing beside it."""
+    if rest_frames < LEAST_FRAMES:
+        raise ParameterError(
+            f"rest={rest_frames}: at least {LEAST_FRAMES} untouched frames make the reference and the tare",
+            name="rest",
+            value=rest_frames,
+        )
+    if most is not None and most <= rest_frames:
+        raise ParameterError(
+            f"frames={most}: give more than the {rest_frames} untouched ones (--rest), the others are to learn from",
+            name="frames",
+            value=most,
+        )
 
 
 def read_mount(path: Path) -> FtMount:

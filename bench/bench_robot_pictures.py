@@ -46,7 +46,7 @@ FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
 RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load from which a reading is one of a contact
 INSIDE_95 = 1.96
 SHOWN_S, VIEW_PX = 18.5, (320, 240)  # moment of the run, and size of a view on the sheet
-SEEDS = (101, 201)  # the first one was looked at, and a defect mended, before the second was made
+SEEDS = (101, 201)  # the first one was looked at, and a defect corrected, before the second was made
 ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
 
 

@@ -131,7 +131,7 @@ def read(path: Path) -> list[Score]:
 
 
 def table(rows: Sequence[Score]) -> str:
-    """Median and 95 % quantile of every number, a line a terrain and kind of knowledge."""
+    """A line a terrain and kind of knowledge: median and 95 % quantile; of the shares inside a region, the mean."""
     lines = ["| terrain | contacts | runs | path m | " + " | ".join(COLUMNS) + " |", "|---" * (4 + len(COLUMNS)) + "|"]
     plain = [row for row in rows if not row.knob]
     for terrain in dict.fromkeys(row.terrain for row in plain):
@@ -155,8 +155,13 @@ def curves(rows: Sequence[Score]) -> str:
 
 
 def _cells(group: Sequence[Score]) -> list[str]:
-    values = [np.array([getattr(row, name) for row in group]) for name in COLUMNS]
-    return [f"{np.median(column):.3g} ({np.quantile(column, 0.95):.3g})" for column in values]
+    values = {name: np.array([getattr(row, name) for row in group]) for name in COLUMNS}
+    return [
+        f"{column.mean():.3f}"
+        if name.startswith("inside")
+        else f"{np.median(column):.3g} ({np.quantile(column, 0.95):.3g})"
+        for name, column in values.items()
+    ]
 
 
 def plot(rows: Sequence[Score], path: Path) -> None:

@@ -159,7 +159,12 @@ def _diameter_message(diameter_mm: float, wall_mm: float) -> str:
             "equator for the mold's dam and bolt flange"
         )
     inches = diameter_mm * INCH_MM
-    hint = f" ({diameter_mm:g} looks like inches: {inches:g} mm)" if smallest <= inches <= largest else ""
+    thin, thick = wall_range_mm(wall_mm)
+    hint = ""
+    if thin <= diameter_mm <= thick:
+        hint = f" (swapped? D={wall_mm:g} T={diameter_mm:g} can be made)"
+    elif smallest <= inches <= largest:
+        hint = f" ({diameter_mm:g} looks like inches: {inches:g} mm)"
     return (
         f"diameter_mm={diameter_mm:g} outside {_inward(smallest, 1):g}..{largest:g}{hint}: {reason}; "
         f"nearest valid choice D={nearest:g} T={nearest_wall_mm(nearest, wall_mm):g}"

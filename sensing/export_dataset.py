@@ -78,10 +78,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         count = FORMATS[options.format](LabelledSet(options.data), options.out)
     except EndcapError as error:
-        LOG.error(error)
+        LOG.error(f"sensing.export_dataset: {error}")
         return 2
     except KeyboardInterrupt:
-        LOG.error("stopped; nothing was written")
+        LOG.error("sensing.export_dataset: stopped; nothing was written")
         return 130
     print(f"{options.out}: {count} frames")
     return 0

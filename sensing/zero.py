@@ -17,11 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cad.design_arguments import add_design_arguments, design_of
+from cad.design_arguments import add_design_arguments, design_of, design_words
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import Identity, identity
 from cad.messages import LOG
+from cad.params import EndcapParams
+from sensing.calibration.misfit import camera_misfit
 from sensing.live.ending import leave
 from sensing.sources.choose import open_frames
 from sensing.tracking.auto_zero import AutoZero
@@ -29,6 +31,7 @@ from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import (
     LEAST_FRAMES,
     Drift,
+    Zero,
     ZeroError,
     load_zero,
     measure_drift,
@@ -61,13 +64,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _take(options: argparse.Namespace) -> None:
     with open_frames(options.source) as frames:
         interval = list(itertools.islice(frames, options.frames))
-    zero = replace(take_zero(interval, options.sensor), made_of=_made_of(options))
+    made_of = _made_of(options)
+    zero = replace(take_zero(interval, options.sensor), made_of=made_of)
     save_zero(zero, options.out)
+    if made_of is not None:
+        _compare_with_design(zero, design_of(options), options.out)
     exposure = "unknown" if np.isnan(zero.exposure) else f"{zero.exposure:g}"
     print(
         f"{options.out}: {zero.sensor}, {zero.date}, {zero.frames} frames, {len(zero.noise_px)} dots, "
         f"noise {np.median(zero.noise_px):.3f} px, exposure {exposure}, digest {zero.digest[:12]}"
     )
+
+
+def _compare_with_design(zero: Zero, params: EndcapParams, path: Path) -> None:
+    """Warn where the dots are not where the nominal camera sees those of the stated design."""
+    tracker = DotTracker(zero.frame())
+    misfit = camera_misfit(tracker.reference_px, tracker.size, params)
+    if not misfit.fits:
+        words = " ".join(design_words(params))
+        LOG.warning(
+            f"sensing.zero: warning: the picture does not fit {words} ({misfit.reason.split('; ')[0]}): is it of "
+            "another design? Then take it again with that one's options; "
+            f"else run python -m sensing.calibrate --zero {path} {words}"
+        )
 
 
 def _made_of(options: argparse.Namespace) -> Identity | None:

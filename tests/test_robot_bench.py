@@ -15,7 +15,7 @@ pytest.importorskip("mujoco")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "bench"))
 
 from bench_robot import read, run, table, table_plan
-from robot_runs import Errors, Score, errors, known_contacts, score
+from robot_runs import FIRST_SEED, Errors, Score, errors, known_contacts, score
 
 from sensing.robot.estimate import BarEstimate, Health, RobotEstimate
 from sensing.robot.settings import Contacts
@@ -106,7 +106,7 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path, monkeypatch):
     run(plans, tmp_path / "robot.csv", tmp_path, 0.05)
     rows = read(tmp_path / "robot.csv")
     assert (tmp_path / "robot.csv").read_text().startswith(before)
-    assert [row.contacts for row in rows] == ["none", "wrench"] and rows[0].seed == rows[1].seed == 101
+    assert [row.contacts for row in rows] == ["none", "wrench"] and rows[0].seed == rows[1].seed == FIRST_SEED
     assert "| flat | wrench | 1 |" in table(rows)
 
 

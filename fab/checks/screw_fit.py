@@ -32,6 +32,8 @@ ANGLES = 8
 INSIDE_MM = 0.01
 FAR_MM = 500.0
 
+Spans = list[tuple[float, float]]  # start and end of what is solid on a line, mm along the screw
+
 
 @dataclass(frozen=True)
 class ScrewFit:
@@ -68,9 +70,54 @@ class ScrewFit:
         ]
 
 
+class ScrewLines:
+    """Lines along a joint's screws, cut with its parts: each once, for screws of every length.
+
+    Args:
+        joint: which. meshes: closed meshes of its parts, endcap frame, mm.
+    """
+
+    def __init__(self, joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> None:
+        self._joint, self._meshes = joint, meshes
+        self._cut: dict[tuple[str, tuple[float, float], float], list[Spans]] = {}
+
+    def ring(self, part: str, place: tuple[float, float], radius_mm: float) -> list[Spans]:
+        """Solid spans of a part on lines round a screw's axis, along the screw's direction.
+
+        Args:
+            part: name of the part. place: (x, y) of the axis, mm. radius_mm: of the ring of lines.
+
+        Raises:
+            GeometryError: a line misses the part.
+        """
+        angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False) + 0.1
+        round_axis = radius_mm * np.column_stack([np.cos(angles), np.sin(angles)])
+        spans = self._spans(part, place, radius_mm, np.array(place) + round_axis)
+        if not all(spans):
+            x, y = place
+            raise GeometryError(f"{self._joint.name}: {part} is not where the screw at {x:.2f}, {y:.2f} needs it")
+        return spans
+
+    def first_hit(self, place: tuple[float, float], seat_mm: float) -> float:
+        """Where the tip would hit the anchor's material on the axis; infinite where the hole goes through.
+
+        Args:
+            place: (x, y) of the axis, mm. seat_mm: of the head, along the screw.
+        """
+        line = self._spans(self._joint.anchor, place, 0.0, np.array(place)[None, :] + 0.03)[0]
+        return min((span[0] for span in line if span[0] > seat_mm), default=math.inf)
+
+    def _spans(self, part: str, place: tuple[float, float], radius_mm: float, lines: np.ndarray) -> list[Spans]:
+        key = (part, place, radius_mm)
+        if key not in self._cut:
+            self._cut[key] = _spans(self._meshes[part], lines, self._joint.up)
+        return self._cut[key]
+
+
 def fitted(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> ScrewFit:
     """The shortest screw of the standard that holds; if none does, the longest with room (its gates then fail)."""
-    fits = [screw_fit(joint, meshes, length) for length in LENGTHS_MM]
+    lines = ScrewLines(joint, meshes)
+    fits = [screw_fit(joint, meshes, length, lines) for length in LENGTHS_MM]
     sound = [fit for fit in fits if all(check.ok for check in fit.checks)]
     roomy = [fit for fit in fits if fit.tip_room_mm >= tip_room_wanted_mm(joint)]
     return sound[0] if sound else (roomy[-1] if roomy else fits[0])
@@ -81,17 +128,21 @@ def tip_room_wanted_mm(joint: ScrewJoint) -> float:
     return TPU_TIP_MM if joint.holder == "captured nut" else TIP_MM
 
 
-def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_mm: float) -> ScrewFit:
+def screw_fit(
+    joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_mm: float, lines: ScrewLines | None = None
+) -> ScrewFit:
     """Measure one joint with screws of a length.
 
     Args:
         joint: which.
         meshes: closed meshes of its parts, endcap frame.
         length_mm: nominal length of the screws.
+        lines: of the same joint and meshes, where other lengths are measured, too.
 
     Raises:
         GeometryError: the head finds no seat, or the anchor is not where the screw goes.
     """
+    lines = lines or ScrewLines(joint, meshes)
     thread = bought_mm(joint.thread, "thread")
     hole = bought_mm(joint.thread, "clearance_hole")
     ring = (bought_mm(*_head(joint)) + hole) / 4
@@ -100,24 +151,24 @@ def screw_fit(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_m
     first = math.inf
     worst = {"grip": -math.inf, "held": math.inf, "room": math.inf, "uneven": 0.0}
     for place in joint.places:
-        seats = [spans[0][0] for spans in _rings(joint, meshes, joint.seat, place, ring)]
+        seats = [spans[0][0] for spans in lines.ring(joint.seat, place, ring)]
         first, seat = min(first, *seats), min(seats) - washers
         if joint.holder == "plastic":
-            spans = _rings(joint, meshes, joint.anchor, place, thread / 2 - INSIDE_MM)
+            spans = lines.ring(joint.anchor, place, thread / 2 - INSIDE_MM)
             ahead = [[span for span in line if span[1] > seat] for line in spans]
             held = min(_overlap(line, seat, seat + length_mm - slack) for line in ahead)
-            start, end = max(line[0][0] for line in ahead), _first_hit(joint, meshes, place, seat)
+            start, end = max(line[0][0] for line in ahead), lines.first_hit(place, seat)
         elif joint.holder == "insert":
-            mouths = [spans[0][0] for spans in _rings(joint, meshes, joint.anchor, place, INSERT_RING_MM)]
+            mouths = [spans[0][0] for spans in lines.ring(joint.anchor, place, INSERT_RING_MM)]
             start = max(mouths)
             end = start + INSERT_HOLE_MM
             held = _overlap([(start, start + bought_mm("insert_m4", "length"))], seat, seat + length_mm - slack)
         elif joint.holder == "captured nut":
-            floors = [spans[0][1] for spans in _rings(joint, meshes, joint.anchor, place, ring)]
-            start, end = max(floors), _first_hit(joint, meshes, place, seat)
+            floors = [spans[0][1] for spans in lines.ring(joint.anchor, place, ring)]
+            start, end = max(floors), lines.first_hit(place, seat)
             held = _overlap([(start, start + bought_mm("nut_m3", "thickness"))], seat, seat + length_mm - slack)
         else:
-            faces = [spans[-1][1] for spans in _rings(joint, meshes, joint.anchor, place, ring)]
+            faces = [spans[-1][1] for spans in lines.ring(joint.anchor, place, ring)]
             start, end = max(faces) + washers, math.inf
             nut = bought_mm("nut_m4", "thickness") + bought_mm(joint.thread, "pitch")
             held = min(nut, max(0.0, seat + length_mm - slack - start))
@@ -134,7 +185,7 @@ def screw_seat_mm(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> f
     """Height z (endcap frame) on which the heads of a joint bear, washers not counted."""
     hole = bought_mm(joint.thread, "clearance_hole")
     ring = (bought_mm(*_head(joint)) + hole) / 4
-    seat = min(spans[0][0] for spans in _rings(joint, meshes, joint.seat, joint.places[0], ring))
+    seat = min(spans[0][0] for spans in ScrewLines(joint, meshes).ring(joint.seat, joint.places[0], ring))
     return seat if joint.up else -seat
 
 
@@ -159,32 +210,7 @@ def _head(joint: ScrewJoint) -> tuple[str, str]:
     return (joint.thread.replace("screw", "washer"), "outer") if joint.washers else (joint.thread, "head")
 
 
-def _rings(
-    joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], part: str, place: tuple[float, float], radius: float
-) -> list[list[tuple[float, float]]]:
-    """Solid spans of a part on lines round the axis, along the screw's direction.
-
-    Raises:
-        GeometryError: a line misses the part.
-    """
-    angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False) + 0.1
-    lines = np.array(place) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    spans = _spans(meshes[part], lines, joint.up)
-    if not all(spans):
-        raise GeometryError(f"{joint.name}: {part} is not where the screw at {place[0]:.2f}, {place[1]:.2f} needs it")
-    return spans
-
-
-def _first_hit(
-    joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], place: tuple[float, float], seat: float
-) -> float:
-    """Where the tip would hit the anchor's material on the axis; infinite where the hole goes through."""
-    line = np.array(place)[None, :] + 0.03
-    starts = [span[0] for span in _spans(meshes[joint.anchor], line, joint.up)[0] if span[0] > seat]
-    return min(starts, default=math.inf)
-
-
-def _spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[list[tuple[float, float]]]:
+def _spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[Spans]:
     """Solid spans along upright lines (n, 2), as coordinates along the screw (z, or -z if it points down)."""
     sign = 1.0 if up else -1.0
     origins = np.column_stack([lines, np.full(len(lines), -sign * FAR_MM)])
@@ -198,5 +224,5 @@ def _spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[list[tupl
     return found
 
 
-def _overlap(spans: list[tuple[float, float]], low: float, high: float) -> float:
+def _overlap(spans: Spans, low: float, high: float) -> float:
     return sum(max(0.0, min(high, end) - max(low, start)) for start, end in spans)

@@ -44,7 +44,7 @@ def package_command(module: str, description: str, sources: Path, arguments: Seq
     try:
         names = export_packages(sources, options.out)
     except EndcapError as error:
-        LOG.error(error)
+        LOG.error(f"{module}: {error}")
         return 2
     print(f"{options.out}: {', '.join(names)}; README.md says how to build or install")
     return 0

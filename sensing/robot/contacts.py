@@ -14,6 +14,7 @@ from sensing.robot.settings import Contacts, Settings
 from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample
+from sensing.tensegrity.vectors import cross, minus_cross
 
 LONGEST_GAP_S = 0.15  # without a reading; after it a contact starts anew
 STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one begins to without a sign in the ratio
@@ -90,7 +91,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
         return _begin(state, endcap, lever, variance, layout)
-    rolled = layout.radius_m[endcap] * since * np.linalg.norm(np.cross(world_rate(state, bar), state.normal[endcap]))
+    rolled = layout.radius_m[endcap] * since * np.linalg.norm(cross(world_rate(state, bar), state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
     creep = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
     lift = creep + stays * state.normal_variance[endcap] * rolled**2
@@ -120,7 +121,7 @@ def yielded(state: State, endcap: int, contact: Contact, layout: Layout, setting
     """
     bar, normal = int(layout.endcap_bar[endcap]), state.normal[endcap]
     arm = state.turn[bar] @ layout.endcap_lever[endcap]
-    leaves = float((state.velocity[bar] + np.cross(world_rate(state, bar), arm)) @ normal)
+    leaves = float((state.velocity[bar] + cross(world_rate(state, bar), arm)) @ normal)
     late = settings.yield_delay_s * leaves * (normal @ state.turn[bar])
     return np.asarray(settings.compliance_m_n * contact.force_n + late)
 
@@ -181,8 +182,7 @@ def _begin(state: State, endcap: int, lever: Array, variance: Array, layout: Lay
     release(state, endcap, layout)
     point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
     leader = layout.turn(layout.leader)
-    x, y, z = point
-    slopes[:, leader] -= np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # its error is less the turn of the leader
+    slopes[:, leader] -= minus_cross(point)  # its error is less the turn of the leader
     rows = slopes @ state.covariance
     state.covariance[at], state.covariance[:, at] = rows, rows.T
     axes = axes_about(state.normal[endcap])
@@ -194,8 +194,8 @@ def _difference(state: State, endcap: int, lever: Array, layout: Layout) -> tupl
     """((3,) from the endcap to its anchor, (3, N) slopes of what should be zero, endcap less anchor)."""
     bar, at = int(layout.endcap_bar[endcap]), layout.anchor(endcap)
     point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
-    x, y, z = point  # not the anchor: a turn about the vertical must show in nothing, by no noise either
-    slopes[:, layout.turn(layout.leader)] -= np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
+    # not the anchor: a turn about the vertical must show in nothing, by no noise either
+    slopes[:, layout.turn(layout.leader)] -= minus_cross(point)
     slopes[:, at] -= np.eye(3)
     return state.anchor[endcap] - point, slopes
 

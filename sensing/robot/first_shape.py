@@ -21,6 +21,7 @@ from sensing.robot.layout import Layout
 from sensing.robot.settings import Settings
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.shape import cable_lengths, moved, rotation_of, standing_poses
+from sensing.tensegrity.vectors import cross
 
 GUESS_SD_M, GUESS_SD, SPIN_SD = 0.1, 0.3, 1.0  # E: of the stated ends, of a bar's turn, of one about its own axis
 LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
@@ -66,7 +67,7 @@ class FirstShape:
             return poses
         poses[leader, :3, :3] = poses[leader, :3, :3] @ rotation_of(np.array([0.0, 0.0, spin]))
         up = poses[leader, :3, :3] @ self.up
-        axis = np.cross(up, [0.0, 0.0, 1.0])
+        axis = cross(up, [0.0, 0.0, 1.0])
         size = float(np.linalg.norm(axis))
         turn = rotation_of(axis / max(size, 1e-9) * math.atan2(size, up[2]))
         heading = math.atan2(*poses[leader, 1::-1, 2])
@@ -195,8 +196,8 @@ class FirstShape:
             )
             lengths[number] = np.linalg.norm(two - one)
             along = (two - one) / lengths[number]
-            pull[first] += np.concatenate([along, np.cross(one - centre[first], along)])
-            pull[second] -= np.concatenate([along, np.cross(two - centre[second], along)])
+            pull[first] += np.concatenate([along, cross(one - centre[first], along)])
+            pull[second] -= np.concatenate([along, cross(two - centre[second], along)])
         stiffness = np.array([cable.stiffness_n_m for cable in cables])
         stated = stiffness * np.maximum(0.0, lengths - [cable.rest_m for cable in cables])
         sds = stiffness * REST_SD_M
@@ -218,7 +219,7 @@ class FirstShape:
             turn = poses[bar, :3, :3]
             force = turn @ contact.force_n
             point = self._centre(poses, endcap) + turn @ (self.layout.radius_m[endcap] * contact.normal)
-            loads[bar] += np.concatenate([force, np.cross(point - centre[bar], force)])
+            loads[bar] += np.concatenate([force, cross(point - centre[bar], force)])
             carried += float(force[2])
         return loads, carried
 
@@ -229,7 +230,7 @@ class FirstShape:
             bar = self.layout.endcap_bar[endcap]
             arm = self._centre(poses, endcap) - [0.0, 0.0, self.layout.radius_m[endcap]] - centre[bar]
             for push, axis in zip(pushes, np.eye(3), strict=True):
-                push[bar] = np.concatenate([axis, np.cross(arm, axis)])
+                push[bar] = np.concatenate([axis, cross(arm, axis)])
         return loads.reshape(-1, len(poses), 6)
 
     def _level_ground(self, poses: Array) -> Array:

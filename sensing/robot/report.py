@@ -13,6 +13,7 @@ from sensing.robot.measurement_kernels import point_slopes
 from sensing.robot.settings import Contacts, Settings
 from sensing.robot.state import State
 from sensing.tensegrity.description import Array
+from sensing.tensegrity.vectors import cross, minus_cross
 
 ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre from which a contact counts as rolling
 WRONG_BIT = 0.02  # E: how often whether it touches is wrong
@@ -50,23 +51,19 @@ def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array,
     return point_slopes(state.turn, state.place, bar, np.ascontiguousarray(lever), layout.leader, layout.size)
 
 
-def _minus_cross(x: Array) -> Array:
-    return np.array([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
-
-
 def _bar(state: State, bar: int, layout: Layout) -> BarEstimate:
     lever = -layout.reference_m[bar]
     origin, slopes = _point(state, bar, lever, layout)
     rate = world_rate(state, bar)
     arm = state.turn[bar] @ lever
-    velocity = state.velocity[bar] + np.cross(rate, arm)
+    velocity = state.velocity[bar] + cross(rate, arm)
     rows = np.zeros((9, layout.size))
     rows[:3] = slopes
     rows[3:6, layout.turn(bar)] = np.eye(3)
     rows[6:, layout.velocity(bar)] = np.eye(3)
-    rows[6:, layout.turn(layout.leader)] += _minus_cross(state.velocity[bar])
-    across = _minus_cross(arm)  # d(rate x arm) = -arm x d rate + rate x d arm
-    rows[6:, layout.turn(bar)] += _minus_cross(np.cross(rate, arm))
+    rows[6:, layout.turn(layout.leader)] += minus_cross(state.velocity[bar])
+    across = minus_cross(arm)  # d(rate x arm) = -arm x d rate + rate x d arm
+    rows[6:, layout.turn(bar)] += minus_cross(cross(rate, arm))
     rows[6:, layout.rate_bias(bar)] -= across @ state.turn[bar]
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
@@ -95,7 +92,7 @@ def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> En
 
 def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -> Hold:
     free = WRONG_BIT if touching else 1 - WRONG_BIT
-    speed = layout.radius_m[endcap] * float(np.linalg.norm(np.cross(world_rate(state, bar), state.normal[endcap])))
+    speed = layout.radius_m[endcap] * float(np.linalg.norm(cross(world_rate(state, bar), state.normal[endcap])))
     rolls = 1 / (1 + float(np.exp(np.clip((ROLLING_M_S - speed) / ROLLING_SPREAD, -40, 40))))
     slips = (1 - free) * float(state.slips[endcap])
     rest = 1 - free - slips

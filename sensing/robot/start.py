@@ -24,6 +24,7 @@ from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
 from sensing.tensegrity.shape import rotation_of
+from sensing.tensegrity.vectors import minus_cross
 
 QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: most that a robot shows that stands, of a rate, and of a force beside gravity
 QUIET_M = 0.006  # E: by which the lengths' means over the two halves of the start differ
@@ -210,8 +211,8 @@ def _set_covariance(
         arm = state.turn[bar] @ layout.reference_m[bar]
         slopes[layout.turn(bar), 6 * bar + 3 : 6 * bar + 6] = np.eye(3)
         slopes[layout.place(bar), 6 * bar : 6 * bar + 3] = np.eye(3)
-        slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += _minus_cross(arm)
-        slopes[layout.place(bar), leader : leader + 3] -= _minus_cross(state.place[bar])
+        slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += minus_cross(arm)
+        slopes[layout.place(bar), leader : leader + 3] -= minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
     for bar in range(bars):
         at = layout.velocity(bar)
@@ -221,8 +222,3 @@ def _set_covariance(
         if layout.has_force[bar]:
             at = layout.force_bias(bar)
             state.covariance[at, at] += settings.force_bias_sd**2 * np.eye(3)
-
-
-def _minus_cross(arm: Array) -> Array:
-    x, y, z = arm
-    return np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])

@@ -23,10 +23,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return int(options.run(options))
     except EndcapError as error:
-        LOG.error(error)
+        LOG.error(f"sensing.simulator: {error}")
         return 2
     except KeyboardInterrupt:
-        LOG.error("stopped; run the same command again to go on")
+        LOG.error(f"sensing.simulator: {options.stopped}")
         return 130
 
 
@@ -59,14 +59,14 @@ def _parser() -> argparse.ArgumentParser:
         "press", help="press the shell once and print wrench and certificate", description=_press_text()
     )
     _shell_options(press)
-    press.add_argument("--tilt", type=float, default=30, help="polar angle of first contact, degrees (default 30)")
-    press.add_argument("--normal", type=float, default=20, help="normal force, N (default 20)")
-    press.add_argument("--meridian", type=float, default=0, help="tangential travel away from the tip, mm")
-    press.add_argument("--lateral", type=float, default=0, help="tangential travel across, mm (needs the whole mesh)")
-    press.add_argument("--friction", type=float, default=0.5, help="Coulomb coefficient (default 0.5)")
+    press.add_argument("--tilt", type=number, default=30, help="polar angle of first contact, degrees (default 30)")
+    press.add_argument("--normal", type=number, default=20, help="normal force, N (default 20)")
+    press.add_argument("--meridian", type=number, default=0, help="tangential travel away from the tip, mm")
+    press.add_argument("--lateral", type=number, default=0, help="tangential travel across, mm (needs the whole mesh)")
+    press.add_argument("--friction", type=number, default=0.5, help="Coulomb coefficient (default 0.5)")
     press.add_argument("--body", choices=known_kinds(), default="plane", help="what presses (default plane)")
-    press.add_argument("--radius", type=float, default=20, help="radius of sphere or edge, mm")
-    press.set_defaults(run=_press)
+    press.add_argument("--radius", type=number, default=20, help="radius of sphere or edge, mm")
+    press.set_defaults(run=_press, stopped="stopped")
     data = commands.add_parser(
         "data",
         help="write labelled, rendered frames",
@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     data_cli.add_options(data)
-    data.set_defaults(run=data_cli.run)
+    data.set_defaults(run=data_cli.run, stopped="stopped; run the same command again to go on")
     return parser
 
 

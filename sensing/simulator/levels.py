@@ -60,6 +60,7 @@ RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted 
 TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
 STEP_N = 5.0  # of one press
+MOST_N = 10_000.0  # E: above what any shell bears within the depths that are modelled
 
 
 class Simulator:
@@ -140,6 +141,12 @@ class Simulator:
         Raises:
             Refusal: the state has no trustworthy answer.
         """
+        if not normal_n <= MOST_N:
+            raise Refusal(
+                "range",
+                f"normal_n={normal_n:g} outside 0..{MOST_N:g} N: no shell bears more within "
+                "the depths that are modelled",
+            )
         friction = float(scene.pop("friction", 0.5))
         steps = max(1, round(normal_n / STEP_N))
         targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]

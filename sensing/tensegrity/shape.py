@@ -19,6 +19,7 @@ import numpy as np
 
 from cad.errors import ParameterError
 from sensing.tensegrity.description import Array, Cable, TensegrityRobot
+from sensing.tensegrity.vectors import cross
 
 STEPS = 2000
 ENERGY_J = 1e-9  # below it no cable pulls
@@ -90,7 +91,7 @@ def standing_poses(robot: TensegrityRobot) -> Array:
 
 def turn_z_to(direction: Array) -> Array:
     """(3, 3) shortest rotation that takes z to a unit vector."""
-    axis = np.cross([0.0, 0.0, 1.0], direction)
+    axis = cross([0.0, 0.0, 1.0], direction)
     sine, cosine = float(np.linalg.norm(axis)), float(direction[2])
     if sine < 1e-9:
         return np.diag([1.0, math.copysign(1, cosine), math.copysign(1, cosine)])
@@ -135,7 +136,7 @@ def cable_lengths(
         along = along / max(length[row], 1e-12)
         for place, lever, sign in zip(places, levers, (-1.0, 1.0), strict=True):
             jacobian[row, 6 * place : 6 * place + 3] += sign * along
-            jacobian[row, 6 * place + 3 : 6 * place + 6] += sign * np.cross(lever, along)
+            jacobian[row, 6 * place + 3 : 6 * place + 6] += sign * cross(lever, along)
     return length, jacobian
 
 

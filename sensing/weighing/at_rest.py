@@ -118,9 +118,7 @@ class RestWatch:
             raise WeighingError(self._nothing())
         touching = [k for k, row in enumerate(self._rows) if row.touching]
         if not touching:
-            raise WeighingError(
-                f"no contact: the largest force is {self.largest_n:.2f} N; does the weight stand on the dome?"
-            )
+            raise WeighingError(self._no_contact())
         flagged, least = None, float("inf")
         for end in range(touching[-1] + 1, 0, -1):
             rows = self._window(end)
@@ -155,6 +153,14 @@ class RestWatch:
         rows = self._rows[begin:end]
         long_enough = last_s - rows[0].time_s >= self._still_s * (1 - 1e-6)
         return rows if long_enough and len(rows) >= LEAST_READINGS else []
+
+    def _no_contact(self) -> str:
+        largest = max(self._rows, key=lambda row: float(np.linalg.norm(row.wrench[:3])))
+        if largest.flags:
+            names = ", ".join(sorted(largest.flags))
+            hint = largest.reason or HINTS.get(names, "are these pictures of this endcap, under a weight?")
+            return f"no reading counts as a contact; the largest, {self.largest_n:.2f} N, is flagged ({names}): {hint}"
+        return f"no contact: the largest force is {self.largest_n:.2f} N; does the weight stand on the dome?"
 
     def _nothing(self) -> str:
         if self._blind:

@@ -191,6 +191,7 @@ def test_outside_the_region_the_refusal_is_complete_and_its_choice_is_accepted(d
         (98, 5, ["diameter_mm=98 ", "98.86..250", "keep their size", "bolt flange", "D=98.86 T=6.5"]),
         (251, 5, ["diameter_mm=251", "98.86..250", "256 mm print bed", "D=250 T=6.5"]),
         (5.118, 8, ["diameter_mm=5.118", "looks like inches", "129.997 mm", "nearest valid choice"]),
+        (8, 130, ["diameter_mm=8", "(swapped? D=130 T=8 can be made)", "nearest valid choice"]),
     ],
 )
 def test_refusals_name_value_limit_reason_and_nearest_choice(diameter_mm, wall_mm, words):

@@ -248,7 +248,7 @@ def main(arguments: list[str] | None = None) -> int:
         library = fit_library(simulator, options.states, options.seed)
         library.save(options.out)
     except EndcapError as error:
-        LOG.error(error)
+        LOG.error(f"sensing.simulator.reduced.library_fit: {error}")
         return 2
     print(f"{options.out}: {len(library.modes)} modes, residual {100 * float(library.residual[0]):.2f} %")
     return 0

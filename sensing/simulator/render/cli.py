@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
             image = np.hstack([np.asarray(fitted, dtype=np.uint8), photo])
         _write(options.out, image)
     except EndcapError as error:
-        LOG.error(f"sensing.simulator.render.cli: {error}")
+        LOG.error(f"sensing.simulator.render: {error}")
         return 2
     return 0
 

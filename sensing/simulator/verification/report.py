@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
             title, *rest = SECTIONS[name](options.out).split("\n", 1)
             parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
     except EndcapError as error:
-        LOG.error(error)
+        LOG.error(f"sensing.simulator.verification: {error}")
         return 2
     text = [HEAD, *(f"{title}\n{parts[title]}" for title in sorted(parts, key=_place))]
     put_file(path, "\n".join(text).encode())

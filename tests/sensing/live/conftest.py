@@ -1,4 +1,4 @@
-"""The dot tracker is compiled before the first test, which spends no test's patience on that; a browser for each file."""
+"""The dot tracker is compiled before the first test, whose patience it would use up; every file has its own browser."""
 
 import sys
 from pathlib import Path

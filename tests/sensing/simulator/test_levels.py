@@ -7,6 +7,7 @@ import pytest
 
 from cad.errors import ParameterError
 from cad.materials import silicone
+from sensing.simulator.__main__ import main
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Press, Target
@@ -86,3 +87,21 @@ def test_bad_requests_are_refused() -> None:
     press = Press(Simulator(GEOMETRY, LAW, "draft")._shell.model(True), Indenter(), 0.5)
     with pytest.raises(Refusal, match=r"^path: .*levels\.Simulator"):
         press.advance(press.start(), Target(normal_n=1.0, tangential_n=(0.1, 0.0)))
+
+
+@pytest.mark.parametrize("normal_n", [float("nan"), float("inf"), 20_000.0])
+def test_a_force_that_no_shell_bears_is_refused_at_once(simulator: Simulator, normal_n: float) -> None:
+    with pytest.raises(Refusal, match=r"^range: normal_n=.* outside 0\.\.10000 N"):
+        simulator.press(normal_n)
+
+
+def test_the_command_names_itself(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert main(["press", "--tilt", "200"]) == 2
+    assert capsys.readouterr().err.startswith("sensing.simulator: tilt_deg=200 outside")
+
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Simulator, "press", stopped)
+    assert main(["press"]) == 130
+    assert capsys.readouterr().err == "sensing.simulator: stopped\n"

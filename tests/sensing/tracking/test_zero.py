@@ -1,9 +1,13 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from cad.errors import FileError
+from cad.params import EndcapParams
+from sensing.calibration.dots import pattern_points
+from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
 from sensing.field import main as field_main
 from sensing.records import Frame
@@ -126,6 +130,23 @@ def test_take_check_and_take_again(tmp_path, capsys):
     out = tmp_path / "f.npy"
     assert field_main(["--reference", file, "--frame", f"{touched}/0000.jpg", "--out", str(out)]) == 0
     assert np.load(out).shape == (2, 30, 30)
+
+
+def test_a_picture_of_another_design_is_named(tmp_path, capsys):
+    """The released pattern seen by the nominal camera, as seven rings of the drawn picture."""
+    params = EndcapParams(130, 8)
+    dots = nominal_mount(params).project(pattern_points(params)[0])
+    picture = np.full((480, 640, 3), 230, np.uint8)
+    for x, y in dots:
+        cv2.circle(picture, (round(16 * x), round(16 * y)), 16 * 7, (30, 30, 30), -1, cv2.LINE_AA, 4)
+    jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+    rest = folder_of(tmp_path, "rest", [Frame(k / 30, k, "cam", jpeg=jpeg, size=(640, 480)) for k in range(4)])
+    take = ["take", "--source", rest, "--frames", "4", "--out", str(tmp_path / "z.npz")]
+    assert main([*take, "--diameter", "130", "--wall", "8"]) == 0
+    assert capsys.readouterr().err == ""
+    assert main([*take, "--diameter", "99", "--wall", "8"]) == 0
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "does not fit --diameter 99 --wall 8 (" in said
 
 
 def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):

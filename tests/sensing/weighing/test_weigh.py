@@ -191,14 +191,14 @@ def test_the_guide_refuses_and_lets_try_again(monkeypatch, soft, mine, capsys):
 
 
 # --- what stands still -----------------------------------------------------------------------------------------------
-def readings(forces, rate_hz=30.0, flags=frozenset(), reason=""):
+def readings(forces, rate_hz=30.0, flags=frozenset(), reason="", touches_n=1.0):
     frame, zero = frames(film([0]))[0], None
     blank = without_numbers("soft", 0, frame, SHAPE, zero, 1, 0.0, None)
     for number, force in enumerate(forces):
         estimate = Wrench(
             number / rate_hz, np.array([0.0, 0.0, -force]), np.zeros(3), "endcap", np.eye(6) * 1e-4, flags
         )
-        contact = replace(blank.contact, touching=force > 1.0, known=True)
+        contact = replace(blank.contact, touching=force > touches_n, known=True)
         event = Event.FLAGGED if flags else Event.GOOD
         yield replace(blank, estimate=estimate, wrench=estimate, contact=contact, event=event, reason=reason)
 
@@ -226,6 +226,11 @@ def test_the_last_interval_at_rest_counts_after_creep():
         (list(np.linspace(2, 20, 90)), {}, "not at rest: the force moves by 3.1"),
         (list(10 + np.tile([1.0, -1.0], 50)), {}, "not at rest"),
         ([10.0] * 60, {"flags": frozenset({"out_of_range"}), "reason": "unlike training"}, r"out_of_range\): unlike"),
+        (
+            [83.5] * 60,
+            {"flags": frozenset({"dots_lost"}), "touches_n": 99.0},
+            r"83\.50 N, is flagged \(dots_lost\): are these pictures of",
+        ),
         ([0.0] * 60 + [10.0] * 10, {}, "lasts for less than 1 s"),
         ([], {}, "fewer than 5 readings"),
     ],

@@ -73,7 +73,7 @@ def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
         os.killpg(run.pid, signal.SIGINT)
         errors = run.communicate(timeout=60)[1]
         assert run.returncode == 130, errors
-        assert errors == "stopped; run the same command again to go on\n"
+        assert errors == "sensing.simulator: stopped; run the same command again to go on\n"
         assert list(LabelledSet(tmp_path).frames()) and not list(tmp_path.rglob("*.part"))
         assert ends(run)
 

@@ -1,6 +1,6 @@
 """What the filter's steady motions are worth, and what they cost: ``python bench/bench_filter.py`` writes filter.csv.
 
-The filter as it is and without them, on the same made-up measurements (seeds from 300; the filter was set on others).
+The filter as it is and without them, on the same simulated measurements (seeds from 300; the filter was set on others).
 The error has a part that is new in every picture and one that repeats for a state, as the tracker's does: a smooth
 function of the force. ``rest`` and ``onset``: an untouched endcap that is then pressed by a step or a ramp; frames from
 its begin until the force norm passes a threshold that one frame in a thousand passes at rest, each filter its own.

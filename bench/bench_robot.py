@@ -34,6 +34,7 @@ CURVES: dict[str, tuple[float, ...]] = {  # knob of the sensors, or of the estim
     "wrench_hz": (5, 10, 20, 30, 60),
     "wrench_delay_s": (0.0, 0.035, 0.1, 0.3),
     "wrench_noise": (0.0, 1.0, 3.0, 10.0),
+    "beyond_noise": (1.0, 2.0, 5.0),
     "length_m": (0.0005, 0.002, 0.005),
     "gyroscopes": (1, 2, 3),
     "force_scale": (0.74, 1.0, 1.35),

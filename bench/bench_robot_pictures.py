@@ -28,7 +28,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from robot_pictures import Readings, Stage, frame_times, walk_step, with_pictures
-from robot_runs import FIRST_SEED, held_out, judge_arrivals
+from robot_runs import held_out, judge_arrivals
 
 from cad.whole_file import replace_file
 from sensing.live.core.gate import UNCONFIRMED
@@ -46,6 +46,7 @@ FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
 RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load from which a reading is one of a contact
 INSIDE_95 = 1.96
 SHOWN_S, VIEW_PX = 18.5, (320, 240)  # moment of the run, and size of a view on the sheet
+SEEDS = (101, 201)  # the first one was looked at, and a defect corrected, before the second was made
 ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
 
 
@@ -162,7 +163,7 @@ def run(options: argparse.Namespace, stage: Stage) -> None:
     """
     scores: list[dict[str, Any]] = []
     errors: list[dict[str, Any]] = []
-    for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
+    for seed in options.seeds:
         for name in options.robots:
             robot = robot_of(ROBOTS[name])
             walk = held_out(robot, Terrain.FLAT, seed, options.seconds, stage.folder / name)
@@ -184,7 +185,7 @@ def picture(options: argparse.Namespace, stage: Stage) -> bytes:
     """What the six cameras of the first run see :data:`SHOWN_S` after its start, as JPEG."""
     name = options.robots[0]
     robot = robot_of(ROBOTS[name])
-    walk = held_out(robot, Terrain.FLAT, FIRST_SEED, options.seconds, stage.folder / name)
+    walk = held_out(robot, Terrain.FLAT, options.seeds[0], options.seconds, stage.folder / name)
     rows = np.array([round(SHOWN_S / walk_step(walk))])
     views = []
     for endcap in robot.endcaps:
@@ -216,7 +217,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="The robot's estimate from rendered frames through the live pipeline.")
     parser.add_argument("what", choices=("run", "picture"))
     parser.add_argument("--robots", nargs="+", choices=tuple(ROBOTS), default=["6kg"], help="(default: 6kg)")
-    parser.add_argument("--seeds", type=int, default=1, help="runs of each (default: %(default)s)")
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="of the runs (default: 101 201)")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
     parser.add_argument("--hz", type=float, default=10.0, help="frames a second of an endcap (default: %(default)g)")
     parser.add_argument("--workers", type=int, default=1, help="processes that solve contacts (default: %(default)s)")

@@ -58,6 +58,7 @@ def draw_light(light: DomeLight, label: str, path: Path) -> None:
         light: on the dome. label: first words of the title. path: of the file.
     """
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
 
     figure = Figure(figsize=(11, 4.8), layout="constrained")
     dome = figure.add_subplot(1, 2, 1, projection="polar")
@@ -67,7 +68,9 @@ def draw_light(light: DomeLight, label: str, path: Path) -> None:
     figure.colorbar(picture, ax=dome, label="irradiance over its mean")
     dome.set_title(f"{label}: darkest {light.darkest:.2f}, brightest {light.brightest:.2f} of the mean", fontsize=10)
     dome.set_xticklabels([])
-    dome.tick_params(axis="y", colors="white", labelsize=7)
+    dome.tick_params(axis="y", labelsize=8)
+    for degrees in dome.get_yticklabels():  # over dark and bright colours alike
+        degrees.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
     curve = figure.add_subplot(1, 2, 2)
     for name, field in (("with scattered light", light.total), ("direct", light.direct)):
         middle = field.mean(axis=1)

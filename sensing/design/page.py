@@ -85,8 +85,8 @@ def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) 
     )
     note = (
         "<p>Range, stiffness, bound and mass are computed (library of solved states, closed forms), cost is estimated "
-        "(silicone at 40 dollars a kg for every kind, mold PLA of D=130 with R squared). All but mass and cost go with "
-        "the shear modulus, so the maps of two silicones differ by a factor.</p>"
+        "(silicone at 40 dollars a kg for every kind, PLA of our mold at 20, with R squared). All but mass and cost go "
+        "with the shear modulus, so the maps of two silicones differ by a factor.</p>"
     )
     return _page("Designs that can be made, and what each will feel", answer + note + panels)
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from cad.errors import FileError
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
-from sensing.design.region import MOLD_RADIUS_MM
 
 SLICES = Path("slice", "slice.json")  # beside the study, from make slice
 SECOND_FORM = "interface_gyroid"  # one interface is printed, in one of two forms
-MOLD_GRAMS, PLA_GRAMS_H = 514.0, 17.5  # M at D=130 T=8 as make slice measures; E: in proportion to R^2, and one rate
+MOLD_RADIUS_MM, MOLD_GRAMS = 65.0, 514.0  # M at D=130 T=8 as make slice measures; E: in proportion to R^2
+PLA_GRAMS_H = 17.5  # M as make slice measures; E: one rate
 PLA_USD_KG = 20.0  # E: a kilogram spool
 INTERFACE_GRAMS, INTERFACE_H = 23.8, 3.02  # M at D=130 T=8 (bench/slice.csv, "infill"); E: in proportion to R
 TPU_USD_KG = 35.0  # E
@@ -84,9 +84,17 @@ def sliced_prints(params: EndcapParams, path: Path) -> Prints:
 def estimated_prints(params: EndcapParams) -> Prints:
     """Mold and interface by closed form: thin walls of PLA with R squared, the interface's ring with R."""
     ratio = params.outer_radius_mm / MOLD_RADIUS_MM
-    mold_grams, ring_grams = MOLD_GRAMS * ratio**2, INTERFACE_GRAMS * ratio
+    mold_grams, ring_grams = _mold_grams(params), INTERFACE_GRAMS * ratio
     return Prints(
         mold_grams / PLA_GRAMS_H + INTERFACE_H * ratio, mold_grams + ring_grams,
-        (PLA_USD_KG * mold_grams + TPU_USD_KG * ring_grams) / 1000, "mold and interface; base and stand not counted",
-        False,
+        mold_usd(params) + TPU_USD_KG * ring_grams / 1000, "mold and interface; base and stand not counted", False,
     )  # fmt: skip
+
+
+def mold_usd(params: EndcapParams) -> float:
+    """Cost of the PLA in the mold, estimated: 10.28 USD at D=130 (the paper: about 8.50, MAT13)."""
+    return PLA_USD_KG * _mold_grams(params) / 1000
+
+
+def _mold_grams(params: EndcapParams) -> float:
+    return MOLD_GRAMS * (params.outer_radius_mm / MOLD_RADIUS_MM) ** 2

@@ -19,11 +19,11 @@ from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
 from sensing.design.pressed import Study, expected_share
+from sensing.design.prints import mold_usd
 
 Progress = Callable[[int, int], None]
 DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike
 SILICONE_USD_KG = 40.0  # E: as in the bill of materials, for all silicones
-MOLD_USD, MOLD_RADIUS_MM = 8.5, 65.0  # P: PLA of the mold at D=130; E: in proportion to R^2, as thin walls
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ def place_of(study: Study) -> Place:
     """A study's figures for the map."""
     safe_n, limit = study.safe
     params = study.params
-    mold = MOLD_USD * (params.outer_radius_mm / MOLD_RADIUS_MM) ** 2
+    cost_usd = SILICONE_USD_KG * study.mass_g / 1000 + mold_usd(params)
     return Place(
         params.diameter_mm, params.wall_mm, study.silicone, study.range_n, safe_n, limit,
-        study.stiffness_n_mm(25.0), study.bound_n, study.mass_g, SILICONE_USD_KG * study.mass_g / 1000 + mold,
+        study.stiffness_n_mm(25.0), study.bound_n, study.mass_g, cost_usd,
     )  # fmt: skip
 
 

@@ -48,8 +48,10 @@ class SensorSet:
             degrees/s after a warm start, 2 mg after calibration in six positions; the part's own are 1 and 20 mg).
         gyro_walk, acceleration_walk: their random walks, rad/s and m/s2 a root s (E).
         length_m: standard deviation of a cable's length.
-        wrench_noise: factor on the errors of ``wrench_noise.csv``. force_scale: of every force and torque, as a wrong
-            silicone makes it.
+        wrench_noise: factor on the errors of ``wrench_noise.csv``. beyond_noise: further factor on those beyond the
+            range of training; their stated deviation grows by its square root only (from pictures: 5,
+            docs/robot_accuracy.md).
+        force_scale: of every force and torque, as a wrong silicone makes it.
         inertial_delay_s, length_delay_s, wrench_delay_s: from capture to arrival. jitter_s: of the wrenches'.
         gyroscopes: how many sensors report, those with an accelerometer first.
     """
@@ -65,6 +67,7 @@ class SensorSet:
     acceleration_walk: float = 1e-4
     length_m: float = 0.002
     wrench_noise: float = 1.0
+    beyond_noise: float = 1.0
     force_scale: float = 1.0
     inertial_delay_s: float = 0.002
     length_delay_s: float = 0.005
@@ -154,21 +157,23 @@ def foot_samples(
     wrench = wrench * sensors.force_scale
     load = np.linalg.norm(wrench[:, :3], axis=1)
     sigma = wrench_sigma(tilt, load)
-    error = sensors.wrench_noise * sigma * _slow(rng, np.diff(walk.time_s[rows]), 6)
+    beyond = (load > MOST_LOAD_N) | ((load > TOUCH_N) & (tilt > MOST_TILT_DEG))
+    more = np.where(beyond, sensors.beyond_noise, 1.0)[:, None]
+    error = sensors.wrench_noise * more * sigma * _slow(rng, np.diff(walk.time_s[rows]), 6)
+    stated = max(sensors.wrench_noise, 0.1) * np.sqrt(more) * sigma
     touching, samples = False, []
     for k, row in enumerate(rows):
         reported = wrench[k] + error[k]
         touching = float(np.linalg.norm(reported[:3])) > (RELEASE_N if touching else TOUCH_N)
-        beyond = load[k] > MOST_LOAD_N or (load[k] > TOUCH_N and tilt[k] > MOST_TILT_DEG)
         samples.append(
             FootSample(
                 time_s=float(walk.time_s[row]),
                 endcap=endcap.name,
                 force_n=reported[:3],
                 torque_nm=reported[3:],
-                covariance=np.diag((max(sensors.wrench_noise, 0.1) * sigma[k]) ** 2),
+                covariance=np.diag(stated[k] ** 2),
                 touching=touching,
-                flags=frozenset({"out_of_range"} if beyond else ()),
+                flags=frozenset({"out_of_range"} if beyond[k] else ()),
             )
         )
     return samples

@@ -58,10 +58,8 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
     tracker = WrenchFilter(config)
     tracker.update(wrench(np.zeros(6), 0.0))
     x = np.zeros((count, 6, 2))
-    P = np.array([
-        [np.diag([r, (m.start_rate * a) ** 2]) for r, a in zip(row, ARM, strict=True)]
-        for m, row in zip(motions, noise, strict=True)
-    ])  # fmt: skip
+    rates = np.outer([motion.start_rate for motion in motions], ARM)
+    P = np.stack([noise, 0 * noise, 0 * noise, rates**2], axis=2).reshape(count, 6, 2, 2)
     probability, lost = np.full((count, 6), 1 / count), 0
     for k, dt in enumerate((0.033, 0.05, 0.033, 0.4, 0.033)):
         measured = SIGMA * rng.normal(size=6) + (k == 4) * 400.0
@@ -212,11 +210,11 @@ def test_late_missing_stale_and_gaps_are_said():
         tracker.update(wrench(np.zeros(6), 3.1, frame="ft"))
     with pytest.raises(ParameterError, match="no estimate yet"):
         WrenchFilter().at(0.0)
-    for name, bad in (
-        ("noise", np.zeros(6)), ("scatter", np.nan), ("memory", 0.0), ("motions", ()), ("motions", (Motion(walk=-1.0),))
-    ):  # fmt: skip
+    for name, bad in (("noise", np.zeros(6)), ("scatter", np.nan), ("memory", 0.0), ("motions", (Motion(walk=-1.0),))):
         with pytest.raises(ParameterError, match=f"{name}="):
             FilterConfig(**{name: bad})
+    with pytest.raises(ParameterError, match="motions="):
+        FilterConfig(())
 
 
 def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():

@@ -42,12 +42,13 @@ def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceM
             with np.load(folder / MESH_FILE, allow_pickle=False) as data:
                 vertices, faces = data["vertices"].astype(np.float64), data["faces"].astype(np.int64)
             return InterfaceMesh(trimesh.Trimesh(vertices, faces, process=False, validate=False), **values)
-        made = interface_mesh(params)
-        vertices, faces = np.asarray(made.mesh.vertices), np.asarray(made.mesh.faces)
-        np.savez(folder / MESH_FILE, vertices=vertices, faces=faces.astype(np.int32))
-        numbers = {name: value for name, value in vars(made).items() if name != "mesh"}
-        cache.store(key, folder, [MESH_FILE], numbers)
-        return made
+    made = interface_mesh(params)  # no folder waits for it: a worker that is killed meanwhile would leave it behind
+    vertices, faces = np.asarray(made.mesh.vertices), np.asarray(made.mesh.faces)
+    numbers = {name: value for name, value in vars(made).items() if name != "mesh"}
+    with TemporaryDirectory(prefix="interface-") as scratch:
+        np.savez(Path(scratch) / MESH_FILE, vertices=vertices, faces=faces.astype(np.int32))
+        cache.store(key, Path(scratch), [MESH_FILE], numbers)
+    return made
 
 
 def kept_checks(

@@ -29,10 +29,11 @@ from typing import Any
 import numpy as np
 
 from cad.design_arguments import add_design_arguments, design_of
-from cad.errors import EndcapError, FileError
+from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
+from sensing.arguments import number
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.ending import leave
 from sensing.recording.folder import Recording
@@ -41,7 +42,7 @@ from sensing.recording.progress import Progress
 from sensing.recording.synchronise import SLOP_S, Synchroniser
 from sensing.records import Frame
 from sensing.sources.choose import open_frames
-from sensing.tracking.zero import take_zero
+from sensing.tracking.zero import LEAST_FRAMES, take_zero
 
 REST_FRAMES = 30
 MOST_WAITING = 300  # frames that wait for their force; more means that the stream lags
@@ -107,9 +108,10 @@ def record(
         most: frames to take; None for all.
 
     Raises:
-        ZeroError: the endcap moved during the first frames. ClockError: a clock jumped. StreamError: the stream broke.
-        FileError: no space left.
+        ParameterError: too few untouched frames, or a slop out of range. ZeroError: the endcap moved during the first
+        frames. ClockError: a clock jumped. StreamError: the stream broke. FileError: no space left.
     """
+    _check_counts(rest_frames, most)
     synchroniser = Synchroniser(slop_s)
     waiting: deque[Frame] = deque()
     rest: list[Frame] = []
@@ -140,6 +142,22 @@ def record(
         finally:
             recording.flush()
     return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty)
+
+
+def _check_counts(rest_frames: int, most: int | None) -> None:
+    """Refuse counts of frames that give no reference, or nothing beside it."""
+    if rest_frames < LEAST_FRAMES:
+        raise ParameterError(
+            f"rest={rest_frames}: at least {LEAST_FRAMES} untouched frames make the reference and the tare",
+            name="rest",
+            value=rest_frames,
+        )
+    if most is not None and most <= rest_frames:
+        raise ParameterError(
+            f"frames={most}: give more than the {rest_frames} untouched ones (--rest), the others are to learn from",
+            name="frames",
+            value=most,
+        )
 
 
 def read_mount(path: Path) -> FtMount:
@@ -179,14 +197,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"of the endcap, cad/materials.csv ({DEFAULT_SILICONE})",
     )
-    parser.add_argument("--slop", type=float, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
+    parser.add_argument("--slop", type=number, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
     parser.add_argument("--rest", type=int, default=REST_FRAMES, metavar="N", help=f"untouched frames ({REST_FRAMES})")
     parser.add_argument("--frames", type=int, metavar="N", help="stop after so many")
     parser.add_argument("--port", type=int, default=49152, metavar="N", help="of the NetFT (49152)")
-    parser.add_argument("--ft-rate", type=float, metavar="HZ", help="counts a second of the NetFT (found out)")
-    parser.add_argument("--ft-delay", type=float, metavar="S", help="network delay of a sample (half the answer time)")
-    parser.add_argument("--counts-n", type=float, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")
-    parser.add_argument("--counts-nm", type=float, default=COUNTS, metavar="N", help="NetFT counts per N m (1e6)")
+    parser.add_argument("--ft-rate", type=number, metavar="HZ", help="counts a second of the NetFT (found out)")
+    parser.add_argument("--ft-delay", type=number, metavar="S", help="network delay of a sample (half the answer time)")
+    parser.add_argument("--counts-n", type=number, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")
+    parser.add_argument("--counts-nm", type=number, default=COUNTS, metavar="N", help="NetFT counts per N m (1e6)")
     return parser
 
 

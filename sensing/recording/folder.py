@@ -10,6 +10,7 @@ import fcntl
 import io
 import json
 import secrets
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -57,6 +58,8 @@ class Recording:
         self._tare = np.zeros(6)
         self._touching = False
         self._start_s: float | None = None
+        self._made = not folder.exists()
+        self._begun = (folder / "manifest.json").exists()  # by an earlier run, whose files stay
         try:
             (folder / "shards").mkdir(parents=True, exist_ok=True)
             self._lock = (folder / ".lock").open("w")
@@ -82,7 +85,14 @@ class Recording:
         self.close()
 
     def close(self) -> None:
-        """Let the folder go; nothing can be added any more."""
+        """Let the folder go; nothing can be added any more. Where nothing was written, nothing is left."""
+        with suppress(OSError):  # closed before, or a folder that holds what is the user's
+            if not self._begun and not any((self.folder / "shards").iterdir()):
+                (self.folder / "shards").rmdir()
+                (self.folder / "manifest.json").unlink(missing_ok=True)
+                (self.folder / ".lock").unlink()
+                if self._made:
+                    self.folder.rmdir()
         self._lock.close()
 
     def begin(self, zero: Zero, tare: NDArray[np.float64]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 
 import numpy as np
 import pytest
@@ -22,12 +23,20 @@ def cache(tmp_path):
     return Cache(tmp_path / "cache")
 
 
-def test_an_interface_comes_back_to_the_bit(cache, monkeypatch):
+def test_an_interface_comes_back_to_the_bit(cache, monkeypatch, tmp_path):
     ball = trimesh.creation.icosphere(subdivisions=2, radius=math.pi)
     vertices = np.asarray(ball.vertices).astype(np.float32).astype(np.float64)
     made = InterfaceMesh(trimesh.Trimesh(vertices, ball.faces, process=False), 13.9, 0.45, 0.1 + 1e-17, 0.01 / 3, 5e4)
     calls = []
-    monkeypatch.setattr(kept, "interface_mesh", lambda params: calls.append(params) or made)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+
+    def mesh(params):
+        assert not list(scratch.iterdir())  # where a worker is killed meanwhile, nothing stays
+        return calls.append(params) or made
+
+    monkeypatch.setattr(kept, "interface_mesh", mesh)
     for _ in range(2):
         again = kept_interface_mesh(EndcapParams(130, 8), cache)
         assert np.array_equal(again.mesh.vertices, vertices) and np.array_equal(again.mesh.faces, ball.faces)

@@ -57,6 +57,23 @@ def test_a_recording_without_a_pair_is_no_success(pressed, tmp_path, capsys):
     arguments = ["--source", str(folder), "--ft-csv", str(csv), "--mount", str(mount), "--out", str(tmp_path / "set")]
     assert record.main(arguments) == 1
     assert "do frames and forces have the same clock?" in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize("more", [["--rest", "0"], ["--rest", "-1"], ["--frames", "-1"], ["--slop", "5"]])
+def test_numbers_that_make_no_recording_leave_nothing(pressed, tmp_path, capsys, more):
+    """Without untouched frames there was neither reference nor tare, and a set was written all the same."""
+    (tmp_path / "0.jpg").write_bytes(pressed[0][0].jpeg)
+    (tmp_path / "mount.json").write_text(json.dumps({"T_endcap_ft": np.eye(4).tolist(), "reads": 1}))
+    csv = write_csv(tmp_path / "ft.csv", pressed[1])
+    base = ["--source", str(tmp_path / "0.jpg"), "--ft-csv", str(csv), "--mount", str(tmp_path / "mount.json")]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    for folder in ("new", "mine"):
+        assert record.main([*base, "--out", str(tmp_path / folder), *more]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "new").exists()
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
 def test_pairs_are_interpolated_within_the_slop_only():

@@ -54,7 +54,6 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
     rng, motions = np.random.default_rng(4), (SINGLE, Motion(walk=40.0), Motion(2.0, 9000.0, 100.0), steady)
     config, count = FilterConfig(motions, memory=0.8, scatter=SIGMA / 3), len(motions)
     noise = np.array([SIGMA**2 / 9 if motion.steady else SIGMA**2 for motion in motions])
-    repeats = SIGMA**2 - noise
     tracker = WrenchFilter(config)
     tracker.update(wrench(np.zeros(6), 0.0))
     x = np.zeros((count, 6, 2))
@@ -100,7 +99,7 @@ def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
         if k < 4:
             value = (probability * x[:, :, 0]).sum(axis=0)
             assert np.concatenate([after.force_n, after.torque_nm]) == pytest.approx(value, rel=1e-9)
-            variance = (probability * (P[:, :, 0, 0] + repeats + (x[:, :, 0] - value) ** 2)).sum(axis=0)
+            variance = (probability * (P[:, :, 0, 0] + SIGMA**2 - noise + (x[:, :, 0] - value) ** 2)).sum(axis=0)
             assert after.covariance.diagonal() == pytest.approx(variance, rel=1e-9)
     assert lost
 
@@ -210,13 +209,8 @@ def test_late_missing_stale_and_gaps_are_said():
         tracker.update(wrench(np.zeros(6), 3.1, frame="ft"))
     with pytest.raises(ParameterError, match="no estimate yet"):
         WrenchFilter().at(0.0)
-    for name, bad in (
-        ("noise", np.zeros(6)),
-        ("scatter", np.nan),
-        ("memory", 0.0),
-        ("motions", ()),
-        ("motions", BACKWARD),
-    ):
+    bad_ones = {"noise": [np.zeros(6)], "scatter": [np.nan], "memory": [0.0], "motions": [(), BACKWARD]}
+    for name, bad in ((name, bad) for name, values in bad_ones.items() for bad in values):
         with pytest.raises(ParameterError, match=f"{name}="):
             FilterConfig(**{name: bad})
 

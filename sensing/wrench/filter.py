@@ -5,15 +5,17 @@
         tracker.update(wrench)
         print(tracker.now(time.monotonic()))      # lag removed where that can be known: for now, not for the frame
 
-Six motions are followed at once, from one that stands nearly still to one that jumps; each axis weights those by how
-well they predicted its last measurements (mode probabilities). Measurement noise is the estimate's own covariance where
-it has one (its diagonal: axes are filtered apart). Time steps are those between capture times, so 30 or 120 Hz and
-dropped frames need no setting. N and N m, seconds.
+Ten motions are followed at once, from one that stands to one that jumps; each axis weights those by how well they
+predicted its last measurements (mode probabilities). Measurement noise is the estimate's own covariance where it has
+one (its diagonal: axes are filtered apart); of it only ``scatter`` is new in every picture, whatever the load, and that
+is all that the steady motions average over. The rest repeats for a state, so they do not take it from the covariance.
+Time steps are those between capture times, so 30 or 120 Hz and dropped frames need no setting. N and N m, seconds.
 
 Notes:
     A motion has a value and a rate, F = [[1, dt], [0, 1]], and white noise on both, Q = q [[dt^3 / 3, dt^2 / 2],
     [dt^2 / 2, dt]] + [[w dt, 0], [0, 0]] (Bar-Shalom, Li, Kirubarajan 2001, sec. 6.2.2); update in Joseph's form, which
-    stays positive definite; what surprises all motions widens them first, so that an impact is followed at once. They
+    stays positive definite; what surprises all motions widens them first, so that an impact is followed at once, and
+    a steady motion that has lost the force starts again from the measurement. They
     are mixed as autonomous multiple models (ibid., sec. 11.6.2) whose past fades. Of the lag behind a ramp well over
     the noise 0.3 % is left, of that behind a sine of frequency w an order (w lag)^2; a force that turns too fast to be
     predicted is held by the motions without a rate. ``at`` gives the mean of that mixture, ``now`` weights its rate by
@@ -36,6 +38,7 @@ from sensing.wrench.trend import Trend, row_for
 
 Array = NDArray[np.float64]
 MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # innovation beyond this: the motion changed faster than the model
+LOST_NIS = chi_square_quantile(1 - 1e-5, 1)  # innovation of an axis beyond this: a steady motion has lost the force
 TINY = 1e-12
 LEAST_PROBABILITY = 1e-3  # what a motion keeps, so that it can come back within some frames
 ARM_M = 0.07  # E: about R, by which torques about the sphere's centre go with forces on the dome
@@ -48,14 +51,18 @@ class Motion:
     Attributes:
         walk: noise density of the value, N^2/s. acceleration: of the rate, N^2/s^3.
         start_rate: standard deviation of the first rate, N/s; 0, without acceleration: no rate at all.
+        steady: so slow that a measurement's error repeats, but for :attr:`FilterConfig.scatter`.
     """
 
     walk: float = 0.0
     acceleration: float = 0.0
     start_rate: float = 0.0
+    steady: bool = False
 
 
 STANDARD = (
+    Motion(walk=2e-4, steady=True),
+    Motion(0.0, 0.3, 1.0, steady=True), Motion(0.0, 10.0, 3.0, steady=True), Motion(0.0, 300.0, 30.0, steady=True),
     Motion(walk=10.0), Motion(walk=300.0), Motion(walk=1e4),
     Motion(0.0, 30.0, 50.0), Motion(0.0, 1e4, 300.0), Motion(0.0, 3e5, 1000.0),
 )  # fmt: skip
@@ -69,6 +76,8 @@ class FilterConfig:
         motions: those that are followed.
         memory: part of the logarithm of an axis's mode probability that lasts from one measurement to the next, (0, 1].
         noise: (6,) standard deviation of a measurement where the estimate has none, N and N m.
+        scatter: (6,) standard deviation of its part that is new in every picture, N and N m (M: rendered frames of an
+            endcap at rest and held at 13 to 52 N; it does not grow with the load, as the whole error does).
         ahead_s: longest prediction with a moving value; beyond it the value stays and "stale" is flagged.
         gap_s: after a longer silence the filter starts anew.
 
@@ -79,13 +88,15 @@ class FilterConfig:
     motions: tuple[Motion, ...] = STANDARD
     memory: float = 0.9
     noise: Array = field(default_factory=lambda: np.array([0.15] * 3 + [0.02] * 3))
+    scatter: Array = field(default_factory=lambda: np.array([0.0055, 0.0055, 0.011, 5e-4, 5e-4, 4e-4]))
     ahead_s: float = 0.15
     gap_s: float = 0.5
 
     def __post_init__(self) -> None:
-        noise = np.broadcast_to(np.asarray(self.noise, float), (6,))
-        _require(bool(np.isfinite(noise).all() and (noise > 0).all()), "noise", noise)
-        object.__setattr__(self, "noise", noise)
+        for name in ("noise", "scatter"):
+            deviation = np.broadcast_to(np.asarray(getattr(self, name), float), (6,))
+            _require(bool(np.isfinite(deviation).all() and (deviation > 0).all()), name, deviation)
+            object.__setattr__(self, name, deviation)
         for name in ("ahead_s", "gap_s"):
             _require(bool(np.isfinite(getattr(self, name)) and getattr(self, name) > 0), name, getattr(self, name))
         _require(0 < self.memory <= 1, "memory", self.memory, "over 0 and at most 1")
@@ -112,6 +123,10 @@ class WrenchFilter:
         self._rates = np.array([motion.start_rate for motion in motions])[:, None] ** 2 * arm
         self._last: Wrench | None = None
         self._weight = np.full((len(motions), 6), 1 / len(motions))
+        steady = np.array([motion.steady for motion in motions])
+        self._fresh = np.where(steady[:, None], np.array(self.config.scatter) ** 2, np.inf)
+        self._limit = np.where(steady, LOST_NIS, np.inf)
+        self._common = np.zeros((len(motions), 6))  # variances that repeat from frame to frame
         self._state = np.zeros((len(motions), 2, 6))  # values, rates
         self._covariance = np.zeros((len(motions), 3, 6))  # of value, of value with rate, of rate
         self._trend = Trend()
@@ -145,12 +160,14 @@ class WrenchFilter:
         if step > self.config.gap_s:
             return self._start(wrench, measured, variance)
         self._state, self._covariance = self._predict_step(step)
-        value, spread = mixture(self._weight, self._state, self._covariance)
-        self.nis = float(((measured - value) ** 2 / (spread + variance)).sum())
+        noise = self._noise_of(variance)
+        value, spread = mixture(self._weight, self._state, self._covariance, noise)
+        self.nis = float(((measured - value) ** 2 / spread).sum())
         self._weight = mode_probabilities(
-            self._weight, self._state, self._covariance, measured, variance, self.config.memory, LEAST_PROBABILITY
+            self._weight, self._state, self._covariance, measured, noise, self.config.memory, LEAST_PROBABILITY
         )
-        correct(self._state, self._covariance, measured, variance, MANEUVER_NIS, self._rates)
+        correct(self._state, self._covariance, measured, noise, MANEUVER_NIS, self._rates, self._limit)
+        self._common = variance - noise
         self._last = wrench
         value = (self._weight * self._state[:, 0]).sum(axis=0)
         self._trend.update(wrench.time_s, measured, variance, value, self._rate())
@@ -205,13 +222,19 @@ class WrenchFilter:
     def _start(self, wrench: Wrench, measured: Array, variance: Array) -> Wrench:
         self._weight[:] = 1 / len(self._weight)
         self._state[:, 0], self._state[:, 1] = measured, 0.0
-        self._covariance[:, 0], self._covariance[:, 1], self._covariance[:, 2] = variance, 0.0, self._rates
+        noise = self._noise_of(variance)
+        self._covariance[:, 0], self._covariance[:, 1], self._covariance[:, 2] = noise, 0.0, self._rates
+        self._common = variance - noise
         self._last, self.nis = wrench, float("nan")
         self._trend.restart()
         return self._reported(wrench.time_s, wrench.flags)
 
     def _predict_step(self, step: float) -> tuple[Array, Array]:
         return predict(self._state, self._covariance, step, self._walk, self._density)
+
+    def _noise_of(self, variance: Array) -> Array:
+        """(M, 6) variance that each motion averages over."""
+        return np.minimum(self._fresh, variance)
 
     def _variance(self, covariance: Array) -> Array:
         reported = covariance.diagonal()
@@ -224,11 +247,12 @@ class WrenchFilter:
         if step > self.config.ahead_s:
             state = self._predict_step(self.config.ahead_s)[0]
             flags = flags | {"stale"}
-        return _wrench(time_s, mixture(self._weight, state, covariance), self._last.frame, flags)
+        return _wrench(time_s, mixture(self._weight, state, covariance, self._common), self._last.frame, flags)
 
     def _reported(self, time_s: float, flags: frozenset[str]) -> Wrench:
         assert self._last is not None
-        return _wrench(time_s, mixture(self._weight, self._state, self._covariance), self._last.frame, flags)
+        reported = mixture(self._weight, self._state, self._covariance, self._common)
+        return _wrench(time_s, reported, self._last.frame, flags)
 
 
 def _wrench(time_s: float, reported: tuple[Array, Array], frame: str, flags: frozenset[str]) -> Wrench:

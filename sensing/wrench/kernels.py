@@ -185,18 +185,19 @@ def predict(state, covariance, step, walk, density):
 
 
 @numba.njit(**_KERNEL)
-def mode_probabilities(weight, state, covariance, measured, variance, memory, least):
+def mode_probabilities(weight, state, covariance, measured, noise, memory, least):
     """Weights (M, 6) after a measurement, before it is taken in: Bayes' rule with a fading past, none at zero.
 
     Args:
-        weight: (M, 6) before. state: (M, 2, 6). covariance: (M, 3, 6). measured, variance: (6,) each.
-        memory: part of the logarithm of a weight that lasts. least: least weight, before they are scaled to sum 1.
+        weight: (M, 6) before. state: (M, 2, 6). covariance: (M, 3, 6). measured: (6,).
+        noise: (M, 6) variances that a motion counts on. memory: part of the logarithm of a weight that lasts.
+        least: least weight, before they are scaled to sum 1.
     """
     count, probability = len(weight), np.empty(weight.shape)
     for k in range(6):
         best, total, kept = -math.inf, 0.0, 0.0
         for m in range(count):
-            spread = covariance[m, 0, k] + variance[k]
+            spread = covariance[m, 0, k] + noise[m, k]
             innovation = measured[k] - state[m, 0, k]
             probability[m, k] = memory * math.log(weight[m, k]) - 0.5 * (
                 innovation * innovation / spread + math.log(spread)
@@ -214,22 +215,23 @@ def mode_probabilities(weight, state, covariance, measured, variance, memory, le
 
 
 @numba.njit(**_KERNEL)
-def correct(state, covariance, measured, variance, surprise, rates):
+def correct(state, covariance, measured, noise, surprise, rates, limit):
     """Takes a measurement into ``state`` and ``covariance`` of every motion.
 
     Where its normalised square is beyond ``surprise`` for all of them, values are widened by the innovation and rates
-    by ``rates`` first.
+    by ``rates`` first; where that of an axis is beyond a motion's own ``limit``, this value of this motion is.
 
     Args:
-        state: (M, 2, 6). covariance: (M, 3, 6). measured, variance: (6,) each.
+        state: (M, 2, 6). covariance: (M, 3, 6). measured: (6,). noise: (M, 6) variances that a motion counts on.
         surprise: limit of the normalised square.
         rates: (M, 6) variances that the rates are widened by.
+        limit: (M,) limits of the normalised square of one axis.
     """
     least = math.inf
     for m in range(len(state)):
         square = 0.0
         for k in range(6):
-            square += (measured[k] - state[m, 0, k]) ** 2 / (covariance[m, 0, k] + variance[k])
+            square += (measured[k] - state[m, 0, k]) ** 2 / (covariance[m, 0, k] + noise[m, k])
         least = min(least, square)
     for m in range(len(state)):
         for k in range(6):
@@ -237,21 +239,24 @@ def correct(state, covariance, measured, variance, surprise, rates):
             if least > surprise:
                 covariance[m, 0, k] += innovation**2
                 covariance[m, 2, k] += rates[m, k]
-            vv, vr, rr, noise = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], variance[k]
-            keep, g, h = noise / (vv + noise), vv / (vv + noise), vr / (vv + noise)
+            elif innovation**2 > limit[m] * (covariance[m, 0, k] + noise[m, k]):
+                covariance[m, 0, k] += innovation**2
+            vv, vr, rr, own = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], noise[m, k]
+            keep, g, h = own / (vv + own), vv / (vv + own), vr / (vv + own)
             state[m, 0, k] += g * innovation
             state[m, 1, k] += h * innovation
-            covariance[m, 0, k] = keep * vv * keep + g * noise * g
-            covariance[m, 1, k] = keep * (vr - h * vv) + g * noise * h
-            covariance[m, 2, k] = rr - 2 * h * vr + h * vv * h + h * noise * h
+            covariance[m, 0, k] = keep * vv * keep + g * own * g
+            covariance[m, 1, k] = keep * (vr - h * vv) + g * own * h
+            covariance[m, 2, k] = rr - 2 * h * vr + h * vv * h + h * own * h
 
 
 @numba.njit(**_KERNEL)
-def mixture(weight, state, covariance):
+def mixture(weight, state, covariance, common):
     """Value (6,) and variance (6,) of all motions together, how far they are apart included.
 
     Args:
         weight: (M, 6). state: (M, 2, 6). covariance: (M, 3, 6).
+        common: (M, 6) variances of values beside those of ``covariance``, such as what repeats from frame to frame.
     """
     value, variance = np.zeros(6), np.zeros(6)
     for m in range(len(weight)):
@@ -259,5 +264,6 @@ def mixture(weight, state, covariance):
             value[k] += weight[m, k] * state[m, 0, k]
     for m in range(len(weight)):
         for k in range(6):
-            variance[k] += weight[m, k] * (covariance[m, 0, k] + (state[m, 0, k] - value[k]) ** 2)
+            off = state[m, 0, k] - value[k]
+            variance[k] += weight[m, k] * (covariance[m, 0, k] + common[m, k] + off * off)
     return value, variance

@@ -73,10 +73,8 @@ def run_gates(
     cast_mm3 = mesh_volume_mm3(design, SHELL)
     sweeps = workers.submit(silicone_gates, design.layout, steps, swept, cast_mm3, design.robot)  # the longest first
     gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
-    overlaps = [
-        workers.submit(_overlap_check, label, [meshes[name] for name in names])
-        for label, names in (("endcap", PRODUCT), ("mold", (*design.mold, "interface")))
-    ]
+    assemblies = {"endcap": PRODUCT, "mold": (*design.mold, "interface")}
+    overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # together: both hold the interface
     cavity = workers.submit(cavity_gates, design.layout, meshes, cast_mm3)
     single = [_submit(workers, design, part, files[part.name], folder, cache) for part in made]
     ways = [*extract_core(design.layout, pieces, paths), *extract_cup(design.layout, pieces)]
@@ -84,7 +82,7 @@ def run_gates(
     progress("checks: fit")
     fit = fit_gates(design, meshes)
     progress("checks: sweeps, cavity, gyroid and files")
-    checks += sweeps.result() + cavity.result() + [overlap.result() for overlap in overlaps] + fit
+    checks += sweeps.result() + cavity.result() + overlaps.result() + fit
     for pending in (*single, gyroid):
         checks += pending.result()
     return checks
@@ -190,8 +188,8 @@ def _file_checks(
     return kept_checks(cache, "files of a part", inputs, make)
 
 
-def _overlap_check(label: str, meshes: Sequence[trimesh.Trimesh]) -> Check:
-    return overlap_check(label, [to_manifold(mesh) for mesh in meshes])
+def _overlap_checks(assemblies: Mapping[str, Sequence[str]], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+    return [overlap_check(label, [to_manifold(meshes[name]) for name in names]) for label, names in assemblies.items()]
 
 
 def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh, folder: Path, cache: Cache | None) -> list[Check]:

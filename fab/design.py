@@ -42,6 +42,7 @@ class Design:
         gyroid: how the gyroid came out.
         plain_shell: the shell before the gyroid's imprint, which nobody sees from outside.
         robot: what the arm adapter fits.
+        uncrossed: SHA-256 of meshes that were searched for self-intersections while they were made, and have none.
     """
 
     layout: MoldLayout
@@ -50,6 +51,7 @@ class Design:
     gyroid: InterfaceMesh
     plain_shell: trimesh.Trimesh
     robot: str = DEFAULT_ROBOT
+    uncrossed: frozenset[str] = frozenset()
 
     @property
     def params(self) -> EndcapParams:
@@ -106,7 +108,8 @@ def build_design(
     plain = meshes["shell"]
     imprinted = from_manifold(to_manifold(plain) - to_manifold(gyroid.mesh))
     meshes["shell"] = without_crossings(imprinted, joint_band_mm(layout.params.flange_thickness_mm))
-    return Design(layout, {part.name: part for part, _ in made}, meshes, gyroid, plain, robot)
+    found = {part.name: part for part, _ in made}
+    return Design(layout, found, meshes, gyroid, plain, robot, frozenset(maker.uncrossed))
 
 
 def mesh_volume_mm3(design: Design, name: str) -> float:

@@ -36,7 +36,7 @@ from fab.checks.nuts import nut_checks
 from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
 from fab.exports.whole_folder import file_sha256
 from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_checks
-from fab.meshing.mesh import read_stl, to_manifold
+from fab.meshing.mesh import mesh_sha256, read_stl, to_manifold
 from fab.steps.endcap import all_steps
 from fab.steps.fasteners import fastener_checks
 from fab.steps.record import Step
@@ -166,7 +166,8 @@ def _submit(
     volumes = [float(solid.volume) for solid in solids]
     wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
     keeper = cache if part.name in SAME_AT_EVERY_CLEARANCE else None
-    return workers.submit(_file_checks, part.name, mesh, wanted, volumes, folder, keeper)
+    uncrossed = mesh_sha256(mesh) in design.uncrossed  # the file says the very mesh that was searched
+    return workers.submit(_file_checks, part.name, mesh, wanted, volumes, folder, keeper, uncrossed)
 
 
 def _file_checks(
@@ -176,6 +177,7 @@ def _file_checks(
     solid_volumes: list[float],
     folder: Path,
     cache: Cache | None,
+    uncrossed: bool,
 ) -> list[Check]:
     """Checks of a part's files; the mesh is that of its STL, read back."""
     stl, step = folder / f"{name}.stl", folder / f"{name}.step"
@@ -183,7 +185,7 @@ def _file_checks(
     inputs |= {"stl": file_sha256(stl), "step": file_sha256(step)}
 
     def make() -> list[Check]:
-        return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, step)]
+        return [*mesh_checks(name, mesh, mesh_volume, uncrossed), step_check(name, solid_volumes, step)]
 
     return kept_checks(cache, "files of a part", inputs, make)
 

@@ -104,6 +104,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     state.slips[endcap] = slips
     mean, spread = _slide(state, endcap, bar, contact, settings)
     state.anchor[endcap] += slips * since * mean
+    _creep(state, endcap, since * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, lever, axes, variance, layout)
@@ -132,10 +133,7 @@ def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
 
 def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Settings) -> tuple[Array, Array]:
     """((3,) velocity of a contact that slips, world, (3, 3) covariance): it goes against the friction force."""
-    normal = state.normal[endcap]
-    force = state.turn[bar] @ contact.force_n
-    along = force - (force @ normal) * normal
-    along /= max(float(np.sqrt(along @ along)), 1e-9)
+    normal, along = state.normal[endcap], _friction_axis(state, endcap, bar, contact)
     flat = np.eye(3) - np.outer(normal, normal)
     spin = abs(float(world_rate(state, bar) @ normal))
     needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
@@ -143,6 +141,26 @@ def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Sett
     variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
     spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
     return -speed * along, spread
+
+
+def _friction_axis(state: State, endcap: int, bar: int, contact: Contact) -> Array:
+    """(3,) unit direction of the friction force, world."""
+    normal = state.normal[endcap]
+    force = state.turn[bar] @ contact.force_n
+    along = force - (force @ normal) * normal
+    return np.asarray(along / max(float(np.sqrt(along @ along)), 1e-9))
+
+
+def _creep(state: State, endcap: int, seconds: Array, layout: Layout) -> None:
+    """Move an anchor against its friction force, at the speed that all contacts have in common.
+
+    Args:
+        state: is changed. endcap: its number. seconds: (3,) time by friction ratio, along the force. layout: of it.
+    """
+    at = layout.anchor(endcap)
+    state.anchor[endcap] -= seconds * state.creep_m_s[0]
+    state.covariance[at] -= np.outer(seconds, state.covariance[layout.creep])
+    state.covariance[:, at] -= np.outer(state.covariance[:, layout.creep], seconds)
 
 
 def world_rate(state: State, bar: int) -> Array:
@@ -238,7 +256,7 @@ def _hold(state: State, endcap: int, lever: Array, axes: Array, variance: Array,
     state.consistency[1] += LATELY * (float(found.mean()) - state.consistency[1])
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        layout.leader,
+        state.creep_m_s, layout.leader,
     )  # fmt: skip
 
 

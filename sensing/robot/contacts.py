@@ -104,7 +104,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     state.slips[endcap] = slips
     mean, spread = _slide(state, endcap, bar, contact, settings)
     state.anchor[endcap] += slips * since * mean
-    _creep(state, endcap, since * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
+    move_by_creep(state, endcap, since * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, lever, axes, variance, layout)
@@ -151,11 +151,15 @@ def _friction_axis(state: State, endcap: int, bar: int, contact: Contact) -> Arr
     return np.asarray(along / max(float(np.sqrt(along @ along)), 1e-9))
 
 
-def _creep(state: State, endcap: int, seconds: Array, layout: Layout) -> None:
-    """Move an anchor against its friction force, at the speed that all contacts have in common.
+def move_by_creep(state: State, endcap: int, seconds: Array, layout: Layout) -> None:
+    """Move an anchor against its friction force, at a speed that all contacts have in common.
+
+    Slow slips do not show in the probability of a slip, but go on for long and, on a slope, all one way. With the
+    friction ratio r along the unit vector t, an anchor a moves by da/dt = -c r t; c is a part of the state, so that its
+    error stays one over all contacts.
 
     Args:
-        state: is changed. endcap: its number. seconds: (3,) time by friction ratio, along the force. layout: of it.
+        state: is changed. endcap: its number. seconds: (3,) r t times the time. layout: of the robot.
     """
     at = layout.anchor(endcap)
     state.anchor[endcap] -= seconds * state.creep_m_s[0]

@@ -142,7 +142,9 @@ class RobotEstimator:
             gathered = progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
-        if enough and waits and turns_on(gathered):
+        turning = enough and turns_on(gathered)
+        progress.stands &= not turning or waits
+        if turning and waits:
             progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
         elif enough and (gathered.length_counts > 0).any():
             state = empty_state(self._layout, time_s)

@@ -144,7 +144,7 @@ def test_cables_that_still_move_begin_the_start_anew():
 
 
 def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
-    _, samples = rocking_samples(3.0, math.radians(10.0), 0.0)
+    _, samples = rocking_samples(3.0, math.radians(7.0), math.radians(120.0))
     assert first_estimate(samples) is None
     estimate = first_estimate(samples, Settings(start_limit_s=2.0))
     assert 1.9 < estimate.time_s < 2.2  # the last start before the limit may begin where it swings through rest

@@ -86,7 +86,7 @@ class Layout:
 
     @property
     def creep(self) -> int:
-        """Of the speed at which contacts that hold creep; the last one."""
+        """Of the creep of endcaps that turn under load; the last one."""
         return self.size - 1
 
 

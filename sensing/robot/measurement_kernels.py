@@ -60,7 +60,7 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
 
     Args:
         change: (N,). turn, place, velocity, anchor, normal: as in :func:`predict_step`. rate_bias, force_bias: (B, 3).
-        creep: (1,) of contacts that hold. leader: bar whose turn the errors of places refer to.
+        creep: (1,). leader: bar whose turn the errors of places refer to.
     """
     bars = len(turn)
     lx, ly, lz = change[3 * leader], change[3 * leader + 1], change[3 * leader + 2]

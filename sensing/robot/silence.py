@@ -67,7 +67,7 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     place, about = layout.place(layout.leader), layout.turn(layout.leader).start + 2
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
     _spread(state, heading, held.covariance[place, place], layout)
-    state.friction, state.creep_m_s, state.anew_s = held.friction.copy(), held.creep_m_s.copy(), state.time_s
+    state.friction, state.creep, state.anew_s = held.friction.copy(), held.creep.copy(), state.time_s
     state.covariance[layout.creep, layout.creep] = held.covariance[layout.creep, layout.creep]
 
 

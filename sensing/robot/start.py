@@ -229,7 +229,7 @@ def _set_covariance(
         slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += minus_cross(arm)
         slopes[layout.place(bar), leader : leader + 3] -= minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
-    state.covariance[layout.creep, layout.creep] = settings.creep_sd_m_s**2
+    state.covariance[layout.creep, layout.creep] = settings.creep_sd**2
     for bar in range(bars):
         at = layout.velocity(bar)
         state.covariance[at, at] += speed_sd**2 * np.eye(3)

@@ -172,17 +172,17 @@ def test_normal_ratio_and_need_have_the_slopes_of_finite_differences_and_no_scal
     assert np.allclose(np.delete(scaled, 3), np.delete(value, 3)) and np.isclose(scaled[3], 1.35 * value[3])
 
 
-def test_an_anchor_creeps_against_its_friction_force_and_shares_the_error_of_its_speed():
-    state, seconds = empty_state(LAYOUT, 0.0), np.array([0.006, -0.003, 0.001])
-    state.creep_m_s[0], rng = 0.02, np.random.default_rng(4)
+def test_an_anchor_creeps_against_its_friction_force_and_shares_the_error_of_its_creep():
+    state, turned_m = empty_state(LAYOUT, 0.0), np.array([0.006, -0.003, 0.001])
+    state.creep[0], rng = 0.02, np.random.default_rng(4)
     root = rng.normal(size=(LAYOUT.size, LAYOUT.size))
     state.covariance = root @ root.T
     slopes = np.eye(LAYOUT.size)
-    slopes[LAYOUT.anchor(2), LAYOUT.creep] = -seconds
+    slopes[LAYOUT.anchor(2), LAYOUT.creep] = -turned_m
     expected = slopes @ state.covariance @ slopes.T
-    move_by_creep(state, 2, seconds, LAYOUT)
+    move_by_creep(state, 2, turned_m, LAYOUT)
     assert np.allclose(state.covariance, expected, rtol=1e-12)
-    assert np.allclose(state.anchor[2], -0.02 * seconds) and (state.anchor[[0, 1, 3, 4, 5]] == 0).all()
+    assert np.allclose(state.anchor[2], -0.02 * turned_m) and (state.anchor[[0, 1, 3, 4, 5]] == 0).all()
 
 
 def test_independent_updates_are_those_of_the_kalman_filter():

@@ -3,8 +3,8 @@
 Notes:
     The robot stands still while rates, the size of the force and the cables' lengths are quiet over the whole start;
     one that is not begins the start anew (:func:`moves`). After a second of trying it may rock more than that, as long
-    as no bar turns on (:func:`turns_on`). It rocks on its cables and domes even when quiet. So means over the
-    start are weighted by a parabola, which a rocking of one to two periods moves less, and the bars are turned from
+    as no bar turns on (:func:`goes_on`). It rocks on its cables and domes even when quiet. So means over the start are
+    weighted by a parabola, which a rocking of one to two periods moves less, and the bars are turned from
     their mean attitude to the last one by what their gyroscopes measured. After ``Settings.start_limit_s`` the estimate
     begins with a robot that moves, and says so by its covariance and by a note.
 """
@@ -29,7 +29,7 @@ from sensing.tensegrity.vectors import minus_cross
 
 QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: most that a robot shows that stands, of a rate, and of a force beside gravity
 ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: how long it tries to find a quiet robot, and factor of the limits then
-NET_RAD_S = 0.1  # E: mean rate over the start of a bar that only rocks
+ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates over the start of a bar that only rocks
 QUIET_M = 0.006  # E: by which the lengths' means over the two halves of the start differ
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
 ROCKS = 0.1  # E: error of a mean rate, as a part of the rates' spread: the robot rocks as the start ends
@@ -141,13 +141,15 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
     return bool((np.abs(means[1] - means[0]) > QUIET_M).any())
 
 
-def turns_on(gathered: Gathered) -> bool:
-    """Whether a bar turned on over the start, where one that only rocks comes back.
+def goes_on(gathered: Gathered) -> bool:
+    """Whether the robot is still on its way: a bar turned on over the start, or rocks by more than a little.
 
     Args:
         gathered: over the whole start.
     """
-    return bool((np.linalg.norm(gathered.sums, axis=1) > NET_RAD_S * np.maximum(gathered.counts[:, 0], 1)).any())
+    count = np.maximum(gathered.counts[:, 0], 1)
+    turns = np.linalg.norm(gathered.sums, axis=1) > NET_RAD_S * count
+    return bool((turns | (gathered.squares > ROCKS_RAD_S**2 * count)).any())
 
 
 def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, stands: bool = True) -> None:

@@ -101,9 +101,10 @@ robot-model: $(VENV)/all.stamp ## endcap for robot simulators, MJCF and URDF: ma
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(ASKED)
 
+# Three processes on two cores: a third of the time tests wait for cameras, browsers and processes.
 test: $(VENV)/all.stamp ## all tests
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
-	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # Quick: what makes no CAD solids, renders nothing and presses nothing. 80 s of processor time with warm caches.
 QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.py test_extras.py test_makefile.py \

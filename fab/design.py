@@ -1,6 +1,6 @@
 """One endcap, built: every part as a solid, every printed or cast part as a mesh.
 
-Gyroid, cup and hardware are made in other processes beside the core.
+Gyroid, cup, hardware and the imprint are made in other processes beside the core.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ class Design:
         gyroid: how the gyroid came out.
         plain_shell: the shell before the gyroid's imprint, which nobody sees from outside.
         robot: what the arm adapter fits.
+        uncrossed: SHA-256 of meshes that were searched for self-intersections while they were made, and have none.
     """
 
     layout: MoldLayout
@@ -50,6 +51,7 @@ class Design:
     gyroid: InterfaceMesh
     plain_shell: trimesh.Trimesh
     robot: str = DEFAULT_ROBOT
+    uncrossed: frozenset[str] = frozenset()
 
     @property
     def params(self) -> EndcapParams:
@@ -83,30 +85,45 @@ def build_design(
 
     Args:
         layout: the two numbers and the joint clearance.
-        workers: where gyroid, cup and hardware are made, while this process makes the core.
+        workers: where gyroid, cup, hardware and imprint are made, while this process makes the core.
         progress: called with the name of each step as it begins.
         tolerance_mm: chord tolerance of the meshes.
         cache: where what does not change with the clearance is kept from run to run.
         robot: pattern of ``cad/robot_sides.csv``.
     """
+    pending = workers.submit(kept_interface_mesh, layout.params, cache)  # first: the imprint waits for it
     cup = workers.submit(packed_group, "cup", layout, tolerance_mm, cache, robot)
-    pending = workers.submit(kept_interface_mesh, layout.params, cache)
     hardware = workers.submit(packed_group, "hardware", layout, tolerance_mm, cache, robot)
     parts = build_core_solids(layout, progress)
     progress("meshes")
-    maker = PartMeshes(tolerance_mm)
-    made = [(part, maker.of(part)) for part in parts if part.name != "interface"]
+    maker, meshes = PartMeshes(tolerance_mm), {}
+    core, shell = parts[0], next(part for part in parts if part.name == "shell")
+    for part in (core, shell):  # in this order: the core's body is meshed as a body before the shell takes it as a tool
+        meshes[part.name] = maker.of(part)
+    plain, gyroid = meshes["shell"], pending.result()
+    imprint = workers.submit(imprinted, plain, gyroid.mesh, joint_band_mm(layout.params.flange_thickness_mm))
+    meshes |= {part.name: maker.of(part) for part in parts if part.name not in (core.name, "shell", "interface")}
+    meshes["interface"] = gyroid.mesh
     progress("cup, gyroid, base, hardware")
-    gyroid = pending.result()
-    interface = next(part for part in parts if part.name == "interface")
-    unpacked = [[part.unpacked() for part in group.result()] for group in (cup, hardware)]
-    made = [*unpacked[0], *made, (interface, gyroid.mesh), *unpacked[1]]
-    meshes = {part.name: mesh for part, mesh in made}
+    made = {}
+    for group in (cup, hardware):
+        unpacked = [packed.unpacked() for packed in group.result()]
+        meshes |= {part.name: mesh for part, mesh in unpacked}
+        made[group] = [part for part, _ in unpacked]
     progress("shell with the gyroid's imprint")
-    plain = meshes["shell"]
-    imprinted = from_manifold(to_manifold(plain) - to_manifold(gyroid.mesh))
-    meshes["shell"] = without_crossings(imprinted, joint_band_mm(layout.params.flange_thickness_mm))
-    return Design(layout, {part.name: part for part, _ in made}, meshes, gyroid, plain, robot)
+    meshes["shell"] = imprint.result()
+    ordered = {part.name: part for part in (*made[cup], *parts, *made[hardware])}
+    meshes = {name: meshes[name] for name in ordered}
+    return Design(layout, ordered, meshes, gyroid, plain, robot, frozenset(maker.uncrossed))
+
+
+def imprinted(plain: trimesh.Trimesh, gyroid: trimesh.Trimesh, band_mm: tuple[float, float]) -> trimesh.Trimesh:
+    """The shell's mesh with the gyroid's imprint, in another process while the core is meshed.
+
+    Args:
+        plain: mesh of the shell. gyroid: mesh of the interface. band_mm: heights between which faces may cross.
+    """
+    return without_crossings(from_manifold(to_manifold(plain) - to_manifold(gyroid)), band_mm)
 
 
 def mesh_volume_mm3(design: Design, name: str) -> float:

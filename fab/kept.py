@@ -7,7 +7,6 @@ the mesh's SHA-256 in its key.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -21,6 +20,7 @@ from cad.params import EndcapParams
 from fab.cache import Cache
 from fab.checks.check import Check
 from fab.meshing.gyroid import InterfaceMesh, interface_mesh
+from fab.meshing.mesh import mesh_sha256
 
 MESH_FILE = "mesh.npz"
 SAME_AT_EVERY_CLEARANCE = ("interface", "base", "ring_spacer", "arm_adapter")
@@ -91,10 +91,7 @@ def kept_file(
     if cache is None:
         make(mesh, path.stem, path)
         return
-    digest = hashlib.sha256()
-    for numbers in (np.asarray(mesh.vertices, dtype="<f8"), np.asarray(mesh.faces, dtype="<i8")):
-        digest.update(f"{numbers.shape}".encode() + numbers.tobytes())
-    key = cache.key(what, {"name": path.name, "mesh": digest.hexdigest()})
+    key = cache.key(what, {"name": path.name, "mesh": mesh_sha256(mesh)})
     if cache.restore(key, path.parent) is None:
         make(mesh, path.stem, path)
         cache.store(key, path.parent, [path.name], {})

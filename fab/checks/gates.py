@@ -36,7 +36,7 @@ from fab.checks.nuts import nut_checks
 from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
 from fab.exports.whole_folder import file_sha256
 from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_checks
-from fab.meshing.mesh import read_stl, to_manifold
+from fab.meshing.mesh import mesh_sha256, read_stl, to_manifold
 from fab.steps.endcap import all_steps
 from fab.steps.fasteners import fastener_checks
 from fab.steps.record import Step
@@ -73,10 +73,8 @@ def run_gates(
     cast_mm3 = mesh_volume_mm3(design, SHELL)
     sweeps = workers.submit(silicone_gates, design.layout, steps, swept, cast_mm3, design.robot)  # the longest first
     gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
-    overlaps = [
-        workers.submit(_overlap_check, label, [meshes[name] for name in names])
-        for label, names in (("endcap", PRODUCT), ("mold", (*design.mold, "interface")))
-    ]
+    assemblies = {"endcap": PRODUCT, "mold": (*design.mold, "interface")}
+    overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # together: both hold the interface
     cavity = workers.submit(cavity_gates, design.layout, meshes, cast_mm3)
     single = [_submit(workers, design, part, files[part.name], folder, cache) for part in made]
     ways = [*extract_core(design.layout, pieces, paths), *extract_cup(design.layout, pieces)]
@@ -84,7 +82,7 @@ def run_gates(
     progress("checks: fit")
     fit = fit_gates(design, meshes)
     progress("checks: sweeps, cavity, gyroid and files")
-    checks += sweeps.result() + cavity.result() + [overlap.result() for overlap in overlaps] + fit
+    checks += sweeps.result() + cavity.result() + overlaps.result() + fit
     for pending in (*single, gyroid):
         checks += pending.result()
     return checks
@@ -166,7 +164,8 @@ def _submit(
     volumes = [float(solid.volume) for solid in solids]
     wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
     keeper = cache if part.name in SAME_AT_EVERY_CLEARANCE else None
-    return workers.submit(_file_checks, part.name, mesh, wanted, volumes, folder, keeper)
+    uncrossed = mesh_sha256(mesh) in design.uncrossed  # the file says the very mesh that was searched
+    return workers.submit(_file_checks, part.name, mesh, wanted, volumes, folder, keeper, uncrossed)
 
 
 def _file_checks(
@@ -176,6 +175,7 @@ def _file_checks(
     solid_volumes: list[float],
     folder: Path,
     cache: Cache | None,
+    uncrossed: bool,
 ) -> list[Check]:
     """Checks of a part's files; the mesh is that of its STL, read back."""
     stl, step = folder / f"{name}.stl", folder / f"{name}.step"
@@ -183,13 +183,13 @@ def _file_checks(
     inputs |= {"stl": file_sha256(stl), "step": file_sha256(step)}
 
     def make() -> list[Check]:
-        return [*mesh_checks(name, mesh, mesh_volume), step_check(name, solid_volumes, step)]
+        return [*mesh_checks(name, mesh, mesh_volume, uncrossed), step_check(name, solid_volumes, step)]
 
     return kept_checks(cache, "files of a part", inputs, make)
 
 
-def _overlap_check(label: str, meshes: Sequence[trimesh.Trimesh]) -> Check:
-    return overlap_check(label, [to_manifold(mesh) for mesh in meshes])
+def _overlap_checks(assemblies: Mapping[str, Sequence[str]], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+    return [overlap_check(label, [to_manifold(meshes[name]) for name in names]) for label, names in assemblies.items()]
 
 
 def _interface_checks(params: EndcapParams, mesh: trimesh.Trimesh, folder: Path, cache: Cache | None) -> list[Check]:

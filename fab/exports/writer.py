@@ -13,7 +13,7 @@ from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import trimesh
 
@@ -26,7 +26,7 @@ from fab.checks.check import Check
 from fab.design import PRODUCT, Design
 from fab.exports.glb import write_glb
 from fab.exports.whole_folder import file_sha256
-from fab.meshing.mesh import write_stl
+from fab.meshing.mesh import volume_mm3, write_stl
 from fab.pictures.parts import PictureItem, render_exploded, render_parts, render_section
 
 MANIFEST = "manifest.json"
@@ -63,7 +63,7 @@ def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
     named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
     scene = trimesh.Scene()
     scene.add_geometry(named, node_name=name, geom_name=name)
-    source = ZipFile(BytesIO(scene.export(file_type="3mf")))
+    source = ZipFile(BytesIO(scene.export(file_type="3mf", compression=ZIP_STORED)))  # compressed once, below
     counter = iter(range(1 << 16))
 
     def fixed(_: re.Match[bytes]) -> bytes:
@@ -144,7 +144,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
                 "role": part.role,
                 "material": part.material,
                 "quantity": part.quantity,
-                "volume_mm3": {"solid": _figures(part.solid.volume), "mesh": _figures(mesh.volume)},
+                "volume_mm3": {"solid": _figures(part.solid.volume), "mesh": _figures(volume_mm3(mesh))},
                 "bounding_box_mm": [[_figures(v) for v in corner] for corner in mesh.bounds],
                 "triangles": len(mesh.faces),
                 "watertight": bool(

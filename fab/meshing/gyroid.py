@@ -28,7 +28,7 @@ from cad.interface import build_flange, zone_volume_mm3
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
 from fab.meshing.gyroid_sheet import sheet_mesh
-from fab.meshing.mesh import from_manifold, tessellate, to_manifold
+from fab.meshing.mesh import from_manifold, tessellate, to_manifold, volume_mm3
 from fab.meshing.repair import without_crossings
 from fab.meshing.zone_grid import SKIRT_MM, ZoneGrid, zone_grid
 
@@ -151,7 +151,7 @@ def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimes
         return mesh, 0.0
     used, corners = np.unique(mesh.faces[stands[body[mesh.faces[:, 0]]]], return_inverse=True)
     kept = trimesh.Trimesh(mesh.vertices[used], corners.reshape(-1, 3), process=False, validate=False)
-    return kept, float(mesh.volume - kept.volume)
+    return kept, volume_mm3(mesh) - volume_mm3(kept)
 
 
 def tune(trial: Callable[[float, float, Phase], InterfaceMesh], wanted: float = RELEASED_GYROID) -> InterfaceMesh:

@@ -8,7 +8,7 @@ import manifold3d
 import trimesh
 
 from cad.part import Part
-from fab.meshing.mesh import TOLERANCE_MM, from_manifold, tessellate, to_manifold
+from fab.meshing.mesh import TOLERANCE_MM, from_manifold, mesh_sha256, tessellate, to_manifold
 from fab.meshing.repair import without_crossings
 
 if TYPE_CHECKING:
@@ -18,9 +18,15 @@ TOOL_ANGLE_RAD = 0.2  # tools have few faces: their tapered fillets get the face
 
 
 class PartMeshes:
-    """Meshes of the parts of one design; operands that parts share are meshed once."""
+    """Meshes of the parts of one design; operands that parts share are meshed once.
+
+    Attributes:
+        uncrossed: SHA-256 (:func:`fab.meshing.mesh.mesh_sha256`) of the meshes that were searched for crossings, and
+            have none.
+    """
 
     def __init__(self, tolerance_mm: float = TOLERANCE_MM) -> None:
+        self.uncrossed: set[str] = set()
         self._tolerance_mm = tolerance_mm
         self._operands: dict[int, tuple[Solid, manifold3d.Manifold]] = {}
 
@@ -39,7 +45,12 @@ class PartMeshes:
             tools = [self._operand(tool, TOOL_ANGLE_RAD) for tool in part.recipe.less]
             body = manifold3d.Manifold.batch_boolean([body, *tools], manifold3d.OpType.Subtract)
         mesh = from_manifold(body)
-        return mesh if part.role == "cast" else without_crossings(mesh)  # the cast takes the gyroid's imprint first
+        if part.role == "cast":  # it takes the gyroid's imprint first
+            return mesh
+        repaired = without_crossings(mesh)
+        if repaired is mesh:
+            self.uncrossed.add(mesh_sha256(mesh))
+        return repaired
 
     def _operand(self, solid: Solid, angle_rad: float | None = None) -> manifold3d.Manifold:
         """An operand's mesh; the solid is kept with it, so that its identity stays its own."""

@@ -24,6 +24,9 @@ def without_crossings(mesh: trimesh.Trimesh, band_mm: tuple[float, float] | None
     Args:
         mesh: closed.
         band_mm: heights between which faces may cross; by default, anywhere.
+
+    Returns:
+        The mesh itself where no faces cross, otherwise a repaired copy.
     """
     crossing = crossing_faces(mesh) if band_mm is None else _crossing_near(mesh, _slab(mesh, band_mm), 0.0)
     reach = REACH_MM / 2 ** (ROUNDS - 1)

@@ -2,6 +2,7 @@
 
 A body is put at places along its way, close together where surfaces still touch, and intersected with each part in
 place (manifold3d, exact on the triangles of the files). The worst volume of a step gates the export. Volumes in mm3.
+Where distances from the axis prove that the two share nothing (:mod:`fab.steps.radial_spans`), no boolean is made.
 
 Two bodies stand for more than they are: the interface is its flange and the whole envelope of its gyroid, and the
 silicone is what the closed mold encloses, gyroid included. So the shape of the cast is that of the pieces themselves.
@@ -9,7 +10,8 @@ silicone is what the closed mold encloses, gyroid included. So the shape of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 
 import manifold3d
 import numpy as np
@@ -22,6 +24,7 @@ from fab.checks.check import Check
 from fab.checks.extraction import Leg, seam_azimuth_deg, turned, turned_points
 from fab.checks.meshes import OVERLAP_MM3
 from fab.meshing.mesh import tessellate, to_manifold
+from fab.steps.radial_spans import BodySpans
 from fab.steps.record import Move, Step
 
 FIRST = (0.004, 0.02, 0.06, 0.15, 0.3, 0.6, 1.0)  # places on the first leg, as fractions: surfaces still touch there
@@ -39,10 +42,11 @@ def sweep_checks(layout: MoldLayout, steps: Iterable[Step], bodies: Bodies) -> l
         steps: what is done.
         bodies: of all parts that the steps name (:func:`step_bodies`).
     """
+    spans = cache(lambda name: BodySpans(bodies[name]))
     return [
         Check(
             f"step_{step.key}.overlap_mm3",
-            max(move_overlap_mm3(move, bodies, layout) for move in step.moves),
+            max(move_overlap_mm3(move, bodies, layout, spans) for move in step.moves),
             high=OVERLAP_MM3,
         )
         for step in steps
@@ -76,21 +80,29 @@ def step_bodies(
     return bodies
 
 
-def move_overlap_mm3(move: Move, bodies: Bodies, layout: MoldLayout | None = None) -> float:
+def move_overlap_mm3(
+    move: Move,
+    bodies: Bodies,
+    layout: MoldLayout | None = None,
+    spans: Callable[[str], BodySpans] | None = None,
+) -> float:
     """Largest volume, over the places of the way, that the moving parts share with those in place.
 
     Args:
         move: what moves, and past what.
         bodies: by name of the part.
         layout: mold sizes; with them, pieces of the core are compared along their seams, which is quicker.
+        spans: distances from the axis, by name of the part; with them, what they prove to be apart is not intersected.
     """
     way = np.array(places(move.way_out))
     shared = np.zeros(len(way))
     for name in move.parts:
         for other in move.past:
-            seam = 0.0 if layout is None else seam_azimuth_deg(layout, name, other)
-            shifts = turned_points(way, seam)
-            shared += _shared_mm3(turned(bodies[name], seam), turned(bodies[other], seam), shifts)
+            near = np.array([spans is None or not spans(name).at(s).clear_of(spans(other).at(s * 0)) for s in way])
+            if near.any():
+                seam = 0.0 if layout is None else seam_azimuth_deg(layout, name, other)
+                shifts = turned_points(way[near], seam)
+                shared[near] += _shared_mm3(turned(bodies[name], seam), turned(bodies[other], seam), shifts)
     return float(shared.max())
 
 

@@ -106,10 +106,11 @@ class Problem:
         width = np.where(known, self.sigma, 1.0)
 
         def residual(values: Array) -> Array:
-            vector = start.copy()
-            vector[free] = values
-            error = np.einsum("nab,nb->na", whiten, self.project(vector, points) - pixels)
-            return np.concatenate([error.ravel(), ((vector - self.mean) / width)[known]])
+            vector = np.broadcast_to(start, (*values.shape[:-1], len(start))).copy()
+            vector[..., free] = values
+            error = np.einsum("nab,...nb->...na", whiten, self.project(vector, points) - pixels)
+            far = ((vector - self.mean) / width)[..., known]
+            return np.concatenate([error.reshape(*values.shape[:-1], -1), far], axis=-1)
 
         squared = np.arange(2 * len(points) + np.count_nonzero(known)) >= 2 * len(points)  # the prior: no outliers
         values, cost, information = minimise(residual, start[free], STEP[free], squared)
@@ -146,13 +147,23 @@ class Problem:
         return np.linalg.lstsq(system, (points**2).sum(1), rcond=None)[0][:3]
 
     def project(self, vector: Array, points: Array) -> Array:
-        """Projection without the checks of FisheyeCamera: the solver may pass through lenses that fold."""
+        """Projection without the checks of FisheyeCamera: the solver may pass through lenses that fold.
+
+        Args:
+            vector: (..., 11) cameras. points: (n, 3) endcap frame, mm.
+
+        Returns:
+            (..., n, 2) px.
+        """
         camera = self.start.camera
-        x, y, z = ((points - vector[8:11]) @ rotation_of(vector).T).T
+        there = (points - vector[..., None, 8:11]) @ np.swapaxes(rotation_of(vector), -1, -2)
+        x, y, z = np.moveaxis(there, -1, 0)
         rho = np.hypot(x, y)
-        r = radial(np.arctan2(rho, z), np.array([vector[3], vector[4], *camera.k[2:]]))[0]
-        scale = vector[0] * r / np.maximum(rho, 1e-12)
-        return np.stack([scale * x + vector[1], camera.fy_px / camera.fx_px * scale * y + vector[2]], -1)
+        k = np.stack(np.broadcast_arrays(vector[..., 3], vector[..., 4], *camera.k[2:]))
+        r = radial(np.arctan2(rho, z), k[..., None])[0]
+        scale = vector[..., :1] * r / np.maximum(rho, 1e-12)
+        across, down = vector[..., 1:2], vector[..., 2:3]
+        return np.stack([scale * x + across, camera.fy_px / camera.fx_px * scale * y + down], -1)
 
 
 def minimise(
@@ -161,7 +172,7 @@ def minimise(
     """Least squares that count outliers linearly (Levenberg and Marquardt's steps, reweighted).
 
     Args:
-        residual: (n,) numbers to (m,) residuals in deviations. start: (n,). scale: (n,) typical sizes.
+        residual: (..., n) numbers to (..., m) residuals in deviations. start: (n,). scale: (n,) typical sizes.
         squared: (m,) residuals that count squared however large.
 
     Returns:
@@ -199,8 +210,9 @@ def numeric_jacobian(function: Callable[[Array], Array], at: Array, scale: Array
     """(m, n) derivatives by central differences.
 
     Args:
-        function: (n,) to (m,). at: (n,) where. scale: (n,) typical sizes of the numbers; a step is 1e-4 of them.
+        function: (..., n) to (..., m): all steps go through it at once. at: (n,) where. scale: (n,) typical sizes of
+            the numbers; a step is 1e-4 of them.
     """
     step = 1e-4 * scale
-    columns = [(function(at + e) - function(at - e)) / (2 * h) for e, h in zip(np.diag(step), step, strict=True)]
-    return np.stack(columns, axis=1)
+    more, less = np.split(function(at + np.concatenate([np.diag(step), -np.diag(step)])), 2)
+    return np.asarray(((more - less) / (2 * step[:, None])).T)

@@ -123,7 +123,8 @@ def _statistic(camera: MountedCamera, points: Array, pixels: Array) -> tuple[flo
     whiten, at = problem.whitening(camera, points), camera_vector(camera)
 
     def whitened(vector: Array) -> Array:
-        return np.einsum("nab,nb->na", whiten, pixels - problem.project(vector, points)).ravel()
+        away = np.einsum("nab,...nb->...na", whiten, pixels - problem.project(vector, points))
+        return away.reshape(*vector.shape[:-1], -1)
 
     error, J = whitened(at), -numeric_jacobian(whitened, at, STEP)
     basis = np.linalg.svd(J, full_matrices=False)[0]

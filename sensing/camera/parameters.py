@@ -59,5 +59,24 @@ def camera_at(vector: Array, like: MountedCamera) -> MountedCamera:
 
 
 def rotation_of(vector: Array) -> Array:
-    """Rotation (3, 3) from endcap to camera axes."""
-    return rotation_matrix([vector[5], vector[6], 0]) @ rotation_matrix([0, 0, vector[7]])
+    """Rotations (..., 3, 3) from endcap to camera axes.
+
+    Args:
+        vector: (..., 11) numbers of cameras.
+    """
+    x, y, azimuth = vector[..., 5], vector[..., 6], vector[..., 7]
+    angle = np.hypot(x, y)
+    sine, cosine = np.sinc(angle / np.pi), 0.5 * np.sinc(0.5 * angle / np.pi) ** 2  # over angle, one less over angle^2
+    tilt = [
+        [1 - cosine * y * y, cosine * x * y, sine * y],
+        [cosine * x * y, 1 - cosine * x * x, -sine * x],
+        [-sine * y, sine * x, 1 - cosine * angle * angle],
+    ]
+    c, s, none = np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)
+    turn = [[c, -s, none], [s, c, none], [none, none, none + 1]]
+    return np.asarray(_stacked(tilt) @ _stacked(turn))
+
+
+def _stacked(rows: list[list[Array]]) -> Array:
+    """(..., 3, 3) of three rows of three numbers (...) each."""
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

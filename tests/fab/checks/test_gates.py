@@ -85,6 +85,12 @@ def test_a_mesh_that_cuts_itself_fails():
     assert failures(mesh_checks("box", both, None))["box.self_intersections"] > 0
 
 
+def test_only_a_mesh_that_was_searched_already_is_not_searched_again():
+    both = trimesh.util.concatenate([box(2, 2, 2), box(2, 2, 2, at=(1.1, 0.3, 0.2))])
+    assert "box.self_intersections" in failures(mesh_checks("box", both, None, uncrossed=False))
+    assert "box.self_intersections" not in failures(mesh_checks("box", both, None, uncrossed=True))
+
+
 def test_one_body_that_cuts_itself_fails():
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=5.0)
     mesh.vertices[0] *= -1.5  # a spike through the far side

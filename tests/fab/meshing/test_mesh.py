@@ -11,7 +11,7 @@ import trimesh
 from build123d import Solid
 
 from cad.errors import EndcapError, FileError, GeometryError
-from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, weld, write_stl
+from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, volume_mm3, weld, write_stl
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -108,3 +108,10 @@ def test_manifold_round_trip_keeps_the_volume_and_an_open_mesh_is_refused(ball):
     opened = trimesh.Trimesh(ball.vertices, ball.faces[1:], process=False)
     with pytest.raises(GeometryError, match="not a closed manifold"):
         to_manifold(opened)
+
+
+def test_the_volume_is_that_of_the_body_wherever_it_lies(ball):
+    moved = trimesh.Trimesh(ball.vertices + np.array([50.0, -20.0, 7.0]), ball.faces, process=False)
+    assert volume_mm3(moved) == moved.volume  # what earlier manifests say, to the bit
+    assert volume_mm3(moved) == pytest.approx(4 / 3 * math.pi * 20.0**3, rel=2e-2)
+    assert volume_mm3(moved) == pytest.approx(to_manifold(ball).volume(), rel=1e-6)

@@ -87,11 +87,11 @@ def test_minimise_finds_the_minimum_of_plain_and_outlier_costs() -> None:
     rng = np.random.default_rng(1)
     A, truth = rng.normal(size=(40, 3)), np.array([1.0, -2.0, 0.5])
     y = A @ truth + 0.01 * rng.normal(size=40)
-    plain, _, information = minimise(lambda v: A @ v - y, np.zeros(3), np.ones(3), np.full(40, True))
+    plain, _, information = minimise(lambda v: v @ A.T - y, np.zeros(3), np.ones(3), np.full(40, True))
     assert np.allclose(plain, np.linalg.lstsq(A, y, rcond=None)[0], atol=1e-7)
     assert np.allclose(information, A.T @ A, rtol=1e-6)
     y[:4] += 50
-    robust, _, _ = minimise(lambda v: (A @ v - y) / 0.01, np.zeros(3), np.ones(3), np.full(40, False))
+    robust, _, _ = minimise(lambda v: (v @ A.T - y) / 0.01, np.zeros(3), np.ones(3), np.full(40, False))
     assert np.abs(robust - truth).max() < 0.05 < np.abs(np.linalg.lstsq(A, y, rcond=None)[0] - truth).max()
 
 

@@ -48,6 +48,7 @@ class Hand:
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(setup, "REST_S", 1.0)
+    monkeypatch.setattr("sensing.wrench.contact.LEAST_TAIL", 2)  # a threshold of fewer frames: test_contact has all
     for name in ("ZERO_S", "TOUCH_S"):  # patience only: each wait ends with what it waits for
         monkeypatch.setattr(setup, name, 180.0)
 

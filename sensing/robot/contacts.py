@@ -105,8 +105,9 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     state.slips[endcap] = slips
     mean, spread = _slide(state, endcap, bar, contact, settings)
     state.anchor[endcap] += slips * since * mean
-    turned_m = reach * math.sqrt(float(rate @ rate))
-    move_by_creep(state, endcap, turned_m * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
+    if known is None:
+        turned_m = reach * math.sqrt(float(rate @ rate))
+        move_by_creep(state, endcap, turned_m * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, lever, axes, variance, layout)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import signal
 import sys
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -75,6 +76,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder to write; must be new or empty")
     parser.add_argument("--format", choices=FORMATS, default="authors", help="(authors); lerobot needs pyarrow")
     options = parser.parse_args(arguments)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: nothing is left behind
     try:
         count = FORMATS[options.format](LabelledSet(options.data), options.out)
     except EndcapError as error:
@@ -83,6 +85,8 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         LOG.error("sensing.export_dataset: stopped; nothing was written")
         return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
     print(f"{options.out}: {count} frames")
     return 0
 

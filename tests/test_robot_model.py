@@ -111,7 +111,8 @@ def test_a_file_that_creeps_is_not_kept(tmp_path, stub, capsys, monkeypatch):
     [
         (["D=130"], "D=130 without T"),
         (["friction=0"], "friction=0 outside 0..3"),
-        (["friction=slippery"], "friction=slippery is not a number"),
+        (["friction=slippery"], "friction=slippery is not a number: give Coulomb's mu"),
+        (["friction=nan"], "friction=nan is not a number"),
         (["material=Jelly"], "choose one of"),
         (["stiffness=4"], "'stiffness=4' is not an option"),
     ],

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import ParameterError
-from cad.options import parse_length
-from cad.plain_numbers import plain
+from cad.plain_numbers import is_plain, plain
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
@@ -37,13 +37,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return command.run(arguments, _act)
 
 
+def _friction(text: str) -> float:
+    value = float(text) if is_plain(text) else math.nan
+    if not 0 < value <= 3:
+        what = f"{plain(value)} outside 0..3" if is_plain(text) else f"{text} is not a number"
+        raise ParameterError(
+            f"friction={what}: give Coulomb's mu of silicone and ground as a plain number, for example 0.8",
+            name="friction", value=text,
+        )  # fmt: skip
+    return value
+
+
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant = parse_variant(options)
-    friction = parse_length("friction", options["friction"])
-    if not 0 < friction <= 3:
-        raise ParameterError(
-            f"friction={plain(friction)} outside 0..3: Coulomb's mu of silicone and ground, about 0.8", name="friction"
-        )
+    friction = _friction(options["friction"])
     from endcap.robot_model.folder import write_robot_model
 
     final = Path(options["exports"]) / variant.label / FOLDER

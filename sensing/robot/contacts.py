@@ -91,7 +91,8 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
         return _begin(state, endcap, lever, variance, layout)
-    rolled = layout.radius_m[endcap] * since * np.linalg.norm(cross(world_rate(state, bar), state.normal[endcap]))
+    rate, reach = world_rate(state, bar), float(layout.radius_m[endcap]) * since
+    rolled = reach * np.linalg.norm(cross(rate, state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
     creep = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
     lift = creep + stays * state.normal_variance[endcap] * rolled**2
@@ -104,6 +105,9 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     state.slips[endcap] = slips
     mean, spread = _slide(state, endcap, bar, contact, settings)
     state.anchor[endcap] += slips * since * mean
+    if known is None:
+        turned_m = reach * math.sqrt(float(rate @ rate))
+        move_by_creep(state, endcap, turned_m * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, lever, axes, variance, layout)
@@ -132,10 +136,7 @@ def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
 
 def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Settings) -> tuple[Array, Array]:
     """((3,) velocity of a contact that slips, world, (3, 3) covariance): it goes against the friction force."""
-    normal = state.normal[endcap]
-    force = state.turn[bar] @ contact.force_n
-    along = force - (force @ normal) * normal
-    along /= max(float(np.sqrt(along @ along)), 1e-9)
+    normal, along = state.normal[endcap], _friction_axis(state, endcap, bar, contact)
     flat = np.eye(3) - np.outer(normal, normal)
     spin = abs(float(world_rate(state, bar) @ normal))
     needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
@@ -143,6 +144,30 @@ def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Sett
     variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
     spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
     return -speed * along, spread
+
+
+def _friction_axis(state: State, endcap: int, bar: int, contact: Contact) -> Array:
+    """(3,) unit direction of the friction force, world."""
+    normal = state.normal[endcap]
+    force = state.turn[bar] @ contact.force_n
+    along = force - (force @ normal) * normal
+    return np.asarray(along / max(float(np.sqrt(along @ along)), 1e-9))
+
+
+def move_by_creep(state: State, endcap: int, turned_m: Array, layout: Layout) -> None:
+    """Move an anchor against its friction force, as an endcap that turns under load does.
+
+    Slow slips do not show in the probability of a slip, but go on as long as the endcap rolls or pivots and, on a
+    slope, all one way. With the friction ratio r along the unit vector t, the radius R and the angular velocity w, an
+    anchor a moves by da/dt = -c r t R |w|. The creep c is a part of the state, so that its error is one in all anchors.
+
+    Args:
+        state: is changed. endcap: its number. turned_m: (3,) r t R |w| times the time. layout: of the robot.
+    """
+    at = layout.anchor(endcap)
+    state.anchor[endcap] -= turned_m * state.creep[0]
+    state.covariance[at] -= np.outer(turned_m, state.covariance[layout.creep])
+    state.covariance[:, at] -= np.outer(state.covariance[:, layout.creep], turned_m)
 
 
 def world_rate(state: State, bar: int) -> Array:
@@ -238,7 +263,7 @@ def _hold(state: State, endcap: int, lever: Array, axes: Array, variance: Array,
     state.consistency[1] += LATELY * (float(found.mean()) - state.consistency[1])
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        layout.leader,
+        state.creep, layout.leader,
     )  # fmt: skip
 
 

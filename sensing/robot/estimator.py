@@ -25,7 +25,7 @@ from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
 from sensing.robot.silence import follow_on
-from sensing.robot.start import Gathered, begin, gather, moves, nothing_gathered
+from sensing.robot.start import Gathered, begin, gather, goes_on, moves, nothing_gathered
 from sensing.robot.state import State, empty_state
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -142,7 +142,11 @@ class RobotEstimator:
             gathered = progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
-        if enough and (gathered.length_counts > 0).any():
+        settling = enough and goes_on(gathered)
+        progress.stands &= not settling or waits
+        if settling and waits:
+            progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
+        elif enough and (gathered.length_counts > 0).any():
             state = empty_state(self._layout, time_s)
             begin(state, gathered, self._layout, self.settings, progress.stands)
             if progress.state is not None:

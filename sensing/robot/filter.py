@@ -179,7 +179,7 @@ def apply(state: State, change: Array, leader: int) -> None:
     """
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        leader,
+        state.creep, leader,
     )  # fmt: skip
 
 

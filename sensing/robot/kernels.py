@@ -1,10 +1,10 @@
 """Compiled prediction of the robot's filter: in numpy their small steps would take a tenth of a core and more.
 
-The error state holds three numbers each, in this order: turns of the B bars (world axes), places, velocities,
-gyroscope biases, accelerometer biases, then the E anchors. The error of a place, a velocity or an anchor x is
-``x_true - exp(turn of the leading bar) x``: a turn of the whole robot about the vertical, which nothing measures, is
-then the same vector at every estimate, and the filter does not come to think that it knows its heading (Barrau and
-Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
+The error state holds three numbers each, in this order: turns of the B bars (world axes), places, velocities, gyroscope
+biases, accelerometer biases, the E anchors; then the creep, one number. The error of a place, a velocity or an
+anchor x is ``x_true - exp(turn of the leading bar) x``: a turn of the whole robot about the vertical, which nothing
+measures, is then the same vector at every estimate, and the filter does not come to think that it knows its heading
+(Barrau and Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
 """
 
 # mypy: ignore-errors

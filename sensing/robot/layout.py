@@ -58,7 +58,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Numbers in the error state."""
-        return 15 * self.bars + 3 * self.endcaps
+        return 15 * self.bars + 3 * self.endcaps + 1
 
     def turn(self, bar: int) -> slice:
         """Of a bar's turn in the error state."""
@@ -83,6 +83,11 @@ class Layout:
     def anchor(self, endcap: int) -> slice:
         """Of an endcap's anchor."""
         return self.turn(5 * self.bars + endcap)
+
+    @property
+    def creep(self) -> int:
+        """Of the creep of endcaps that turn under load; the last one."""
+        return self.size - 1
 
 
 def layout_of(robot: TensegrityRobot) -> Layout:

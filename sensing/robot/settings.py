@@ -55,7 +55,8 @@ class Settings:
         anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
         bit_sd_m: of a contact of which only the bit is known.
         roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
-            (m/sqrt(s)).
+            (m/sqrt(s)). creep_sd: of the creep, which is learned: by what part of the arc through which it turns a
+            contact creeps against the friction force, at a friction ratio of one.
         slip_gain: by which the mean speed of a contact that slips exceeds that of its steady slip (contact, Notes):
             slips are short and have a long tail.
         slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
@@ -89,6 +90,7 @@ class Settings:
     bit_sd_m: float = 8e-3
     roll_share: float = 0.02
     anchor_walk: float = 5e-4
+    creep_sd: float = 0.4
     slip_gain: float = 2.0
     slip_sd_m_s: float = 0.025
     slip_share: float = 1.0

@@ -60,12 +60,15 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     state.turn[:] = back @ state.turn
     state.place[:] = state.place @ back.T
     state.place[:, :2] += held.place[layout.leader, :2] - state.place[layout.leader, :2]
-    whole = np.kron(np.eye(layout.size // 3), back)
+    whole = np.eye(layout.size)
+    vectors = layout.size // 3 * 3
+    whole[:vectors, :vectors] = np.kron(np.eye(layout.size // 3), back)
     state.covariance = whole @ state.covariance @ whole.T
     place, about = layout.place(layout.leader), layout.turn(layout.leader).start + 2
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
     _spread(state, heading, held.covariance[place, place], layout)
-    state.friction, state.anew_s = held.friction.copy(), state.time_s
+    state.friction, state.creep, state.anew_s = held.friction.copy(), held.creep.copy(), state.time_s
+    state.covariance[layout.creep, layout.creep] = held.covariance[layout.creep, layout.creep]
 
 
 def _spread(state: State, turn: Array, place: Array, layout: Layout) -> None:

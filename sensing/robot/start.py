@@ -2,8 +2,9 @@
 
 Notes:
     The robot stands still while rates, the size of the force and the cables' lengths are quiet over the whole start;
-    one that is not begins the start anew (:func:`moves`). It rocks on its cables and domes even then. So means over the
-    start are weighted by a parabola, which a rocking of one to two periods moves less, and the bars are turned from
+    one that is not begins the start anew (:func:`moves`). After a second of trying it may rock more than that, as long
+    as no bar turns on (:func:`goes_on`). It rocks on its cables and domes even when quiet. So means over the start are
+    weighted by a parabola, which a rocking of one to two periods moves less, and the bars are turned from
     their mean attitude to the last one by what their gyroscopes measured. After ``Settings.start_limit_s`` the estimate
     begins with a robot that moves, and says so by its covariance and by a note.
 """
@@ -27,6 +28,8 @@ from sensing.tensegrity.shape import rotation_of
 from sensing.tensegrity.vectors import minus_cross
 
 QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: most that a robot shows that stands, of a rate, and of a force beside gravity
+ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: how long it tries to find a quiet robot, and factor of the limits then
+ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates over the start of a bar that only rocks
 QUIET_M = 0.006  # E: by which the lengths' means over the two halves of the start differ
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
 ROCKS = 0.1  # E: error of a mean rate, as a part of the rates' spread: the robot rocks as the start ends
@@ -124,17 +127,29 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
     Args:
         gathered: so far. samples: of one time.
     """
+    more = ROCKS_MORE if gathered.first_s - gathered.tried_s > ROCKS_AFTER_S else 1.0
     for sample in samples:
         if not isinstance(sample, InertialSample):
             continue
-        if float(np.linalg.norm(sample.rate_rad_s)) > QUIET_RAD_S:
+        if float(np.linalg.norm(sample.rate_rad_s)) > more * QUIET_RAD_S:
             return True
         force = sample.acceleration_m_s2
-        if force is not None and abs(float(np.linalg.norm(force)) - GRAVITY_M_S2) > QUIET_M_S2:
+        if force is not None and abs(float(np.linalg.norm(force)) - GRAVITY_M_S2) > more * QUIET_M_S2:
             return True
     both = (gathered.half_counts > 4).all(axis=0)  # E: fewer say nothing beside their noise
     means = gathered.halves[:, both] / gathered.half_counts[:, both]
     return bool((np.abs(means[1] - means[0]) > QUIET_M).any())
+
+
+def goes_on(gathered: Gathered) -> bool:
+    """Whether the robot is still on its way: a bar turned on over the start, or rocks by more than a little.
+
+    Args:
+        gathered: over the whole start.
+    """
+    count = np.maximum(gathered.counts[:, 0], 1)
+    turns = np.linalg.norm(gathered.sums, axis=1) > NET_RAD_S * count
+    return bool((turns | (gathered.squares > ROCKS_RAD_S**2 * count)).any())
 
 
 def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, stands: bool = True) -> None:
@@ -186,7 +201,9 @@ def _last_turns(gathered: Gathered, settings: Settings) -> tuple[Array, Array]:
     count = np.maximum(gathered.counts[:, 0], 1)
     step = settings.start_s / count
     mean, middle = gathered.rate / count[:, None], gathered.turned / count[:, None]
-    last = gathered.sums - middle - mean * count[:, None] / 2  # the mean is the bias: what it turns by is no turn
+    rocks = ROCKS**2 * np.maximum(0.0, gathered.squares / count - (mean**2).sum(axis=1)) / 3
+    mean *= (settings.rate_bias_sd**2 / (settings.rate_bias_sd**2 + rocks))[:, None]  # what of it is the bias
+    last = gathered.sums - middle - mean * count[:, None] / 2  # what a bias turns by is no turn
     straight = (mean**2).sum(axis=1) * count**2 / 20  # what a steady bias has of the spread
     spread = gathered.turned_squares / count - (middle**2).sum(axis=1) - straight
     return step[:, None] * last, ROCKS_TURN * step * np.sqrt(np.maximum(0.0, spread) / 3)
@@ -214,6 +231,7 @@ def _set_covariance(
         slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += minus_cross(arm)
         slopes[layout.place(bar), leader : leader + 3] -= minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
+    state.covariance[layout.creep, layout.creep] = settings.creep_sd**2
     for bar in range(bars):
         at = layout.velocity(bar)
         state.covariance[at, at] += speed_sd**2 * np.eye(3)

@@ -24,7 +24,8 @@ class State:
         turn: (B, 3, 3) bar to world. place, velocity: (B, 3) of the reference points. rate_bias, force_bias: (B, 3).
         anchor: (E, 3) where the sphere's centre would be without load, world. normal: (E, 3) out of the support.
         normal_variance: (E,) rad^2. anchored: (E,) whether the anchor counts.
-        slips: (E,) probability.
+        slips: (E,) probability. creep: (1,) of endcaps that turn under load
+            (:func:`sensing.robot.contacts.move_by_creep`).
         rate, force: (B, 3) last samples, bar axes. rate_s, force_s: (B,) their times.
         rate_used, force_used: (B, 3) their integrals since.
         contact_s: (E,) time of the last reading whose numbers counted. reading_s: (E,) of any. lengths_s: of lengths.
@@ -48,6 +49,7 @@ class State:
     normal_variance: Array
     anchored: np.ndarray
     slips: Array
+    creep: Array
     rate: Array
     force: Array
     rate_s: Array
@@ -89,8 +91,9 @@ def empty_state(layout: Layout, time_s: float) -> State:
         time_s=time_s, covariance=np.zeros((layout.size, layout.size)), turn=np.tile(np.eye(3), (bars, 1, 1)),
         place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
         anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
-        anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), rate=of_bars(), force=of_bars(),
-        rate_s=np.full(bars, never), force_s=np.full(bars, never), rate_used=of_bars(), force_used=of_bars(),
+        anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), rate=of_bars(),
+        force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never), rate_used=of_bars(),
+        force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps,

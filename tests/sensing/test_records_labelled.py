@@ -7,6 +7,8 @@ import errno
 import fcntl
 import hashlib
 import json
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -228,3 +230,12 @@ def test_the_card_names_every_file_with_its_digest(folder: Path) -> None:
     croissant = pytest.importorskip("mlcroissant")
     issues = croissant.Dataset(str(folder / "croissant.json")).metadata.issues
     assert not issues.errors
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_export_that_is_stopped_leaves_nothing(folder: Path, tmp_path: Path, capsys, monkeypatch, number) -> None:
+    monkeypatch.setattr("sensing.export_dataset.GelslimField", lambda _: os.kill(os.getpid(), number))
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["--data", str(folder), "--out", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == "sensing.export_dataset: stopped; nothing was written\n"
+    assert sorted(tmp_path.rglob("*")) == before

@@ -8,7 +8,7 @@ from standing_robot import UP
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contact_kernels import line_of_action_slopes
-from sensing.robot.contacts import yielded
+from sensing.robot.contacts import move_by_creep, yielded
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned, moments, slip_probability
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import layout_of
@@ -37,10 +37,20 @@ class Moving:
         self.rate, self.force = rng.normal(0, 1.0, (3, 3)), rng.normal(0, 3.0, (3, 3)) + GRAVITY_M_S2 * UP
         self.anchor, normal = rng.normal(0, 1.0, (6, 3)), rng.normal(0, 0.3, (6, 3)) + UP
         self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+        self.creep = rng.normal(0, 0.01, 1)
         self.anchored = np.array([1, 0, 1, 0, 1, 0])
 
     def parts(self):
-        return self.turn, self.place, self.velocity, self.rate_bias, self.force_bias, self.anchor, self.normal
+        return (
+            self.turn,
+            self.place,
+            self.velocity,
+            self.rate_bias,
+            self.force_bias,
+            self.anchor,
+            self.normal,
+            self.creep,
+        )
 
     def copy(self) -> Moving:
         other = Moving()
@@ -77,6 +87,7 @@ class Moving:
             change[LAYOUT.force_bias(bar)] = self.force_bias[bar] - other.force_bias[bar]
         for endcap in range(6):
             change[LAYOUT.anchor(endcap)] = self.anchor[endcap] - whole @ other.anchor[endcap]
+        change[LAYOUT.creep] = self.creep[0] - other.creep[0]
         return change
 
 
@@ -159,6 +170,19 @@ def test_normal_ratio_and_need_have_the_slopes_of_finite_differences_and_no_scal
         assert np.allclose((more - less) / (2 * size), slopes[:, column], rtol=1e-4, atol=1e-4)
     scaled, _ = line_of_action_slopes(1.35 * wrench, 0.065, 0.01)
     assert np.allclose(np.delete(scaled, 3), np.delete(value, 3)) and np.isclose(scaled[3], 1.35 * value[3])
+
+
+def test_an_anchor_creeps_against_its_friction_force_and_shares_the_error_of_its_creep():
+    state, turned_m = empty_state(LAYOUT, 0.0), np.array([0.006, -0.003, 0.001])
+    state.creep[0], rng = 0.02, np.random.default_rng(4)
+    root = rng.normal(size=(LAYOUT.size, LAYOUT.size))
+    state.covariance = root @ root.T
+    slopes = np.eye(LAYOUT.size)
+    slopes[LAYOUT.anchor(2), LAYOUT.creep] = -turned_m
+    expected = slopes @ state.covariance @ slopes.T
+    move_by_creep(state, 2, turned_m, LAYOUT)
+    assert np.allclose(state.covariance, expected, rtol=1e-12)
+    assert np.allclose(state.anchor[2], -0.02 * turned_m) and (state.anchor[[0, 1, 3, 4, 5]] == 0).all()
 
 
 def test_independent_updates_are_those_of_the_kalman_filter():

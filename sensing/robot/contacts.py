@@ -94,9 +94,9 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     rate, reach = world_rate(state, bar), float(layout.radius_m[endcap]) * since
     rolled = reach * np.linalg.norm(cross(rate, state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
-    creep = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
-    lift = creep + stays * state.normal_variance[endcap] * rolled**2
-    state.covariance[at, at] += creep * (np.eye(3) - across) + lift * across
+    walk = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
+    lift = walk + stays * state.normal_variance[endcap] * rolled**2
+    state.covariance[at, at] += walk * (np.eye(3) - across) + lift * across
     if known is None:
         slips = _slips(state, endcap, contact, lever, axes, variance / stays, since, layout, settings)
         state.friction = learned(state.friction, contact.use, contact.use_sd, slips)

@@ -26,16 +26,15 @@ from typing import Any
 
 import numpy as np
 from bench_robot import MAIN, WALKS
-from robot_runs import ASKED_S, FIRST_SEED, Score, errors, held_out, score
+from robot_runs import ASKED_S, FIRST_SEED, Score, errors, held_out, score, tuning_run
 
 from cad.messages import LOG
 from sensing.robot.estimate import BarEstimate, Health, RobotEstimate
 from sensing.robot.settings import DEFAULTS
-from sensing.simulator.walk.gait import endcap_centres, tuning_gait
-from sensing.simulator.walk.simulate import simulate_walk
+from sensing.simulator.walk.gait import endcap_centres
 from sensing.simulator.walk.stream import SensorSet, sensor_stream
 from sensing.simulator.walk.terrain import Terrain
-from sensing.simulator.walk.truth import Walk, load_walk, save_walk
+from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import GRAVITY_M_S2, Array, InertialSensor, TensegrityRobot
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample
@@ -172,19 +171,9 @@ def judged(walk: Walk, robot: TensegrityRobot, foot_walk: float = FOOT_WALK_M_RT
     return score(walk, errors(walk, robot, estimates), (count, spent, np.zeros(1)), ("gtsam", "", 0.0))
 
 
-def tuning_walks(robot: TensegrityRobot, folder: Path, duration_s: float) -> Iterator[Walk]:
-    """Runs of the tuning gait, simulated once and kept."""
-    for terrain, seed in itertools.product(MAIN, TUNING_SEEDS):
-        path = folder / f"tuning_{terrain.value}_{seed}_{duration_s:g}s.npz"
-        if not path.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            save_walk(simulate_walk(robot, terrain, tuning_gait(seed), seed, duration_s), path)
-        yield load_walk(path)
-
-
 def tune(robot: TensegrityRobot, folder: Path, duration_s: float) -> None:
     """Median drift over the tuning runs, by the foot's random walk."""
-    walks = list(tuning_walks(robot, folder, duration_s))
+    walks = [tuning_run(robot, *one, duration_s, folder) for one in itertools.product(MAIN, TUNING_SEEDS)]
     print("| foot's random walk, m/sqrt(s) | median drift, % |", "|---|---|", sep="\n")
     for foot_walk in WALKS_M_RTS:
         drifts = [judged(walk, robot, foot_walk).drift_percent for walk in walks]

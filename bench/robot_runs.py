@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sensing.robot.estimate import RobotEstimate
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.simulator.walk.gait import endcap_centres, held_out_gait
+from sensing.simulator.walk.gait import TippingGait, endcap_centres, held_out_gait, tuning_gait
 from sensing.simulator.walk.simulate import simulate_walk
 from sensing.simulator.walk.stream import Arrival, SensorSet, rotation_matrices, rotation_vectors, sensor_stream
 from sensing.simulator.walk.terrain import Terrain
@@ -79,11 +79,26 @@ def held_out(robot: TensegrityRobot, terrain: Terrain, seed: int, duration_s: fl
     Args:
         robot: what rolls. terrain: on what. seed: of the run. duration_s: of it. folder: where runs are kept.
     """
-    path = folder / f"{terrain.value}_{seed}_{duration_s:g}s.npz"
+    return _kept(robot, terrain, held_out_gait(seed), seed, duration_s, folder / f"{terrain.value}_{seed}")
+
+
+def tuning_run(robot: TensegrityRobot, terrain: Terrain, seed: int, duration_s: float, folder: Path) -> Walk:
+    """A run of the tuning gait, on which numbers may be chosen, simulated once and kept.
+
+    Args:
+        robot: what rolls. terrain: on what. seed: of the run. duration_s: of it. folder: where runs are kept.
+    """
+    return _kept(robot, terrain, tuning_gait(seed), seed, duration_s, folder / f"tuning_{terrain.value}_{seed}")
+
+
+def _kept(
+    robot: TensegrityRobot, terrain: Terrain, gait: TippingGait, seed: int, duration_s: float, stem: Path
+) -> Walk:
+    path = stem.with_name(f"{stem.name}_{duration_s:g}s.npz")
     if path.exists():
         return load_walk(path)
-    walk = simulate_walk(robot, terrain, held_out_gait(seed), seed, duration_s)
-    folder.mkdir(parents=True, exist_ok=True)
+    walk = simulate_walk(robot, terrain, gait, seed, duration_s)
+    path.parent.mkdir(parents=True, exist_ok=True)
     save_walk(walk, path)
     return walk
 
@@ -142,7 +157,8 @@ class Errors:
     Attributes:
         centre_m: (n, 3). leader_rad: (n, 3) of the bar with the accelerometer. axis_rad: (n, B).
         place_m, turn_rad: (n, B, 3). endcap_m: (n, E, 3) within the robot.
-        nees_place, nees_turn: (n, B).
+        nees_place, nees_turn: (n, B) e' P^-1 e of the stated covariance P. log_score: (n, B) sum over place and turn
+            of e' P^-1 e + log det P: the lower, the better.
     """
 
     centre_m: Array
@@ -153,6 +169,7 @@ class Errors:
     endcap_m: Array
     nees_place: Array
     nees_turn: Array
+    log_score: Array
 
 
 def true_poses(walk: Walk, times_s: Array) -> Array:
@@ -188,9 +205,11 @@ def errors(walk: Walk, robot: TensegrityRobot, estimates: list[RobotEstimate]) -
     turn = rotation_vectors(turned.reshape(-1, 3, 3)).reshape(place.shape)
     covariance = np.array([[bar.covariance for bar in one.bars] for one in estimates])
     shape = np.array([_within(robot, est) - _within(robot, true) for est, true in zip(found, truth, strict=True)])
+    of_place, of_turn = covariance[..., :3, :3], covariance[..., 3:6, 3:6]
+    nees = _nees(place, of_place), _nees(turn, of_turn)
     return Errors(
         place.mean(axis=1), turn[:, leader], _angle(truth[..., :3, 2], found[..., :3, 2]), place, turn, shape,
-        _nees(place, covariance[..., :3, :3]), _nees(turn, covariance[..., 3:6, 3:6]),
+        *nees, sum(nees) + np.linalg.slogdet(of_place)[1] + np.linalg.slogdet(of_turn)[1],
     )  # fmt: skip
 
 

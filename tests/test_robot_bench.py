@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,11 @@ pytest.importorskip("mujoco")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "bench"))
 
 from bench_robot import read, run, table, table_plan
-from robot_runs import FIRST_SEED, Errors, Score, errors, known_contacts, score
+from bench_robot_tune import FACTORS, NOISES, choices
+from robot_runs import FIRST_SEED, Errors, Score, errors, held_out, known_contacts, score, tuning_run
 
 from sensing.robot.estimate import BarEstimate, Health, RobotEstimate
-from sensing.robot.settings import Contacts
+from sensing.robot.settings import DEFAULTS, Contacts
 from sensing.simulator.walk.simulate import simulate_walk
 from sensing.simulator.walk.terrain import Terrain
 from sensing.tensegrity.robot_file import load_robot
@@ -79,6 +81,38 @@ def test_a_shift_and_a_turn_come_out_as_such(walk, monkeypatch):
         found.leader_rad[1:], np.tile([0.0, 0.0, 0.01], (len(found.leader_rad) - 1, 1)), atol=1e-9
     )
     assert np.abs(found.endcap_m).max() < 1e-9  # heading is no part of the shape
+
+
+def test_the_log_score_of_a_known_error_and_covariance(walk):
+    """e' P^-1 e + log det P, of place and turn, with diag(1e-4), 5 cm, no turn. Too wide and too narrow lose."""
+    off = turned(0.0, (0.03, 0.0, 0.04))
+    found = errors(walk, ROBOT, estimates(walk, off=off))
+    np.testing.assert_allclose(found.log_score[1:], 25.0 + 6 * np.log(1e-4), rtol=1e-6)
+    scores = [errors(walk, ROBOT, scaled(estimates(walk, off=off), factor)).log_score.mean() for factor in (1, 8, 99)]
+    assert scores[1] < min(scores[0], scores[2])
+
+
+def scaled(given: list[RobotEstimate], factor: float) -> list[RobotEstimate]:
+    """With covariances that many times as wide."""
+    return [
+        replace(one, bars=tuple(replace(bar, covariance=factor * bar.covariance) for bar in one.bars)) for one in given
+    ]
+
+
+def test_tuning_tries_one_noise_at_a_time():
+    found = choices(argparse.Namespace(set=None))
+    assert found[0] == ("", 1.0, DEFAULTS) and len(found) == 1 + len(NOISES) * len(FACTORS)
+    for name, factor, settings in found[1:]:
+        assert settings == replace(DEFAULTS, **{name: factor * getattr(DEFAULTS, name)}) != DEFAULTS
+    assert choices(argparse.Namespace(set=["slip_share=0.5"]))[0][2].slip_share == 0.5
+
+
+def test_tuning_runs_are_not_the_held_out_ones(tmp_path: Path):
+    tuning = tuning_run(ROBOT, Terrain.FLAT, 1, 3.0, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"tuning_flat_1_3s.npz"}
+    assert max(range(1, 9)) < FIRST_SEED
+    other = held_out(ROBOT, Terrain.FLAT, 1, 3.0, tmp_path)
+    assert np.abs(tuning.T_world_bar[-1] - other.T_world_bar[-1]).max() > 1e-3  # another gait
 
 
 def test_known_contacts_look_out_of_the_endcap_to_the_ground():

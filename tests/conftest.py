@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import tempfile
 from pathlib import Path
 
@@ -27,8 +28,12 @@ LONGEST_FIRST = (  # 115 to 15 s of processor time: must not be the last thing t
 def pytest_configure(config: pytest.Config) -> None:
     """Give the tests a cache folder of their own, the same to all test processes.
 
-    What an earlier run kept must not answer a test, and what tests keep must not reach the user.
+    What an earlier run kept must not answer a test, and what tests keep must not reach the user. Signals, too, are
+    what a terminal gives: tests that stop a program work in the background.
     """
+    for number in (signal.SIGINT, signal.SIGHUP):  # ignored under nohup and in the background: programs inherit that
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
     if CACHE_OF_THESE_TESTS not in os.environ:
         folder = tempfile.mkdtemp(prefix="endcap-tests-cache-")
         os.environ[CACHE_OF_THESE_TESTS] = os.environ["XDG_CACHE_HOME"] = folder

@@ -24,9 +24,9 @@ options, as NAME=VALUE:
   leds={LED_COUNT}           LEDs in the string, {LED_RANGE[0]} to {LED_RANGE[1]}
   exports=DIR      folder that receives led_ring/, led_ring_D150_T9/ and so on (default: exports/)
 
-writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.kicad_pcb and
-led_ring.kicad_pro (the same copper), led_ring.png, led_ring-light.png and led_ring.json (values, budget, checks); the
-folder appears whole or not at all
+writes led_ring-gerber.zip (layers and drill file), led_ring-bom.csv, led_ring-placement.csv, led_ring.kicad_pro with
+led_ring.kicad_sch (schematic) and led_ring.kicad_pcb (the same copper), led_ring.png, led_ring-light.png and
+led_ring.json (values, budget, checks); the folder appears whole or not at all
 exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
 """
 
@@ -72,6 +72,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
     from fab.led_ring.light import dome_light, light_checks
     from fab.led_ring.picture import draw_board, draw_light
     from fab.led_ring.rules import rule_checks
+    from fab.led_ring.schematic_check import schematic_checks
 
     places, count = placements(led_count), int(led_count)
     driver = fitted_driver(count)
@@ -88,6 +89,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
             *rule_checks(layers, holes, copper.pads, places),
             *light_checks(light),
             *kicad_checks(folder / "led_ring.kicad_pcb", layers, count),
+            *schematic_checks(folder / "led_ring.kicad_sch", folder / "led_ring.kicad_pcb", count),
         ]
         require_passed(checks, "of the ring")
         (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))

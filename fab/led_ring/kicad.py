@@ -23,6 +23,7 @@ from fab.checks.check import Check
 from fab.led_ring.circuit import netlist
 from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
 from fab.led_ring.gerber import polygons
+from fab.led_ring.schematic import SHEET, identity, schematic_text, value_text
 
 VERSION = 20221018  # of the format: KiCad 7, and what gerbonara reads
 ORIGIN_MM = 100.0
@@ -36,20 +37,24 @@ LAYERS = (
 
 
 def write_project(copper: Copper, led_count: int, folder: Path) -> None:
-    """Write ``led_ring.kicad_pcb`` and ``led_ring.kicad_pro``.
+    """Write ``led_ring.kicad_pcb``, ``led_ring.kicad_sch`` and ``led_ring.kicad_pro``.
 
     Args:
         copper: everything on the board.
         led_count: LEDs in the string.
-        folder: receives both.
+        folder: receives them.
     """
+    (folder / "led_ring.kicad_sch").write_text(schematic_text(led_count), encoding="utf-8")
     (folder / "led_ring.kicad_pcb").write_text(board_text(copper, led_count), encoding="utf-8")
     rules = {"min_clearance": 0.2, "min_copper_edge_clearance": 0.3, "min_track_width": 0.3,
              "min_through_hole_diameter": VIA_DRILL_MM, "min_via_annular_width": 0.15}  # fmt: skip
+    embedded = "ignore"  # symbols and footprints are in the files themselves, in no library
     content = {
-        "board": {"design_settings": {"rules": rules}},
+        "board": {"design_settings": {"rules": rules, "rule_severities": {"lib_footprint_issues": embedded}}},
+        "erc": {"rule_severities": {"lib_symbol_issues": embedded}},
         "meta": {"filename": "led_ring.kicad_pro", "version": 1},
         "net_settings": {"classes": [{"name": "Default", "clearance": 0.2, "track_width": 0.4}]},
+        "sheets": [[str(SHEET), ""]],
     }
     (folder / "led_ring.kicad_pro").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
@@ -100,9 +105,10 @@ def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
     return "\n".join(
         [
             f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {_at((x, y))})',
-            f'  (descr "{place.part.maker} {place.part.part_number}") (attr smd)',
+            f'  (descr "{place.part.description}, {place.part.maker} {place.part.part_number}")',
+            f'  (path "/{identity(place.reference)}") (attr smd)',
             f'  (fp_text reference "{place.reference}" (at 0 0) (layer "{letter}.SilkS") {text})',
-            f'  (fp_text value "{place.part.description}" (at 0 0) (layer "{letter}.Fab") {text})',
+            f'  (fp_text value "{value_text(place.part)}" (at 0 0) (layer "{letter}.Fab") {text})',
             *pads,
             " )",
         ]

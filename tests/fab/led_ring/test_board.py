@@ -204,6 +204,7 @@ def test_command_writes_a_whole_folder_or_nothing(tmp_path, capsys):
         "led_ring-bom.csv",
         "led_ring.kicad_pcb",
         "led_ring.kicad_pro",
+        "led_ring.kicad_sch",
         "led_ring-placement.csv",
         "led_ring.png",
         "led_ring-light.png",

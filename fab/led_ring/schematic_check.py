@@ -1,0 +1,125 @@
+"""The ring's schematic as read back: which pins its wires and labels connect, and which symbol is whose footprint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gerbonara.cad.kicad.pcb import Board
+from gerbonara.cad.kicad.schematic import Schematic, SymbolInstance
+
+from cad.errors import FileError
+from fab.checks.check import Check
+from fab.led_ring.circuit import Pin, netlist
+
+NEAR_MM = 1e-3
+Point = tuple[float, float]
+
+
+def schematic_checks(schematic: Path, board: Path, led_count: int) -> list[Check]:
+    """The schematic has the nets of the circuit, and every footprint of the board is tied to its own symbol.
+
+    Args:
+        schematic: the ``.kicad_sch``. board: the ``.kicad_pcb``. led_count: LEDs in the string.
+
+    Raises:
+        FileError: the schematic cannot be read.
+    """
+    found, symbols = read_schematic(schematic)
+    wanted = {pin: name for name, pins in netlist(led_count).items() for pin in pins}
+    wrong = sum(found.get(pin) != name for pin, name in wanted.items()) + len(set(found) - set(wanted))
+    footprints = {str(footprint.path).lstrip("/"): footprint for footprint in Board.open(board).footprints}
+    tied = sum(_same(symbol, footprints.get(str(symbol.uuid.value))) for symbol in symbols)
+    return [
+        Check("ring.schematic_wrong_pins", float(wrong), high=0),
+        Check("ring.schematic_parts_not_tied_to_the_board", float(len(symbols) - tied), high=0),
+        Check("ring.schematic_parts", float(len(symbols)), len(footprints), len(footprints)),
+    ]
+
+
+def _same(symbol: SymbolInstance, footprint: object) -> bool:
+    """Whether a footprint of the board is that of a symbol: reference, value and library name."""
+    if footprint is None:
+        return False
+    texts = {text.type: text.text for text in footprint.texts}  # type: ignore[attr-defined]
+    of_board = texts.get("reference"), texts.get("value"), footprint.name  # type: ignore[attr-defined]
+    return bool(of_board == (symbol.reference, symbol.value, symbol.footprint))
+
+
+def read_schematic(path: Path) -> tuple[dict[Pin, str], list[SymbolInstance]]:
+    """Net of every pin, found from places alone as KiCad does, and the symbols.
+
+    A wire connects its two ends; a pin, a label or a junction anywhere on a wire connects with it; wires that cross or
+    end on another do so by a junction only. Labels of one name are one net.
+
+    Args:
+        path: of the ``.kicad_sch``.
+
+    Returns:
+        Name of the net by (reference, pin); ``""`` where it has no label, names joined by ``+`` where two meet.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+    try:
+        sheet = Schematic.open(path)
+        pins = [(symbol.reference, pin, at) for symbol in sheet.symbols for pin, at in _pins(sheet, symbol)]
+        wires = [[(point.x, point.y) for point in wire.points] for wire in sheet.wires]
+        labels = [(label.text, (label.at.x, label.at.y)) for label in sheet.global_labels]
+        joints = [(joint.at.x, joint.at.y) for joint in sheet.junctions]
+    except Exception as error:  # the reader raises whatever it meets in a damaged file
+        words = f"{type(error).__name__} {error}".strip()
+        raise FileError(f"{path.name}: cannot be read as a KiCad schematic ({words}): make the ring again") from error
+    touching = [*(at for *_, at in pins), *(at for _, at in labels), *joints]
+    group = _groups(wires, touching)
+    names: dict[int, set[str]] = {}
+    for number, (name, _) in enumerate(labels, len(pins)):
+        names.setdefault(group[number], set()).add(name)
+    nets = {(reference, pin): "+".join(sorted(names.get(group[k], ()))) for k, (reference, pin, _) in enumerate(pins)}
+    return nets, list(sheet.symbols)
+
+
+def _pins(sheet: Schematic, symbol: SymbolInstance) -> list[tuple[str, Point]]:
+    drawn = sheet.lookup_symbol(symbol.lib_name, symbol.lib_id)
+    return [
+        (str(pin.number.value), (symbol.at.x + pin.at.x, symbol.at.y - pin.at.y))
+        for unit in drawn.units
+        for pin in unit.pins
+    ]
+
+
+def _groups(wires: Sequence[Sequence[Point]], touching: Sequence[Point]) -> list[int]:
+    """Number of the connected group of each touching point, then of each wire."""
+    parent = list(range(len(touching) + len(wires)))
+
+    def root(k: int) -> int:
+        while parent[k] != k:
+            k = parent[k]
+        return k
+
+    def join(a: int, b: int) -> None:
+        parent[root(a)] = root(b)
+
+    for number, wire in enumerate(wires, len(touching)):
+        for k, point in enumerate(touching):
+            if _on(point, wire):
+                join(k, number)
+        for other, earlier in enumerate(wires[: number - len(touching)], len(touching)):
+            if any(_near(a, b) for a in (wire[0], wire[-1]) for b in (earlier[0], earlier[-1])):
+                join(other, number)
+    for k, point in enumerate(touching):
+        for other in range(k):
+            if _near(point, touching[other]):
+                join(k, other)
+    return [root(k) for k in range(len(parent))]
+
+
+def _near(a: Point, b: Point) -> bool:
+    return abs(a[0] - b[0]) < NEAR_MM and abs(a[1] - b[1]) < NEAR_MM
+
+
+def _on(point: Point, wire: Sequence[Point]) -> bool:
+    """Whether a point lies on a wire along x or y."""
+    (x0, y0), (x1, y1) = wire[0], wire[-1]
+    inside_x = min(x0, x1) - NEAR_MM < point[0] < max(x0, x1) + NEAR_MM
+    return inside_x and min(y0, y1) - NEAR_MM < point[1] < max(y0, y1) + NEAR_MM

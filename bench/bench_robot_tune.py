@@ -1,6 +1,6 @@
 """How well each noise of the robot's estimator suits: ``python bench/bench_robot_tune.py`` writes robot_tune.csv, .png.
 
-    python bench/bench_robot_tune.py                              # each noise alone, halved and doubled (an hour)
+    python bench/bench_robot_tune.py                              # each noise alone, halved and doubled (an hour of one core)
     python bench/bench_robot_tune.py --set slip_share=0.7 anchor_sd_m=3e-4   # one line for settings of your own
 
 Tuning runs only: another gait and other seeds than those of the published tables. Every second seed has wrong silicone:
@@ -151,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--set", nargs="+", metavar="NAME=VALUE", help="try these settings only, and write no file")
     parser.add_argument("--terrains", nargs="+", type=Terrain, default=list(Terrain), metavar="NAME")
     parser.add_argument("--seeds", type=int, default=2, help="runs a terrain, 2 to 8 (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=HERE / "robot_tune.csv")
     parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")

@@ -3,6 +3,8 @@
 import ast
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -97,3 +99,32 @@ def test_a_new_folder_appears_whole_or_not_at_all(tmp_path):
     with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "other") as folder:
         raise KeyboardInterrupt
     assert [p.name for p in tmp_path.iterdir()] == ["set"]
+
+
+def test_a_new_folder_takes_nothing_of_the_users_and_sweeps_what_a_killed_run_left(tmp_path):
+    (tmp_path / "set.part").mkdir()
+    (tmp_path / "set.part" / "mine").write_text("mine")
+    (tmp_path / ".other.partial-1234").mkdir()
+    with new_folder(tmp_path / "set") as folder, new_folder(tmp_path / "twin") as second:
+        assert folder.exists() and second.exists()  # the second does not sweep the first, which lives
+        with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "set"):
+            assert folder.exists()
+            raise KeyboardInterrupt
+    assert (tmp_path / "set.part" / "mine").read_text() == "mine"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".other.partial-1234", "set", "set.part", "twin"]
+
+
+def test_a_killed_process_leaves_a_folder_that_the_next_start_sweeps(tmp_path):
+    code = """
+import os, signal, sys
+from pathlib import Path
+from cad.whole_file import new_folder
+with new_folder(Path(sys.argv[1])) as folder:
+    (folder / "half").write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "set")], cwd=ROOT, check=False)
+    assert len(list(tmp_path.glob(".set.partial-*"))) == 1
+    with new_folder(tmp_path / "set") as folder:
+        (folder / "whole").write_text("whole")
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == ["set", "set/whole"]

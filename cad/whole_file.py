@@ -9,6 +9,7 @@ Notes:
 
 from __future__ import annotations
 
+import errno
 import glob
 import os
 import secrets
@@ -72,6 +73,36 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a folder that can be made") from error
+
+
+def require_place(path: Path) -> None:
+    """Say at once, before long work, whether a file can be written.
+
+    Args:
+        path: where it will be.
+
+    Raises:
+        FileError: a folder is there, or its folder is not there or cannot be written.
+    """
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        probe_folder(path.parent)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}: name a file in a folder that may be written") from error
+
+
+def probe_folder(folder: Path) -> None:
+    """Write a few bytes into a folder and take them away.
+
+    Raises:
+        OSError: it is not there, full or cannot be written.
+    """
+    probe = folder / f".probe-{secrets.token_hex(4)}"
+    try:
+        probe.write_bytes(bytes(4096))
+    finally:
+        probe.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, and that one module writes them."""
 
 import ast
+import importlib
 import os
 import stat
 import subprocess
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cad.errors import FileError
-from cad.whole_file import PRIVATE, drafted, new_folder, put_file, replace_file
+from cad.whole_file import PRIVATE, drafted, new_folder, put_file, replace_file, require_place
 
 ROOT = Path(__file__).resolve().parents[2]
 WRITERS = {"cad/whole_file.py", "fab/exports/whole_folder.py"}  # single files and new folders; folders with the user's
@@ -88,6 +89,34 @@ def test_what_stood_there_stands_when_the_writer_fails(tmp_path, monkeypatch, wr
 def test_the_message_names_file_reason_and_remedy(tmp_path):
     with pytest.raises(FileError, match="none/a: No such file or directory: choose another place"):
         replace_file(tmp_path / "none" / "a", b"", "choose another place")
+
+
+def test_a_place_is_tried_before_long_work(tmp_path):
+    (tmp_path / "there").write_text("mine")
+    require_place(tmp_path / "there")
+    require_place(tmp_path / "new")
+    assert [path.name for path in tmp_path.iterdir()] == ["there"] and (tmp_path / "there").read_text() == "mine"
+    for path, why in ((tmp_path, "Is a directory"), (tmp_path / "no" / "x", "No such file"), (Path("/proc/x"), "")):
+        with pytest.raises(FileError, match=rf"^{path}: .*{why}.*: name a file in a folder that may be written$"):
+            require_place(path)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "train --design 130 8 --out /proc/w.safetensors",
+        "train nowhere --out /proc/w.safetensors",
+        "evaluate nowhere --csv /proc/x.csv",
+        "evaluate nowhere --cells-csv /proc/x.csv",
+        "calibrate --photo nowhere.jpg --out /proc/camera.json",
+        "field --reference nowhere.jpg --frame nowhere.jpg --out /proc/field.npy",
+    ],
+)
+def test_long_commands_try_their_place_first(words, capsys):
+    name, *rest = words.split()
+    assert importlib.import_module(f"sensing.{name}").main(rest) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{rest[-1]}: " in line and "name a file in a folder that may be written" in line
 
 
 def test_a_new_folder_appears_whole_or_not_at_all(tmp_path):

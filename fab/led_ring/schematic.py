@@ -97,7 +97,7 @@ SYMBOLS = {
         "Plug",
         (_box(-3.81, -7.62, 5.08, 5.08),),
         (
-            SymbolPin("1", "5 V", (7.62, 2.54), 180, "power_out"), SymbolPin("2", "GND", (7.62, 0), 180, "power_out"),
+            SymbolPin("1", "5V", (7.62, 2.54), 180, "power_out"), SymbolPin("2", "GND", (7.62, 0), 180, "power_out"),
             SymbolPin("M1", "M1", (7.62, -2.54), 180), SymbolPin("M2", "M2", (7.62, -5.08), 180),
         ),
         ((-3.81, 9.53), (-3.81, 6.99)),
@@ -177,13 +177,13 @@ def _wires(led_count: int) -> tuple[list[tuple[Point, Point]], list[Point], list
         ((last, top), (corner, top), (corner, back), (111.76, back)), ((152.4, back), (152.4, back - up)),  # FB
         ((111.76, 73.66), (121.92, 73.66)),  # COMP
         *(((45.72, y), (50.8, y)) for y in (66.04, 68.58, 71.12)), ((50.8, 66.04), (50.8, 76.2)),  # GND of the plug
-        *((point, (point[0], point[1] + 2.54)) for point in GROUNDS),
+        *((point, (point[0], point[1] + 1.27)) for point in GROUNDS),
     ]  # fmt: skip
     junctions = [(60.96, rail), (71.12, rail), (83.82, rail), (116.84, top), (142.24, top), (152.4, back)]
     junctions += [(116.84, 73.66), (50.8, 68.58), (50.8, 71.12)]
     labels = [("VIN", (71.12, rail - up), 90), ("SW", (116.84, top - up), 90), ("VOUT", (142.24, top - up), 90)]
     labels += [("FB", (152.4, back - up), 90), ("COMP", (121.92, 73.66), 0), ("GND", (50.8, 76.2), 270)]
-    labels += [("GND", (x, y + 2.54), 270) for x, y in GROUNDS]
+    labels += [("GND", (x, y + 1.27), 270) for x, y in GROUNDS]
     for k in range(1, led_count):
         start = STRING_X_MM + STRING_STEP_MM * (k - 1) + 3.81
         middle = start + STRING_STEP_MM / 2 - 3.81

@@ -1,6 +1,6 @@
 """How well each noise of the robot's estimator suits: ``python bench/bench_robot_tune.py`` writes robot_tune.csv, .png.
 
-    python bench/bench_robot_tune.py                              # each noise alone, halved and doubled (an hour of one core)
+    python bench/bench_robot_tune.py             # each noise alone, halved and doubled: an hour of one core
     python bench/bench_robot_tune.py --set slip_share=0.7 anchor_sd_m=3e-4   # one line for settings of your own
 
 Tuning runs only: another gait and other seeds than those of the published tables. Every second seed has wrong silicone:

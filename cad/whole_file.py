@@ -1,10 +1,16 @@
 """Files and new folders that appear whole or not at all: the one place that renames (standard library only).
 
 A folder that exists and keeps what is the user's in it is the work of :mod:`fab.exports.whole_folder`.
+
+Notes:
+    A folder is filled under a hidden name beside the final one. The process holds a lock (flock) on it, and the system
+    frees the lock when the process ends, however it ends: unlocked hidden folders are swept at the next start.
 """
 
 from __future__ import annotations
 
+import errno
+import glob
 import os
 import secrets
 import shutil
@@ -69,6 +75,36 @@ def make_folder(path: Path) -> None:
         raise FileError(f"{path}: {error.strerror or error}: give a folder that can be made") from error
 
 
+def require_place(path: Path) -> None:
+    """Say at once, before long work, whether a file can be written.
+
+    Args:
+        path: where it will be.
+
+    Raises:
+        FileError: a folder is there, or its folder is not there or cannot be written.
+    """
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        probe_folder(path.parent)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}: name a file in a folder that may be written") from error
+
+
+def probe_folder(folder: Path) -> None:
+    """Write a few bytes into a folder and take them away.
+
+    Raises:
+        OSError: it is not there, full or cannot be written.
+    """
+    probe = folder / f".probe-{secrets.token_hex(4)}"
+    try:
+        probe.write_bytes(bytes(4096))
+    finally:
+        probe.unlink(missing_ok=True)
+
+
 @contextmanager
 def drafted(path: Path) -> Iterator[Path]:
     """A name beside ``path``, with its suffix, for a library that writes by name; it becomes ``path`` at the end.
@@ -93,11 +129,66 @@ def new_folder(path: Path) -> Iterator[Path]:
     """
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise FileError(f"{path}: is there and not an empty folder: choose a new one")
-    part = path.with_name(path.name + ".part")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    remove_partial(path.parent, path.name)
+    part, lock = locked_folder(path)
     try:
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
         yield part
         os.replace(part, path)
     finally:
         shutil.rmtree(part, ignore_errors=True)
+        os.close(lock)
+
+
+def locked_folder(final: Path) -> tuple[Path, int]:
+    """A new hidden folder beside the final one, and the file descriptor that holds its lock.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    while True:
+        partial = final.with_name(f".{final.name}.partial-{secrets.token_hex(4)}")
+        partial.mkdir()
+        lock = _try_lock(partial)
+        if lock is not None and partial.exists():  # another process may have swept it before it was locked
+            return partial, lock
+
+
+def remove_partial(parent: Path, name: str = "*") -> None:
+    """Remove the hidden folders of runs that were killed before they were done.
+
+    Args:
+        parent: where they lie. name: of the folder that they would have become; all by default.
+    """
+    names = parent.glob(".*.partial-*") if name == "*" else parent.glob(f".{glob.escape(name)}.partial-*")
+    for path in sorted(names):
+        with lock_of_the_dead(path) as dead:
+            if dead:
+                shutil.rmtree(path, ignore_errors=True)
+
+
+@contextmanager
+def lock_of_the_dead(folder: Path) -> Iterator[bool]:
+    """Whether no living process holds a folder; inside the context, this one does."""
+    lock = _try_lock(folder)
+    try:
+        yield lock is not None
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+def _try_lock(folder: Path) -> int | None:
+    """Descriptor that holds the lock of a folder; ``None`` where another process holds it, or the folder has gone."""
+    import fcntl  # not on every system; files alone need none of it
+
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor

@@ -15,8 +15,9 @@ from pathlib import Path
 
 from cad.errors import FileError
 from cad.messages import LOG
+from cad.whole_file import remove_partial
 from fab.cache import Cache
-from fab.exports.whole_folder import file_sha256, listed_files, remove_partial, sweep
+from fab.exports.whole_folder import file_sha256, listed_files, sweep
 
 EXPORTS = Path(__file__).resolve().parent.parent / "exports"
 RECORDS = ("manifest.json", "slice.json", "sheet.json", "coupons.json", "led_ring.json", "robot_model.json")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, Future
@@ -14,6 +13,7 @@ from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
 from cad.robot_sides import robot_sides
+from cad.whole_file import probe_folder
 from fab.cache import Cache
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
@@ -205,9 +205,7 @@ def require_writable(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".probe-{os.getpid()}"
-        probe.write_bytes(b"\0" * 4096)
-        probe.unlink()
+        probe_folder(folder)
     except OSError as error:
         raise FileError(
             f"exports={folder}: {error.strerror or error}: name a folder you may write with exports=DIR"

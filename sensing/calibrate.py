@@ -13,6 +13,7 @@ warning says so.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError
@@ -20,6 +21,7 @@ from cad.extras import program
 from cad.identity import identity
 from cad.messages import LOG
 from cad.params import EndcapParams
+from cad.whole_file import require_place
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
@@ -34,6 +36,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
+        for name in filter(None, (options.out, options.picture)):
+            require_place(Path(name))
         return _from_board(options) if options.board else _from_dots(options)
     except EndcapError as error:
         LOG.error(f"sensing.calibrate: {error}")

@@ -31,7 +31,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG
-from cad.whole_file import replace_file
+from cad.whole_file import replace_file, require_place
 from sensing.evaluation.cells import RANGE_N, Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
@@ -59,6 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
         if options.holdout and not options.train:
             raise ParameterError("--holdout parts the training data: give them with --train")
+        for path in filter(None, (options.csv, options.cells_csv)):
+            require_place(path)
         scores: dict[str, Score] = {}
         by_cell: dict[str, list[Cell]] = {}
         if options.test:

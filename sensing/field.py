@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG, transient
-from cad.whole_file import replace_file
+from cad.whole_file import replace_file, require_place
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
@@ -101,6 +101,8 @@ def _run(options: argparse.Namespace) -> None:
         raise ParameterError("nothing to write: give --out FILE.npy, --picture FILE.png or both", name="out")
     if options.out is not None and options.out.suffix not in (".npy", ".npz"):
         raise ParameterError(f"--out {options.out}: the name must end in .npy or .npz", name="out", value=options.out)
+    for path in filter(None, (options.out, options.picture)):
+        require_place(path)
     stored = options.reference.suffix == ".npz"
     reference = load_zero(options.reference).frame() if stored else read_picture(options.reference)
     frames: Iterable[Frame]

@@ -22,7 +22,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
-from cad.whole_file import make_folder, replace_file
+from cad.whole_file import make_folder, replace_file, require_place
 from sensing.arguments import number
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
@@ -57,6 +57,7 @@ def _run(options: argparse.Namespace) -> int:
         raise ParameterError("--out is missing: name the file of the weights", name="out")
     if not options.out.parent.is_dir():
         raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
+    require_place(options.out)
     if not options.data:
         return _rescaled(options)
     return _trained(options, config)
@@ -127,6 +128,8 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         make_folder(out.parent)
     elif not out.parent.is_dir():
         raise ParameterError(f"--out {out}: its folder is not there: make it first", name="out")
+    for path in (out, *([options.copy_to / out.name] if options.copy_to else [])):
+        require_place(path)
     known = find_weights(request.params, request.silicone) if options.unless_there and options.out is None else None
     if known is not None:
         print(f"{known}: weights of {request.params.label} in {request.silicone} are there")

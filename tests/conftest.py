@@ -14,8 +14,8 @@ import pytest
 
 CACHE_OF_THESE_TESTS = "ENDCAP_TESTS_CACHE"
 LONGEST_FIRST = (  # 115 to 15 s of processor time: must not be the last thing that one process does alone
+    "test_kernels.py",  # what it compiles, the others load
     "fab/test_molds.py",
-    "test_kernels.py",
     "cad/test_mold.py",
     "cad/test_base.py",
     "fab/checks/test_extraction.py",
@@ -37,6 +37,10 @@ def pytest_configure(config: pytest.Config) -> None:
     if CACHE_OF_THESE_TESTS not in os.environ:
         folder = tempfile.mkdtemp(prefix="endcap-tests-cache-")
         os.environ[CACHE_OF_THESE_TESTS] = os.environ["XDG_CACHE_HOME"] = folder
+        if cache := getattr(
+            config, "cache", None
+        ):  # compiled kernels stay for the next run: numba looks at the source's date
+            os.environ["NUMBA_CACHE_DIR"] = str(cache.mkdir("numba"))
         config.add_cleanup(lambda: _remove_cache(folder))
 
 

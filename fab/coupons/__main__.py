@@ -91,10 +91,10 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
     from fab.pictures.parts import PictureItem, render_parts
 
     density = silicone(material).density_g_cm3
-    parts = {part.name: part for part in coupon_parts()}
-    meshes, walls = coupon_meshes(parts)
     label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
     with whole_folder(exports / label, RECORD) as folder:
+        parts = {part.name: part for part in coupon_parts()}
+        meshes, walls = coupon_meshes(parts)
         write_parts(parts, meshes, folder)
         checks, volumes = checked(parts, folder)
         items = [PictureItem(name, meshes[name], part.color, part.material) for name, part in parts.items()]

@@ -9,8 +9,7 @@ Standard library only: `make clean` reads the records without the environment.
 Notes:
     A new folder takes its name by one rename. Where a folder stands, the hidden one is renamed to ``.NAME.ready-*``
     once everything has been checked, and its files are moved in one by one, the record last; a process that is killed
-    in between leaves a folder that the next start finishes. The process holds a lock (flock) on its hidden folder, and
-    the system frees it when the process ends, however it ends: unlocked hidden folders are swept at the next start.
+    in between leaves a folder that the next start finishes. Hidden folders are locked (:mod:`cad.whole_file`).
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ import fcntl
 import hashlib
 import json
 import os
-import secrets
 import shutil
 import signal
 import threading
@@ -30,6 +28,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cad.errors import FileError
+from cad.whole_file import lock_of_the_dead, locked_folder, remove_partial
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -52,7 +51,7 @@ def whole_folder(final: Path, record: str) -> Iterator[Path]:
         final.parent.mkdir(parents=True, exist_ok=True)
         sweep(final, record)
         require_ours(final, record)
-        partial, lock = _locked_folder(final)
+        partial, lock = locked_folder(final)
     try:
         with _as_file_error(final):
             yield partial
@@ -118,17 +117,9 @@ def sweep(final: Path, record: str) -> None:
     """Finish or remove what dead runs left beside a folder: a partial folder goes, a ready one is moved into place."""
     remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
-        with _lock_of_the_dead(path) as dead:
+        with lock_of_the_dead(path) as dead:
             if dead:
                 _move_in(path, final, record)
-
-
-def remove_partial(parent: Path) -> None:
-    """Remove the hidden folders of runs that were killed before they were done."""
-    for path in sorted(parent.glob(".*.partial-*")):
-        with _lock_of_the_dead(path) as dead:
-            if dead:
-                shutil.rmtree(path, ignore_errors=True)
 
 
 def file_sha256(path: Path) -> str:
@@ -173,41 +164,6 @@ def _move_in(ready: Path, final: Path, record: str) -> None:
 def _files_in(folder: Path) -> list[str]:
     """All files of a folder, as paths inside it."""
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-
-
-def _locked_folder(final: Path) -> tuple[Path, int]:
-    """A new hidden folder beside the final one, and the file descriptor that holds its lock."""
-    while True:
-        partial = final.with_name(f".{final.name}.partial-{secrets.token_hex(4)}")
-        partial.mkdir()
-        lock = _try_lock(partial)
-        if lock is not None and partial.exists():  # another process may have swept it before it was locked
-            return partial, lock
-
-
-def _try_lock(folder: Path) -> int | None:
-    """Descriptor that holds the lock of a folder; ``None`` where another process holds it, or the folder has gone."""
-    try:
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except FileNotFoundError:
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor
-
-
-@contextmanager
-def _lock_of_the_dead(folder: Path) -> Iterator[bool]:
-    """Whether no living process holds a folder; inside the context, this one does."""
-    lock = _try_lock(folder)
-    try:
-        yield lock is not None
-    finally:
-        if lock is not None:
-            os.close(lock)
 
 
 @contextmanager

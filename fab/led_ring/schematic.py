@@ -21,6 +21,7 @@ STRING_X_MM, STRING_STEP_MM = 156.21, 12.7  # centre of the first LED, and from 
 RAIL_Y_MM, TOP_Y_MM, FEEDBACK_Y_MM = 63.5, 53.34, 68.58  # supply; inductor, diode and string; back to the driver
 PREFIXES = ((1e-9, 1e9, "n"), (1e-6, 1e6, "u"), (1e-3, 1e3, "m"), (1.0, 1.0, ""))
 Point = tuple[float, float]
+GROUNDS: tuple[Point, ...] = ((60.96, 71.12), (101.6, 78.74), (142.24, 60.96), (116.84, 81.28), (152.4, 76.2))
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ SYMBOLS = {
         "Plug",
         (_box(-3.81, -7.62, 5.08, 5.08),),
         (
-            SymbolPin("1", "5 V", (7.62, 2.54), 180, "power_out"), SymbolPin("2", "GND", (7.62, 0), 180, "power_out"),
+            SymbolPin("1", "5V", (7.62, 2.54), 180, "power_out"), SymbolPin("2", "GND", (7.62, 0), 180, "power_out"),
             SymbolPin("M1", "M1", (7.62, -2.54), 180), SymbolPin("M2", "M2", (7.62, -5.08), 180),
         ),
         ((-3.81, 9.53), (-3.81, 6.99)),
@@ -142,7 +143,7 @@ def schematic_text(led_count: int) -> str:
             *(_library_symbol(symbol) for symbol in library.values()),
             " )",
             *(_junction(point) for point in junctions),
-            f' (text "LED ring: {led_count} LEDs {led} in one string, 20 mA; values: led_ring.json" (at 25.4 30.48 0) '
+            f' (text "LED ring: {led_count} LEDs {led} in one string; values: led_ring.json" (at 25.4 30.48 0) '
             f"{_effects('left')} {_uuid('note')})",
             *(_wire(start, end) for start, end in wires),
             *(_label(name, point, turn) for name, point, turn in labels),
@@ -177,13 +178,13 @@ def _wires(led_count: int) -> tuple[list[tuple[Point, Point]], list[Point], list
         ((last, top), (corner, top), (corner, back), (111.76, back)), ((152.4, back), (152.4, back - up)),  # FB
         ((111.76, 73.66), (121.92, 73.66)),  # COMP
         *(((45.72, y), (50.8, y)) for y in (66.04, 68.58, 71.12)), ((50.8, 66.04), (50.8, 76.2)),  # GND of the plug
-        *((point, (point[0], point[1] + 2.54)) for point in GROUNDS),
+        *((point, (point[0], point[1] + 1.27)) for point in GROUNDS),
     ]  # fmt: skip
     junctions = [(60.96, rail), (71.12, rail), (83.82, rail), (116.84, top), (142.24, top), (152.4, back)]
     junctions += [(116.84, 73.66), (50.8, 68.58), (50.8, 71.12)]
     labels = [("VIN", (71.12, rail - up), 90), ("SW", (116.84, top - up), 90), ("VOUT", (142.24, top - up), 90)]
     labels += [("FB", (152.4, back - up), 90), ("COMP", (121.92, 73.66), 0), ("GND", (50.8, 76.2), 270)]
-    labels += [("GND", (x, y + 2.54), 270) for x, y in GROUNDS]
+    labels += [("GND", (x, y + 1.27), 270) for x, y in GROUNDS]
     for k in range(1, led_count):
         start = STRING_X_MM + STRING_STEP_MM * (k - 1) + 3.81
         middle = start + STRING_STEP_MM / 2 - 3.81
@@ -191,9 +192,6 @@ def _wires(led_count: int) -> tuple[list[tuple[Point, Point]], list[Point], list
         junctions.append((middle, top))
         labels.append((f"N{k}", (middle, top - up), 90))
     return [pair for line in lines for pair in pairwise(line)], junctions, labels
-
-
-GROUNDS: tuple[Point, ...] = ((60.96, 71.12), (101.6, 78.74), (142.24, 60.96), (116.84, 81.28), (152.4, 76.2))
 
 
 def _library_symbol(symbol: Symbol) -> str:
@@ -204,9 +202,8 @@ def _library_symbol(symbol: Symbol) -> str:
         f"(fill (type {'background' if symbol.shows_pins else 'none'})))"
         for line in symbol.lines
     ]
-    length = {True: 2.54, False: None}[symbol.shows_pins]
     pins = [
-        f"   (pin {pin.kind} line (at {_xy(pin.at)} {pin.turn_deg}) (length {length or _reach(symbol, pin):g}) "
+        f"   (pin {pin.kind} line (at {_xy(pin.at)} {pin.turn_deg}) (length {_reach(symbol, pin):g}) "
         f'(name "{pin.name}" {_effects()}) (number "{pin.number}" {_effects()}))'
         for pin in symbol.pins
     ]
@@ -224,7 +221,9 @@ def _library_symbol(symbol: Symbol) -> str:
 
 
 def _reach(symbol: Symbol, pin: SymbolPin) -> float:
-    """From a pin of a two-pin part to what is drawn, along the pin."""
+    """From a pin to what is drawn, along the pin: to the box, or to the lines of a two-pin part."""
+    if symbol.shows_pins:
+        return 2.54
     along = 0 if pin.turn_deg in (0, 180) else 1
     return abs(pin.at[along]) - max(abs(point[along]) for line in symbol.lines[:2] for point in line)
 

@@ -110,7 +110,7 @@ class Filter:
         rate[~heard[0]] = 0.0
         own = (layout.has_force == 1) & heard[1]
         has_force = np.where(own, 1, 2 if own[leader] else 0).astype(np.int64)
-        noise = self._noise(force[leader], has_force, heard[0])
+        noise = self._noise(rate, force[leader], has_force, heard[0])
         step = time_s - state.time_s
         count = max(1, int(np.ceil(step / LONGEST_STEP_S - 1e-9)))
         for _ in range(count):
@@ -120,10 +120,10 @@ class Filter:
                 step / count, GRAVITY_M_S2,
             )  # fmt: skip
 
-    def _noise(self, force: Array, has_force: np.ndarray, heard: np.ndarray) -> Array:
+    def _noise(self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray) -> Array:
         settings = self.settings
         noise = np.empty((self.layout.bars, 3))
-        noise[:, 0] = np.where(heard, settings.rate_noise, settings.unknown_rate_noise) ** 2
+        noise[:, 0] = np.where(heard, settings.rate_noise, self._unknown_rate(rate[heard])) ** 2
         noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
         if not has_force.any():
             noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
@@ -135,6 +135,16 @@ class Filter:
         if has_force[self.layout.leader] == 1:
             noise[self.layout.leader, 1:] = 0.0, settings.force_noise**2
         return noise
+
+    def _unknown_rate(self, rate: Array) -> float:
+        """Noise of the rate of a bar that nobody measures, from those (n, 3) that are measured.
+
+        Where two stand, cables let a third one turn about itself at most; one alone may be what the others roll about.
+        """
+        settings = self.settings
+        if len(rate) < 2:
+            return settings.unknown_rate_noise
+        return settings.unknown_rate_least + settings.unknown_rate_share * float(np.sqrt((rate**2).sum() / len(rate)))
 
     def lengths(self, state: State, sample: LengthSample) -> None:
         """Take the lengths of the cables.

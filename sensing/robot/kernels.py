@@ -20,7 +20,7 @@ from sensing.compiled import SHORT
 EXACTLY = SHORT | {"fastmath": False}  # bits do not depend on what is inlined: helpers need not be
 
 
-@numba.njit(**EXACTLY)
+@numba.njit(**EXACTLY | {"cache": False})  # lies in its callers' files: it has a signature for each literal k
 def _skew(out, k, x, y, z, scale):
     """Write scale * [x y z] x into out[k]."""
     out[k, 0, 0] = out[k, 1, 1] = out[k, 2, 2] = 0.0

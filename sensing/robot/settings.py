@@ -46,7 +46,9 @@ class Settings:
         rate_bias_walk, force_bias_walk: of their biases (rad/s, m/s^2 per sqrt(s)).
         rate_bias_sd, force_bias_sd: of the biases at the start.
         shape_rate_noise: added to the rates of all bars but the leading one, for what linear steps leave of the shape.
-        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)).
+        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)). unknown_rate_share,
+            unknown_rate_least: where two others or more measure, it is this many times their rates' root mean square
+            (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
         relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
             (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
         length_sd_m: of a cable's length, independent from sample to sample. length_error_m: what stays for a second.
@@ -78,6 +80,8 @@ class Settings:
     force_bias_sd: float = 0.025
     shape_rate_noise: float = 1e-4
     unknown_rate_noise: float = 0.5
+    unknown_rate_share: float = 2.0
+    unknown_rate_least: float = 0.02
     relative_noise: float = 0.5
     relative_share: float = 0.1
     length_sd_m: float = 2e-3

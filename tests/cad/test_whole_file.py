@@ -1,14 +1,17 @@
 """Files that appear whole or not at all, and that one module writes them."""
 
 import ast
+import importlib
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from cad.errors import FileError
-from cad.whole_file import PRIVATE, drafted, new_folder, put_file, replace_file
+from cad.whole_file import PRIVATE, drafted, new_folder, put_file, replace_file, require_place
 
 ROOT = Path(__file__).resolve().parents[2]
 WRITERS = {"cad/whole_file.py", "fab/exports/whole_folder.py"}  # single files and new folders; folders with the user's
@@ -88,6 +91,34 @@ def test_the_message_names_file_reason_and_remedy(tmp_path):
         replace_file(tmp_path / "none" / "a", b"", "choose another place")
 
 
+def test_a_place_is_tried_before_long_work(tmp_path):
+    (tmp_path / "there").write_text("mine")
+    require_place(tmp_path / "there")
+    require_place(tmp_path / "new")
+    assert [path.name for path in tmp_path.iterdir()] == ["there"] and (tmp_path / "there").read_text() == "mine"
+    for path, why in ((tmp_path, "Is a directory"), (tmp_path / "no" / "x", "No such file"), (Path("/proc/x"), "")):
+        with pytest.raises(FileError, match=rf"^{path}: .*{why}.*: name a file in a folder that may be written$"):
+            require_place(path)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "train --design 130 8 --out /proc/w.safetensors",
+        "train nowhere --out /proc/w.safetensors",
+        "evaluate nowhere --csv /proc/x.csv",
+        "evaluate nowhere --cells-csv /proc/x.csv",
+        "calibrate --photo nowhere.jpg --out /proc/camera.json",
+        "field --reference nowhere.jpg --frame nowhere.jpg --out /proc/field.npy",
+    ],
+)
+def test_long_commands_try_their_place_first(words, capsys):
+    name, *rest = words.split()
+    assert importlib.import_module(f"sensing.{name}").main(rest) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{rest[-1]}: " in line and "name a file in a folder that may be written" in line
+
+
 def test_a_new_folder_appears_whole_or_not_at_all(tmp_path):
     with new_folder(tmp_path / "set") as folder:
         (folder / "a").write_text("a")
@@ -97,3 +128,32 @@ def test_a_new_folder_appears_whole_or_not_at_all(tmp_path):
     with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "other") as folder:
         raise KeyboardInterrupt
     assert [p.name for p in tmp_path.iterdir()] == ["set"]
+
+
+def test_a_new_folder_takes_nothing_of_the_users_and_sweeps_what_a_killed_run_left(tmp_path):
+    (tmp_path / "set.part").mkdir()
+    (tmp_path / "set.part" / "mine").write_text("mine")
+    (tmp_path / ".other.partial-1234").mkdir()
+    with new_folder(tmp_path / "set") as folder, new_folder(tmp_path / "twin") as second:
+        assert folder.exists() and second.exists()  # the second does not sweep the first, which lives
+        with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "set"):
+            assert folder.exists()
+            raise KeyboardInterrupt
+    assert (tmp_path / "set.part" / "mine").read_text() == "mine"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".other.partial-1234", "set", "set.part", "twin"]
+
+
+def test_a_killed_process_leaves_a_folder_that_the_next_start_sweeps(tmp_path):
+    code = """
+import os, signal, sys
+from pathlib import Path
+from cad.whole_file import new_folder
+with new_folder(Path(sys.argv[1])) as folder:
+    (folder / "half").write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "set")], cwd=ROOT, check=False)
+    assert len(list(tmp_path.glob(".set.partial-*"))) == 1
+    with new_folder(tmp_path / "set") as folder:
+        (folder / "whole").write_text("whole")
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == ["set", "set/whole"]

@@ -193,23 +193,34 @@ def plot(rows: Sequence[Score], path: Path) -> None:
     figure.savefig(path, dpi=80)
 
 
+def add_run_arguments(
+    parser: argparse.ArgumentParser, terrains: Sequence[Terrain], seeds: int, seconds: float, out: Path
+) -> None:
+    """Options that the benches of the robot have in common.
+
+    Args:
+        parser: receives them. terrains, seeds, seconds, out: the defaults.
+    """
+    parser.add_argument(
+        "--terrains", nargs="+", type=Terrain, default=list(terrains), metavar="NAME",
+        help=f"of {', '.join(one.value for one in Terrain)} (default: {', '.join(one.value for one in terrains)})",
+    )  # fmt: skip
+    parser.add_argument("--seeds", type=int, default=seeds, help="runs a terrain (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=seconds, help="of each run (default: %(default)g)")
+    parser.add_argument("--out", type=Path, default=out)
+    parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description="Estimate of the simulated robot against the truth.")
     parser.add_argument("what", nargs="?", choices=("walks", "table", "curves", "report"), default="table")
-    parser.add_argument(
-        "--terrains", nargs="+", type=Terrain, default=list(MAIN), metavar="NAME",
-        help=f"of {', '.join(one.value for one in Terrain)} (default: {', '.join(one.value for one in MAIN)})",
-    )  # fmt: skip
+    add_run_arguments(parser, MAIN, 20, 40.0, HERE / "robot.csv")
     parser.add_argument(
         "--kinds", nargs="+", type=Contacts, default=list(Contacts)[::-1], metavar="NAME",
         help=f"of {', '.join(one.value for one in Contacts)} (default: all)",
     )  # fmt: skip
-    parser.add_argument("--seeds", type=int, default=20, help="runs a terrain (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=HERE / "robot.csv")
-    parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")
     options = parser.parse_args(arguments)
     if options.what == "walks":
         for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):

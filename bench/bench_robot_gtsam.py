@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_robot import MAIN, WALKS
+from bench_robot import MAIN, add_run_arguments
 from robot_runs import ASKED_S, FIRST_SEED, Score, errors, held_out, score, tuning_run
 
 from cad.messages import LOG
@@ -33,7 +33,6 @@ from sensing.robot.estimate import BarEstimate, Health, RobotEstimate
 from sensing.robot.settings import DEFAULTS
 from sensing.simulator.walk.gait import endcap_centres
 from sensing.simulator.walk.stream import SensorSet, sensor_stream
-from sensing.simulator.walk.terrain import Terrain
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import GRAVITY_M_S2, Array, InertialSensor, TensegrityRobot
 from sensing.tensegrity.robot_file import load_robot
@@ -205,11 +204,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description="gtsam's LeggedInvariantEKF on the simulated robot.")
     parser.add_argument("what", nargs="?", choices=("tune", "table"), default="table")
-    parser.add_argument("--terrains", nargs="+", type=Terrain, default=list(MAIN), metavar="NAME")
-    parser.add_argument("--seeds", type=int, default=20, help="runs a terrain (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=40.0, help="of each run (default: %(default)g)")
-    parser.add_argument("--out", type=Path, default=HERE / "robot_gtsam.csv")
-    parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")
+    add_run_arguments(parser, MAIN, 20, 40.0, HERE / "robot_gtsam.csv")
     options = parser.parse_args(arguments)
     if options.what == "tune":
         tune(load_robot(), options.walks, options.seconds)

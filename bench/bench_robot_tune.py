@@ -20,8 +20,8 @@ from pathlib import Path
 
 import joblib
 import numpy as np
-from bench_robot import WALKS
-from robot_runs import CHI_SQUARE_95, errors, followed, tuning_run
+from bench_robot import add_run_arguments
+from robot_runs import errors, followed, score, tuning_run
 
 from sensing.robot.settings import DEFAULTS, Settings
 from sensing.simulator.walk.stream import SensorSet, sensor_stream
@@ -76,12 +76,11 @@ def one_run(terrain: Terrain, seed: int, settings: Settings, duration_s: float, 
     walk = tuning_run(robot, terrain, seed, duration_s, folder)
     sensors, compliance = WRONG.get(seed % 4, (SensorSet(), 1.0))
     wrong = replace(settings, compliance_m_n=compliance * settings.compliance_m_n)
-    found = errors(walk, robot, followed(walk, robot, sensor_stream(walk, robot, sensors, seed), wrong)[0])
-    return (
-        float(found.log_score.mean()), float(np.median(found.nees_place)) / 3, float(np.median(found.nees_turn)) / 3,
-        float((found.nees_place < CHI_SQUARE_95).mean()), float((found.nees_turn < CHI_SQUARE_95).mean()),
-        100 * float(np.linalg.norm(found.centre_m[-1])) / walk.path_m(),
-    )  # fmt: skip
+    estimates, spent, walls = followed(walk, robot, sensor_stream(walk, robot, sensors, seed), wrong)
+    found = errors(walk, robot, estimates)
+    row = score(walk, found, (len(walls), spent, walls), (settings.contacts.value, "", 0.0))
+    log_score = float(found.log_score.mean())
+    return log_score, row.nees_place, row.nees_turn, row.inside_place, row.inside_turn, row.drift_percent
 
 
 def tried(setting: str, factor: float, settings: Settings, options: argparse.Namespace) -> Tried:
@@ -92,10 +91,10 @@ def tried(setting: str, factor: float, settings: Settings, options: argparse.Nam
     """
     plan = [(terrain, seed) for seed in range(1, 1 + options.seeds) for terrain in options.terrains]
     jobs = (joblib.delayed(one_run)(*run, settings, options.seconds, options.walks) for run in plan)
-    score, place, turn, in_place, in_turn, drift = np.array(joblib.Parallel(options.workers)(jobs)).T
+    scores, place, turn, in_place, in_turn, drift = np.array(joblib.Parallel(options.workers)(jobs)).T
     wrong = np.array([seed % 4 in WRONG for _, seed in plan])
     return Tried(
-        setting, factor, float(score.mean()),
+        setting, factor, float(scores.mean()),
         float(np.median(place[~wrong])), float(np.median(place[wrong])), float(np.median(turn)),
         float(in_place[~wrong].mean()), float(in_place[wrong].mean()), float(in_turn.mean()),
         float(np.median(drift)), float(drift.max()),
@@ -149,18 +148,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is asked for; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--set", nargs="+", metavar="NAME=VALUE", help="try these settings only, and write no file")
-    parser.add_argument("--terrains", nargs="+", type=Terrain, default=list(Terrain), metavar="NAME")
-    parser.add_argument("--seeds", type=int, default=2, help="runs a terrain, 2 to 8 (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
+    add_run_arguments(parser, list(Terrain), 2, 20.0, HERE / "robot_tune.csv")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=HERE / "robot_tune.csv")
-    parser.add_argument("--walks", type=Path, default=WALKS, help="folder that keeps the simulated runs")
     options = parser.parse_args(arguments)
-    print(
-        "| setting | times | " + " | ".join(entry.name for entry in fields(Tried)[2:]) + " |",
-        "|---" * 9 + "|",
-        sep="\n",
-    )
+    if not 2 <= options.seeds <= 8:
+        parser.error(f"--seeds {options.seeds}: tuning runs have seeds 1 to 8, every second one wrong silicone: 2 to 8")
+    head = ("setting", "times", *(entry.name for entry in fields(Tried)[2:]))
+    print("| " + " | ".join(head) + " |", "|---" * len(head) + "|", sep="\n")
     rows = []
     for choice in choices(options):
         rows.append(tried(*choice, options))

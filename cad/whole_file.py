@@ -154,14 +154,13 @@ def locked_folder(final: Path) -> tuple[Path, int]:
             return partial, lock
 
 
-def remove_partial(parent: Path, name: str = "*") -> None:
+def remove_partial(parent: Path, name: str | None = None) -> None:
     """Remove the hidden folders of runs that were killed before they were done.
 
     Args:
         parent: where they lie. name: of the folder that they would have become; all by default.
     """
-    names = parent.glob(".*.partial-*") if name == "*" else parent.glob(f".{glob.escape(name)}.partial-*")
-    for path in sorted(names):
+    for path in sorted(parent.glob(f".{'*' if name is None else glob.escape(name)}.partial-*")):
         with lock_of_the_dead(path) as dead:
             if dead:
                 shutil.rmtree(path, ignore_errors=True)

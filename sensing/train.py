@@ -55,9 +55,7 @@ def _run(options: argparse.Namespace) -> int:
         return _design(options, config)
     if options.out is None:
         raise ParameterError("--out is missing: name the file of the weights", name="out")
-    if not options.out.parent.is_dir():
-        raise ParameterError(f"--out {options.out}: its folder is not there: make it first", name="out")
-    require_place(options.out)
+    _require_out(options.out)
     if not options.data:
         return _rescaled(options)
     return _trained(options, config)
@@ -126,10 +124,9 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
     out = options.out or weights_folder() / weights_name(request.params, request.silicone)
     if options.out is None:
         make_folder(out.parent)
-    elif not out.parent.is_dir():
-        raise ParameterError(f"--out {out}: its folder is not there: make it first", name="out")
-    for path in (out, *([options.copy_to / out.name] if options.copy_to else [])):
-        require_place(path)
+    _require_out(out)
+    if options.copy_to is not None:
+        require_place(options.copy_to / out.name)
     known = find_weights(request.params, request.silicone) if options.unless_there and options.out is None else None
     if known is not None:
         print(f"{known}: weights of {request.params.label} in {request.silicone} are there")
@@ -144,6 +141,12 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         f"{force:.3g} N an axis ({100 * force / top:.2f} % of that load); {time.monotonic() - begin:.0f} s"
     )
     return _copied(out, options.copy_to)
+
+
+def _require_out(out: Path) -> None:
+    if not out.parent.is_dir():
+        raise ParameterError(f"--out {out}: its folder is not there: make it first", name="out")
+    require_place(out)
 
 
 def _require_design(options: argparse.Namespace) -> None:

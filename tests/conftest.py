@@ -37,9 +37,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if CACHE_OF_THESE_TESTS not in os.environ:
         folder = tempfile.mkdtemp(prefix="endcap-tests-cache-")
         os.environ[CACHE_OF_THESE_TESTS] = os.environ["XDG_CACHE_HOME"] = folder
-        if cache := getattr(
-            config, "cache", None
-        ):  # compiled kernels stay for the next run: numba looks at the source's date
+        # Compiled kernels stay for the next run: numba looks at the source's date.
+        if cache := getattr(config, "cache", None):
             os.environ["NUMBA_CACHE_DIR"] = str(cache.mkdir("numba"))
         config.add_cleanup(lambda: _remove_cache(folder))
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from gerbonara.cad.kicad.pcb import Board
@@ -174,11 +175,25 @@ def read_board(path: Path) -> tuple[dict[str, BaseGeometry], dict[tuple[str, str
     Raises:
         FileError: it cannot be read.
     """
-    try:
+    with readable(path, "board"):
         return _areas_and_pins(Board.open(path))
-    except Exception as error:  # the reader raises whatever it meets in a damaged file
+
+
+@contextmanager
+def readable(path: Path, what: str) -> Iterator[None]:
+    """One line for whatever the reader of KiCad's files raises inside, where a file is damaged.
+
+    Args:
+        path: of the file. what: it should be, for example ``board``.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    try:
+        yield
+    except Exception as error:
         words = f"{type(error).__name__} {error}".strip()
-        raise FileError(f"{path.name}: cannot be read as a KiCad board ({words}): make the ring again") from error
+        raise FileError(f"{path.name}: cannot be read as a KiCad {what} ({words}): make the ring again") from error
 
 
 def _areas_and_pins(board: Board) -> tuple[dict[str, BaseGeometry], dict[tuple[str, str], str]]:

@@ -19,7 +19,7 @@ VERSION = 20230121  # of the format: KiCad 7
 SHEET = uuid.uuid5(uuid.NAMESPACE_URL, "endcap-toolkit/led_ring")
 STRING_X_MM, STRING_STEP_MM = 156.21, 12.7  # centre of the first LED, and from one to the next
 RAIL_Y_MM, TOP_Y_MM, FEEDBACK_Y_MM = 63.5, 53.34, 68.58  # supply; inductor, diode and string; back to the driver
-PREFIXES = ((1e-9, 1e9, "n"), (1e-6, 1e6, "u"), (1e-3, 1e3, "m"), (1.0, 1.0, ""))
+PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 Point = tuple[float, float]
 GROUNDS: tuple[Point, ...] = ((60.96, 71.12), (101.6, 78.74), (142.24, 60.96), (116.84, 81.28), (152.4, 76.2))
 
@@ -117,8 +117,8 @@ def value_text(part: LedPart) -> str:
     """What stands beside the symbol: the rating of what is chosen by its rating, else the part number."""
     if part.unit not in ("F", "H", "ohm"):
         return part.part_number
-    _, factor, prefix = next(row for row in reversed(PREFIXES) if part.value >= row[0] * (1 - 1e-9))
-    return f"{part.value * factor:g} {prefix}{part.unit}"
+    scale, prefix = next(row for row in PREFIXES if part.value >= row[0] * (1 - 1e-9))
+    return f"{part.value / scale:g} {prefix}{part.unit}"
 
 
 def schematic_text(led_count: int) -> str:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from gerbonara.cad.kicad.pcb import Board
 from gerbonara.cad.kicad.schematic import Schematic, SymbolInstance
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
-from cad.errors import FileError
 from fab.checks.check import Check
 from fab.led_ring.circuit import Pin, netlist
+from fab.led_ring.kicad import readable
 
 NEAR_MM = 1e-3
 Point = tuple[float, float]
@@ -23,12 +26,13 @@ def schematic_checks(schematic: Path, board: Path, led_count: int) -> list[Check
         schematic: the ``.kicad_sch``. board: the ``.kicad_pcb``. led_count: LEDs in the string.
 
     Raises:
-        FileError: the schematic cannot be read.
+        FileError: one of them cannot be read.
     """
     found, symbols = read_schematic(schematic)
     wanted = {pin: name for name, pins in netlist(led_count).items() for pin in pins}
     wrong = sum(found.get(pin) != name for pin, name in wanted.items()) + len(set(found) - set(wanted))
-    footprints = {str(footprint.path).lstrip("/"): footprint for footprint in Board.open(board).footprints}
+    with readable(board, "board"):
+        footprints = {str(footprint.path).lstrip("/"): footprint for footprint in Board.open(board).footprints}
     tied = sum(_same(symbol, footprints.get(str(symbol.uuid.value))) for symbol in symbols)
     return [
         Check("ring.schematic_wrong_pins", float(wrong), high=0),
@@ -61,15 +65,12 @@ def read_schematic(path: Path) -> tuple[dict[Pin, str], list[SymbolInstance]]:
     Raises:
         FileError: it cannot be read.
     """
-    try:
+    with readable(path, "schematic"):
         sheet = Schematic.open(path)
         pins = [(symbol.reference, pin, at) for symbol in sheet.symbols for pin, at in _pins(sheet, symbol)]
         wires = [[(point.x, point.y) for point in wire.points] for wire in sheet.wires]
         labels = [(label.text, (label.at.x, label.at.y)) for label in sheet.global_labels]
         joints = [(joint.at.x, joint.at.y) for joint in sheet.junctions]
-    except Exception as error:  # the reader raises whatever it meets in a damaged file
-        words = f"{type(error).__name__} {error}".strip()
-        raise FileError(f"{path.name}: cannot be read as a KiCad schematic ({words}): make the ring again") from error
     touching = [*(at for *_, at in pins), *(at for _, at in labels), *joints]
     group = _groups(wires, touching)
     names: dict[int, set[str]] = {}
@@ -90,28 +91,16 @@ def _pins(sheet: Schematic, symbol: SymbolInstance) -> list[tuple[str, Point]]:
 
 def _groups(wires: Sequence[Sequence[Point]], touching: Sequence[Point]) -> list[int]:
     """Number of the connected group of each touching point, then of each wire."""
-    parent = list(range(len(touching) + len(wires)))
-
-    def root(k: int) -> int:
-        while parent[k] != k:
-            k = parent[k]
-        return k
-
-    def join(a: int, b: int) -> None:
-        parent[root(a)] = root(b)
-
-    for number, wire in enumerate(wires, len(touching)):
-        for k, point in enumerate(touching):
-            if _on(point, wire):
-                join(k, number)
-        for other, earlier in enumerate(wires[: number - len(touching)], len(touching)):
-            if any(_near(a, b) for a in (wire[0], wire[-1]) for b in (earlier[0], earlier[-1])):
-                join(other, number)
+    count = len(touching) + len(wires)
+    joined = np.zeros((count, count), bool)
     for k, point in enumerate(touching):
-        for other in range(k):
-            if _near(point, touching[other]):
-                join(k, other)
-    return [root(k) for k in range(len(parent))]
+        joined[k, : len(touching)] = [_near(point, other) for other in touching]
+        joined[k, len(touching) :] = [_on(point, wire) for wire in wires]
+    for k, wire in enumerate(wires, len(touching)):
+        joined[k, len(touching) :] = [
+            any(_near(a, b) for a in (wire[0], wire[-1]) for b in (other[0], other[-1])) for other in wires
+        ]
+    return [int(group) for group in connected_components(csr_matrix(joined), directed=False)[1]]
 
 
 def _near(a: Point, b: Point) -> bool:

@@ -3,6 +3,7 @@
     python bench/bench_robot.py table                   # five kinds of contact knowledge on every terrain
     python bench/bench_robot.py curves                  # rates, delay, noise, gyroscopes, silicone, wrong settings
     python bench/bench_robot.py report                  # both, of what is there; and robot.png
+    python bench/bench_robot.py table --config sensing/tensegrity/six_bar.toml --out bench/robot_six_bar.csv
 
 A row of the file is one run, one kind of knowledge and one set of sensors; a run that is in it is not done again.
 A run of 40 s takes about eight seconds of one core; ``--workers`` shares the runs among processes.
@@ -24,7 +25,7 @@ from robot_runs import FIRST_SEED, Score, held_out, judge
 from sensing.robot.settings import DEFAULTS, Contacts, Settings
 from sensing.simulator.walk.stream import SensorSet
 from sensing.simulator.walk.terrain import Terrain
-from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.robot_file import SHIPPED, load_robot
 
 HERE = Path(__file__).parent
 WALKS = HERE.parent / "exports" / "bench" / "robot"
@@ -78,12 +79,14 @@ def with_knob(knob: str, level: float) -> tuple[Settings, SensorSet]:
     return DEFAULTS, replace(sensors, **{knob: int(level) if whole else level})
 
 
-def run(plans: Sequence[Plan], out: Path, walks: Path, duration_s: float, workers: int = 1) -> None:
+def run(
+    plans: Sequence[Plan], out: Path, walks: Path, duration_s: float, workers: int = 1, config: Path | None = None
+) -> None:
     """Do what is not in the file yet; a row is written as soon as it and those before it are there.
 
     Args:
         plans: what is wanted. out: the file. walks: folder of simulated runs. duration_s: of each run.
-        workers: processes.
+        workers: processes. config: the robot's file; None for the one that ships.
     """
     done = {(row.terrain, row.seed, row.contacts, row.knob, row.level) for row in read(out)}
     left = [plan for plan in plans if (plan[0].value, plan[1], plan[2].contacts.value, *plan[4:]) not in done]
@@ -92,7 +95,7 @@ def run(plans: Sequence[Plan], out: Path, walks: Path, duration_s: float, worker
         writer = csv.writer(stream, lineterminator="\n")
         if new:
             writer.writerow([entry.name for entry in fields(Score)])
-        jobs = (joblib.delayed(score_of)(plan, walks, duration_s) for plan in left)
+        jobs = (joblib.delayed(score_of)(plan, walks, duration_s, config) for plan in left)
         for number, found in enumerate(joblib.Parallel(workers, return_as="generator")(jobs)):
             if sys.stderr.isatty():
                 print(
@@ -102,14 +105,14 @@ def run(plans: Sequence[Plan], out: Path, walks: Path, duration_s: float, worker
             stream.flush()
 
 
-def score_of(plan: Plan, walks: Path, duration_s: float) -> Score:
+def score_of(plan: Plan, walks: Path, duration_s: float, config: Path | None = None) -> Score:
     """Simulate one run, unless it is kept, and judge its estimate.
 
     Args:
-        plan: which. walks: folder of simulated runs. duration_s: of the run.
+        plan: which. walks: folder of simulated runs. duration_s: of the run. config: the robot's file.
     """
     terrain, seed, settings, sensors, knob, level = plan
-    robot = load_robot()
+    robot = load_robot(config or SHIPPED)
     walk = held_out(robot, terrain, seed, duration_s, walks)
     if not compiled():  # else a process's first times are those of the compiler
         judge(walk, robot, sensors, settings, knob, level)
@@ -220,18 +223,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--kinds", nargs="+", type=Contacts, default=list(Contacts)[::-1], metavar="NAME",
         help=f"of {', '.join(one.value for one in Contacts)} (default: all)",
     )  # fmt: skip
+    parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml of another robot")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
     options = parser.parse_args(arguments)
     if options.what == "walks":
         for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
             for terrain in options.terrains:
-                held_out(load_robot(), terrain, seed, options.seconds, options.walks)
+                held_out(load_robot(options.config or SHIPPED), terrain, seed, options.seconds, options.walks)
     elif options.what != "report":
         if options.what == "table":
             plans = table_plan(options.terrains, options.seeds, options.kinds)
         else:
             plans = curve_plan(options.terrains, options.seeds)
-        run(list(plans), options.out, options.walks, options.seconds, options.workers)
+        run(list(plans), options.out, options.walks, options.seconds, options.workers, options.config)
     rows = read(options.out)
     print(table(rows), curves(rows), sep="\n\n")
     if options.what == "report":

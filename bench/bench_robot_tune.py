@@ -31,8 +31,8 @@ from sensing.tensegrity.robot_file import load_robot
 HERE = Path(__file__).parent
 NOISES = (
     "shape_rate_noise", "relative_noise", "relative_share", "length_error_m", "compliance_share", "anchor_sd_m",
-    "error_stays_s", "roll_share", "anchor_walk", "creep_sd", "slip_sd_m_s", "slip_share", "slip_across", "normal_sd",
-    "normal_walk",
+    "softness_sd", "softness_stays_s", "error_stays_s", "roll_share", "anchor_walk", "creep_sd", "slip_sd_m_s",
+    "slip_share", "slip_across", "normal_sd", "normal_walk",
 )  # fmt: skip
 FACTORS = (0.5, 2.0)
 WRONG = {  # seed modulo 4: sensors, and the compliance as a part of the true one; the others are perfect
@@ -115,14 +115,16 @@ def plot(rows: Sequence[Tried], path: Path) -> None:
     from matplotlib import pyplot
 
     as_they_are = next(row for row in rows if not row.setting)
-    figure, axes = pyplot.subplots(3, 5, figsize=(15, 7.5), layout="constrained", sharex=True, sharey=True)
-    for axis, noise in zip(axes.flat, NOISES, strict=True):
+    figure, axes = pyplot.subplots(3, 6, figsize=(17, 7.5), layout="constrained", sharex=True, sharey=True)
+    for axis, noise in zip(axes.flat, NOISES, strict=False):
         group = sorted([as_they_are, *(row for row in rows if row.setting == noise)], key=lambda row: row.factor)
         axis.plot([row.factor for row in group], [row.log_score - as_they_are.log_score for row in group], "o-")
         axis.axhline(0.0, color="0.8", zorder=0)
         axis.set(title=f"{noise} = {getattr(DEFAULTS, noise):g}", xscale="log")
         axis.set_xticks((0.5, 1.0, 2.0), ("0.5", "1", "2"))
         axis.minorticks_off()
+    for axis in axes.flat[len(NOISES) :]:
+        axis.remove()
     for axis in axes[:, 0]:
         axis.set_ylabel("log score less that\nof the defaults")
     for axis in axes[-1]:

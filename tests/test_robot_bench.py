@@ -47,7 +47,9 @@ def estimates(walk, move=None, off=None) -> list[RobotEstimate]:
                 seen = off @ seen
             bars.append(BarEstimate(bar.name, seen, np.zeros(3), np.zeros(3), np.diag([1e-4] * 9)))
         found.append(
-            RobotEstimate(float(walk.time_s[row]), 0.0, tuple(bars), (), np.zeros(3), np.eye(3), 0.5, 0.1, HEALTH)
+            RobotEstimate(
+                float(walk.time_s[row]), 0.0, tuple(bars), (), np.zeros(3), np.eye(3), 0.5, 0.1, 0.0, 0.1, HEALTH
+            )
         )
     return found
 
@@ -109,7 +111,7 @@ def test_tuning_tries_one_noise_at_a_time():
 
 def test_tuning_runs_are_not_the_held_out_ones(tmp_path: Path):
     tuning = tuning_run(ROBOT, Terrain.FLAT, 1, 3.0, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"tuning_flat_1_3s.npz"}
+    assert {path.name for path in tmp_path.iterdir()} == {"three_bar_tuning_flat_1_3s.npz"}
     assert max(range(1, 9)) < FIRST_SEED
     other = held_out(ROBOT, Terrain.FLAT, 1, 3.0, tmp_path)
     assert np.abs(tuning.T_world_bar[-1] - other.T_world_bar[-1]).max() > 1e-3  # another gait

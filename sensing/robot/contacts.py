@@ -7,14 +7,15 @@ import math
 import numpy as np
 
 from sensing.robot.contact import Contact, contact_of
+from sensing.robot.dome import DomeCentre, dome_centre, unloaded
 from sensing.robot.friction import learned, moments, slip_probability
 from sensing.robot.layout import Layout
-from sensing.robot.measurement_kernels import correct, point_slopes, update_step
+from sensing.robot.measurement_kernels import correct, update_step
 from sensing.robot.settings import Contacts, Settings
-from sensing.robot.state import State
+from sensing.robot.state import State, world_rate
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample
-from sensing.tensegrity.vectors import cross, minus_cross
+from sensing.tensegrity.vectors import cross
 
 LONGEST_GAP_S = 0.15  # without a reading; after it a contact starts anew
 STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one begins to without a sign in the ratio
@@ -63,12 +64,12 @@ def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout:
         return release(state, endcap, layout)
     state.contact_s[endcap], state.normal[endcap] = state.time_s, UP
     variance = np.full(3, settings.bit_sd_m**2)
-    lever = layout.endcap_lever[endcap]
+    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3))
     if not state.anchored[endcap] or since > LONGEST_GAP_S:
-        return _begin(state, endcap, lever, variance, layout)
+        return _begin(state, endcap, centre, variance, layout)
     at = layout.anchor(endcap)
     state.covariance[at, at] += settings.anchor_walk**2 * since * np.eye(3)
-    _hold(state, endcap, lever, np.eye(3), variance, layout)
+    _hold(state, endcap, centre, np.eye(3), variance, layout)
 
 
 def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layout: Layout, settings: Settings) -> None:
@@ -82,15 +83,14 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
             -state.turn[bar] @ _bar_normal(known.normal, endcap, layout),
             1e-6,
         )
-    yields = yielded(state, endcap, contact, layout, settings)
-    lever = layout.endcap_lever[endcap] + yields
+    centre = dome_centre(state, endcap, contact, layout, settings)
     axes = axes_about(state.normal[endcap])
-    loads = axes @ (state.turn[bar] @ yields)
+    loads = axes @ (state.turn[bar] @ (centre.lever_m - layout.endcap_lever[endcap]))
     stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
     variance = stays * (settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2)
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
-        return _begin(state, endcap, lever, variance, layout)
+        return _begin(state, endcap, centre, variance, layout)
     rate, reach = world_rate(state, bar), float(layout.radius_m[endcap]) * since
     rolled = reach * np.linalg.norm(cross(rate, state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
@@ -98,7 +98,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     lift = walk + stays * state.normal_variance[endcap] * rolled**2
     state.covariance[at, at] += walk * (np.eye(3) - across) + lift * across
     if known is None:
-        slips = _slips(state, endcap, contact, lever, axes, variance / stays, since, layout, settings)
+        slips = _slips(state, endcap, contact, centre, axes, variance / stays, since, layout, settings)
         state.friction = learned(state.friction, contact.use, contact.use_sd, slips)
     else:
         slips = 0.0 if known.holds else 1.0
@@ -110,24 +110,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
         move_by_creep(state, endcap, turned_m * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
-    _hold(state, endcap, lever, axes, variance, layout)
-
-
-def yielded(state: State, endcap: int, contact: Contact, layout: Layout, settings: Settings) -> Array:
-    """(3,) by which the dome's centre is pushed from its place, bar axes, m.
-
-    A dome of stiffness k and damping c has F = k d + c d', so d = (F - c d') / k: one that is just being pressed has
-    yielded less than its force says. Along the normal d' is the speed with which the bar's end nears the ground.
-
-    Args:
-        state: with its velocities and the contact's normal. endcap: its number. contact: its force.
-        layout, settings: of the estimator.
-    """
-    bar, normal = int(layout.endcap_bar[endcap]), state.normal[endcap]
-    arm = state.turn[bar] @ layout.endcap_lever[endcap]
-    leaves = float((state.velocity[bar] + cross(world_rate(state, bar), arm)) @ normal)
-    late = settings.yield_delay_s * leaves * (normal @ state.turn[bar])
-    return np.asarray(settings.compliance_m_n * contact.force_n + late)
+    _hold(state, endcap, centre, axes, variance, layout)
 
 
 def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
@@ -170,11 +153,6 @@ def move_by_creep(state: State, endcap: int, turned_m: Array, layout: Layout) ->
     state.covariance[:, at] -= np.outer(state.covariance[:, layout.creep], turned_m)
 
 
-def world_rate(state: State, bar: int) -> Array:
-    """(3,) angular velocity of a bar, world axes."""
-    return np.asarray(state.turn[bar] @ (state.rate[bar] - state.rate_bias[bar]))
-
-
 def _learn_normal(
     state: State, endcap: int, contact: Contact, fresh: bool, since: float, bar: int, settings: Settings
 ) -> None:
@@ -200,14 +178,11 @@ def axes_about(normal: Array) -> Array:
     return np.array([normal, one, [y * c - z * b, z * a - x * c, x * b - y * a]])
 
 
-def _begin(state: State, endcap: int, lever: Array, variance: Array, layout: Layout) -> None:
+def _begin(state: State, endcap: int, centre: DomeCentre, variance: Array, layout: Layout) -> None:
     """Start an anchor where the sphere's centre is now."""
-    bar, at = int(layout.endcap_bar[endcap]), layout.anchor(endcap)
-    release_slips = state.slips[endcap]
+    at, release_slips = layout.anchor(endcap), state.slips[endcap]
     release(state, endcap, layout)
-    point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
-    leader = layout.turn(layout.leader)
-    slopes[:, leader] -= minus_cross(point)  # its error is less the turn of the leader
+    point, slopes = unloaded(state, endcap, centre, layout)
     rows = slopes @ state.covariance
     state.covariance[at], state.covariance[:, at] = rows, rows.T
     axes = axes_about(state.normal[endcap])
@@ -215,18 +190,15 @@ def _begin(state: State, endcap: int, lever: Array, variance: Array, layout: Lay
     state.anchor[endcap], state.anchored[endcap], state.slips[endcap] = point, 1, release_slips
 
 
-def _difference(state: State, endcap: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
+def _difference(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> tuple[Array, Array]:
     """((3,) from the endcap to its anchor, (3, N) slopes of what should be zero, endcap less anchor)."""
-    bar, at = int(layout.endcap_bar[endcap]), layout.anchor(endcap)
-    point, slopes = point_slopes(state.turn, state.place, bar, lever, layout.leader, layout.size)
-    # not the anchor: a turn about the vertical must show in nothing, by no noise either
-    slopes[:, layout.turn(layout.leader)] -= minus_cross(point)
-    slopes[:, at] -= np.eye(3)
+    point, slopes = unloaded(state, endcap, centre, layout)
+    slopes[:, layout.anchor(endcap)] -= np.eye(3)
     return state.anchor[endcap] - point, slopes
 
 
 def _slips(
-    state: State, endcap: int, contact: Contact, lever: Array, axes: Array, variance: Array, since: float,
+    state: State, endcap: int, contact: Contact, centre: DomeCentre, axes: Array, variance: Array, since: float,
     layout: Layout, settings: Settings,
 ) -> float:  # fmt: skip
     """Probability of slip: what the friction ratio says, then what the innovation says."""
@@ -235,7 +207,7 @@ def _slips(
     prior = by_ratio * (STAYS * before + (1 - before)) + STARTS * by_ratio * (1 - by_ratio)
     prior = min(max(prior, LEAST), MOST)
     mean, spread = _slide(state, endcap, int(layout.endcap_bar[endcap]), contact, settings)
-    innovation, slopes = _difference(state, endcap, lever, layout)
+    innovation, slopes = _difference(state, endcap, centre, layout)
     rows = axes[1:] @ slopes
     holds = rows @ state.covariance @ rows.T + np.diag(variance[1:])
     slips = holds + since**2 * axes[1:] @ spread @ axes[1:].T
@@ -253,9 +225,9 @@ def _log_density(x: Array, spread: Array) -> float:
     return -0.5 * ((c * u * u - 2 * b * u * v + a * v * v) / square + math.log(square))
 
 
-def _hold(state: State, endcap: int, lever: Array, axes: Array, variance: Array, layout: Layout) -> None:
+def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: Array, layout: Layout) -> None:
     """Take that the endcap is at its anchor."""
-    innovation, slopes = _difference(state, endcap, lever, layout)
+    innovation, slopes = _difference(state, endcap, centre, layout)
     found = np.empty(3)
     change = update_step(
         state.covariance, np.ascontiguousarray(axes @ slopes), axes @ innovation, variance, np.inf, found
@@ -263,7 +235,7 @@ def _hold(state: State, endcap: int, lever: Array, axes: Array, variance: Array,
     state.consistency[1] += LATELY * (float(found.mean()) - state.consistency[1])
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.creep, layout.leader,
+        state.creep, state.softness, layout.leader,
     )  # fmt: skip
 
 

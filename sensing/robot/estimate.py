@@ -108,6 +108,8 @@ class RobotEstimate:
         bars, endcaps: in the order of the description.
         centre_of_mass_m: (3,) world. centre_of_mass_covariance: (3, 3).
         friction, friction_sd: coefficient of friction of the supports as learned until now.
+        softness, softness_sd: part by which the domes yield more than ``Settings.compliance_m_n`` says, as learned
+            until now. Forces measured too small by that part look the same.
         health: whether it agrees with the samples.
     """
 
@@ -119,4 +121,6 @@ class RobotEstimate:
     centre_of_mass_covariance: Array
     friction: float
     friction_sd: float
+    softness: float
+    softness_sd: float
     health: Health

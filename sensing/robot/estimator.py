@@ -24,7 +24,7 @@ from sensing.robot.layout import layout_of
 from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
-from sensing.robot.silence import follow_on
+from sensing.robot.silence import doubtful, follow_on, pauses
 from sensing.robot.start import Gathered, begin, gather, goes_on, moves, nothing_gathered
 from sensing.robot.state import State, empty_state
 from sensing.tensegrity.description import TensegrityRobot
@@ -128,24 +128,28 @@ class RobotEstimator:
     def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:
         if progress.state is not None:
             self._filter.take(progress.state, time_s, samples)
-            if progress.state.held_s and progress.gathered is None and self._filter.measures(samples):
+            wanted = progress.state.held_s or doubtful(progress.state)
+            if wanted and progress.gathered is None and self._filter.measures(samples):
                 progress.gathered = nothing_gathered(self._layout, time_s)
         gathered = progress.gathered
         if gathered is None:
             return
         if np.isnan(gathered.tried_s):
             gathered.tried_s = time_s
-        waits = time_s - gathered.tried_s < self.settings.start_limit_s - self.settings.start_s
-        moving = moves(gathered, samples)
+        doubted = None if progress.state is None or progress.state.held_s else progress.state
+        waits = doubted is not None  # what is followed on meanwhile may wait for a robot that stands
+        waits = waits or time_s - gathered.tried_s < self.settings.start_limit_s - self.settings.start_s
+        moving = moves(gathered, samples) or (doubted is not None and pauses(doubted))
         progress.stands &= not moving or waits
+        again = nothing_gathered(self._layout, gathered.tried_s if doubted is None else time_s)
         if moving and waits:  # it falls, rocks or walks: what was gathered is of no robot that stands
-            gathered = progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
+            gathered = progress.gathered = again
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9
         settling = enough and goes_on(gathered)
         progress.stands &= not settling or waits
         if settling and waits:
-            progress.gathered = nothing_gathered(self._layout, gathered.tried_s)
+            progress.gathered = again
         elif enough and (gathered.length_counts > 0).any():
             state = empty_state(self._layout, time_s)
             begin(state, gathered, self._layout, self.settings, progress.stands)

@@ -13,13 +13,12 @@ from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.robot.silence import hold, unmeasured
+from sensing.robot.silence import SILENT_S, hold, unmeasured, watch
 from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 LONGEST_STEP_S = 0.01
-SILENT_S = 0.05  # after this time the last sample of an inertial sensor no longer counts
 LIMIT = 25.0  # squared innovation over its variance beyond which a length is left out
 MISFIT = 4.0  # mean squared innovation over its variance from which the shape is loosened
 LOOSE, LOOSE_M = 0.02, 0.005  # E: by so much a sample, rad and m
@@ -90,6 +89,8 @@ class Filter:
         for sample in samples:
             bar = self._bar_of[sample.sensor]
             turn = self.layout.sensor_turn[bar]
+            if not np.isfinite(state.rate_s[bar]):
+                self._first_rate(state, bar)
             new = turn @ sample.rate_rad_s
             rate[bar] = _over_step(new, state.rate_used[bar], time_s - state.rate_s[bar], step)
             state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
@@ -105,25 +106,44 @@ class Filter:
             self._move(state, time_s, rate - state.rate_bias, force - state.force_bias, heard)
         state.time_s = time_s
 
+    def _first_rate(self, state: State, bar: int) -> None:
+        """A gyroscope is heard for the first time: what stood for its bias was the angular velocity."""
+        at = self.layout.rate_bias(bar)
+        state.rate_bias[bar], state.covariance[at], state.covariance[:, at] = 0.0, 0.0, 0.0
+        state.covariance[at, at] = self.settings.rate_bias_sd**2 * np.eye(3)
+
     def _move(self, state: State, time_s: float, rate: Array, force: Array, heard: np.ndarray) -> None:
         layout, leader = self.layout, self.layout.leader
-        rate[~heard[0]] = 0.0
+        unknown = ~np.isfinite(state.rate_s)  # no gyroscope: the rate is what the "bias" of a zero has to be
+        rate[~heard[0] & ~unknown] = 0.0
+        watch(state, time_s - state.time_s, ~heard[0] & ~unknown)
         own = (layout.has_force == 1) & heard[1]
         has_force = np.where(own, 1, 2 if own[leader] else 0).astype(np.int64)
-        noise = self._noise(rate, force[leader], has_force, heard[0])
+        noise = self._noise(rate, force[leader], has_force, heard[0], unknown)
+        walk, fade = self._walks(rate[heard[0]], unknown)
         step = time_s - state.time_s
+        state.rate_bias *= np.exp(-step * fade)[:, None]
+        self._forget_softness(state, step)
         count = max(1, int(np.ceil(step / LONGEST_STEP_S - 1e-9)))
         for _ in range(count):
             predict_step(
                 state.covariance, state.turn, state.place, state.velocity, state.anchor, state.normal, state.anchored,
-                rate, force, has_force, leader, layout.endcap_bar, layout.radius_m, self._roll, noise, self._walk,
+                rate, force, has_force, leader, layout.endcap_bar, layout.radius_m, self._roll, noise, walk, fade,
                 step / count, GRAVITY_M_S2,
             )  # fmt: skip
 
-    def _noise(self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray) -> Array:
+    def _forget_softness(self, state: State, step_s: float) -> None:
+        """A stationary Gauss-Markov process: it never comes to be less known than at first."""
+        at, keep = self.layout.softness, float(np.exp(-step_s / self.settings.softness_stays_s))
+        state.softness *= keep
+        state.covariance[at] *= keep
+        state.covariance[:, at] *= keep
+        state.covariance[at, at] += (1 - keep**2) * self.settings.softness_sd**2
+
+    def _noise(self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray, unknown: np.ndarray) -> Array:
         settings = self.settings
         noise = np.empty((self.layout.bars, 3))
-        noise[:, 0] = np.where(heard, settings.rate_noise, self._unknown_rate(rate[heard])) ** 2
+        noise[:, 0] = np.where(heard | unknown, settings.rate_noise, self._unknown_rate(rate[heard])) ** 2
         noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
         if not has_force.any():
             noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
@@ -136,6 +156,19 @@ class Filter:
             noise[self.layout.leader, 1:] = 0.0, settings.force_noise**2
         return noise
 
+    def _walks(self, rate: Array, unknown: np.ndarray) -> tuple[Array, Array]:
+        """((B, 2) variances a second of the biases, (B,) 1/s by which those of gyroscopes decay).
+
+        Where a bar has no gyroscope its angular velocity stands there, with the opposite sign.
+        """
+        settings, walk, fade = self.settings, self._walk, np.zeros(len(unknown))
+        if unknown.any():
+            walk = walk.copy()
+            most, share, least = settings.spin_noise, settings.spin_share, settings.spin_least
+            walk[unknown, 0] = min(most, least + share * _root_mean_square(rate) if len(rate) > 1 else most) ** 2
+            fade[unknown] = 1 / settings.spin_stays_s
+        return walk, fade
+
     def _unknown_rate(self, rate: Array) -> float:
         """Noise of the rate of a bar that nobody measures, from those (n, 3) that are measured.
 
@@ -144,7 +177,7 @@ class Filter:
         settings = self.settings
         if len(rate) < 2:
             return settings.unknown_rate_noise
-        return settings.unknown_rate_least + settings.unknown_rate_share * float(np.sqrt((rate**2).sum() / len(rate)))
+        return settings.unknown_rate_least + settings.unknown_rate_share * _root_mean_square(rate)
 
     def lengths(self, state: State, sample: LengthSample) -> None:
         """Take the lengths of the cables.
@@ -181,6 +214,11 @@ class Filter:
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
 
 
+def _root_mean_square(rate: Array) -> float:
+    """Of angular velocities (n, 3)."""
+    return float(np.sqrt((rate**2).sum() / len(rate)))
+
+
 def apply(state: State, change: Array, leader: int) -> None:
     """Add a correction to the state.
 
@@ -189,7 +227,7 @@ def apply(state: State, change: Array, leader: int) -> None:
     """
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.creep, leader,
+        state.creep, state.softness, leader,
     )  # fmt: skip
 
 

@@ -1,10 +1,10 @@
 """Compiled prediction of the robot's filter: in numpy their small steps would take a tenth of a core and more.
 
 The error state holds three numbers each, in this order: turns of the B bars (world axes), places, velocities, gyroscope
-biases, accelerometer biases, the E anchors; then the creep, one number. The error of a place, a velocity or an
-anchor x is ``x_true - exp(turn of the leading bar) x``: a turn of the whole robot about the vertical, which nothing
-measures, is then the same vector at every estimate, and the filter does not come to think that it knows its heading
-(Barrau and Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
+biases, accelerometer biases, the E anchors; then creep and softness, a number each. The error of a place, a velocity
+or an anchor x is ``x_true - exp(turn of the leading bar) x``: a turn of the whole robot about the vertical, which
+nothing measures, is then the same vector at every estimate, and the filter does not come to think that it knows its
+heading (Barrau and Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
 """
 
 # mypy: ignore-errors
@@ -73,7 +73,7 @@ def times_vector(a, x):
 @numba.njit(**EXACTLY)
 def predict_step(
     covariance, turn, place, velocity, anchor, normal, anchored, rate, force, has_force, leader, endcap_bar, radius,
-    roll, noise, walk, step_s, gravity,
+    roll, noise, walk, fade, step_s, gravity,
 ):  # fmt: skip
     """Move the state by a time step, in place.
 
@@ -84,29 +84,31 @@ def predict_step(
             follows that of the leading bar, 0 where nothing is known. leader: that bar.
         endcap_bar: (E,) bar of each endcap. radius: (E,) m. roll: (E,) 1 where the sphere rolls.
         noise: (B, 3) variances a second: rate, velocity, leader's force (in all that follow it).
-        walk: (B, 2) of the biases. step_s: time. gravity: m/s^2.
+        walk: (B, 2) of the biases. fade: (B,) 1/s by which those of gyroscopes decay; the caller's decay with them.
+        step_s: time. gravity: m/s^2.
     """
     bars, endcaps, size = len(turn), len(anchor), len(covariance)
-    most = 7 * bars + 4 * endcaps
-    at, blocks = np.zeros((most, 2), np.int64), np.zeros((most, 3, 3))
+    at, blocks = np.zeros((8 * bars + 4 * endcaps, 2), np.int64), np.zeros((8 * bars + 4 * endcaps, 3, 3))
     middle, spin, push = np.empty((bars, 3, 3)), np.empty((bars, 3)), np.zeros((bars, 3))
     for b in range(bars):
         spin[b] = times_vector(turn[b], rate[b])
         middle[b] = turned_by(turn[b], 0.5 * step_s * spin[b, 0], 0.5 * step_s * spin[b, 1], 0.5 * step_s * spin[b, 2])
         if has_force[b] == 1:
             push[b] = times_vector(middle[b], force[b])
-    drive = np.zeros((size, 3))  # what a turn of the leader by its gyroscope's noise does to all
-    for k in range(3):
-        drive[3 * leader + k, k] = 1.0
-    count = _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, leader, step_s, gravity)
+    drive = np.zeros((bars, size, 3))  # what a turn of a bar by its rate's noise does to all
+    for i in range(3 * bars):
+        drive[i // 3, i, i % 3] = 1.0
+    count = _bar_blocks(at, blocks, drive[leader], middle, push, place, velocity, has_force, leader, step_s, gravity)
+    count = _fade(at, blocks, count, fade, step_s)
     moved = np.zeros((endcaps, 3))
     for e in range(endcaps):
         if anchored[e] != 0:
             row, b = 3 * (5 * bars + e), endcap_bar[e]
-            count = _follow(at, blocks, drive, count, row, anchor[e], middle[leader], leader, bars, step_s)
+            count = _follow(at, blocks, drive[leader], count, row, anchor[e], middle[leader], leader, bars, step_s)
             if roll[e] != 0:
-                length = radius[e] * step_s
-                count = _roll(at, blocks, count, row, moved[e], normal[e], spin[b], middle[b], b, leader, bars, length)
+                _add_cross(drive[b], row, normal[e], -radius[e])
+                reach = radius[e] * step_s
+                count = _roll(at, blocks, count, row, moved[e], normal[e], spin[b], middle[b], b, leader, bars, reach)
     _congruence(covariance, at, blocks, count)
     _add_noise(covariance, drive, noise, walk, leader, step_s)
     for b in range(bars):
@@ -118,9 +120,18 @@ def predict_step(
         for k in range(3):
             place[b, k] += step_s * (velocity[b, k] + 0.5 * change[k])
             velocity[b, k] += change[k]
-    for e in range(endcaps):
-        for k in range(3):
-            anchor[e, k] += moved[e, k]
+    anchor += moved
+
+
+@numba.njit(**EXACTLY)
+def _add_cross(out, row, n, scale):
+    """Add scale * [n] x to three rows of out."""
+    out[row, 1] -= scale * n[2]
+    out[row, 2] += scale * n[1]
+    out[row + 1, 0] += scale * n[2]
+    out[row + 1, 2] -= scale * n[0]
+    out[row + 2, 0] -= scale * n[1]
+    out[row + 2, 1] += scale * n[0]
 
 
 @numba.njit(**EXACTLY)
@@ -161,6 +172,19 @@ def _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, lea
 
 
 @numba.njit(**EXACTLY)
+def _fade(at, blocks, count, fade, step_s):
+    """Blocks of gyroscope biases that decay."""
+    bars = len(fade)
+    for b in range(bars):
+        if fade[b] > 0.0:
+            at[count, 0] = at[count, 1] = 3 * (3 * bars + b)
+            for k in range(3):
+                blocks[count, k, k] = math.expm1(-step_s * fade[b])
+            count += 1
+    return count
+
+
+@numba.njit(**EXACTLY)
 def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length):
     """Blocks of an anchor that moves by w x n times a length; writes the motion."""
     mx, my, mz = w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0]
@@ -181,17 +205,15 @@ def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length
 @numba.njit(**EXACTLY)
 def _add_noise(covariance, drive, noise, walk, leader, step_s):
     """Process noise of one step."""
-    bars, size, quiet = len(noise), len(covariance), noise[leader, 0] * step_s
-    for i in range(size):
-        if drive[i, 0] != 0.0 or drive[i, 1] != 0.0 or drive[i, 2] != 0.0:
-            for j in range(size):
-                dot = drive[i, 0] * drive[j, 0] + drive[i, 1] * drive[j, 1] + drive[i, 2] * drive[j, 2]
-                covariance[i, j] += quiet * dot
+    bars, size = len(noise), len(covariance)
     for b in range(bars):
+        turns, quiet = drive[b], noise[b, 0] * step_s
+        for i in range(size):
+            if turns[i, 0] != 0.0 or turns[i, 1] != 0.0 or turns[i, 2] != 0.0:
+                for j in range(size):
+                    dot = turns[i, 0] * turns[j, 0] + turns[i, 1] * turns[j, 1] + turns[i, 2] * turns[j, 2]
+                    covariance[i, j] += quiet * dot
         for k in range(3):
-            if b != leader:
-                i = 3 * b + k
-                covariance[i, i] += noise[b, 0] * step_s
             i = 3 * (2 * bars + b) + k
             covariance[i, i] += noise[b, 1] * step_s
             for c in range(bars):

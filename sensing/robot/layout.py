@@ -58,7 +58,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Numbers in the error state."""
-        return 15 * self.bars + 3 * self.endcaps + 1
+        return 15 * self.bars + 3 * self.endcaps + 2
 
     def turn(self, bar: int) -> slice:
         """Of a bar's turn in the error state."""
@@ -86,7 +86,12 @@ class Layout:
 
     @property
     def creep(self) -> int:
-        """Of the creep of endcaps that turn under load; the last one."""
+        """Of the creep of endcaps that turn under load; the last but one."""
+        return self.size - 2
+
+    @property
+    def softness(self) -> int:
+        """Of the softness of all domes; the last one."""
         return self.size - 1
 
 

@@ -55,12 +55,12 @@ def update_step(covariance, slopes, innovation, variance, limit, found):
 
 
 @numba.njit(**EXACTLY)
-def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal, creep, leader):
+def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal, creep, softness, leader):
     """Add the error state to the state, in place.
 
     Args:
         change: (N,). turn, place, velocity, anchor, normal: as in :func:`predict_step`. rate_bias, force_bias: (B, 3).
-        creep: (1,). leader: bar whose turn the errors of places refer to.
+        creep, softness: (1,). leader: bar whose turn the errors of places refer to.
     """
     bars = len(turn)
     lx, ly, lz = change[3 * leader], change[3 * leader + 1], change[3 * leader + 2]
@@ -74,7 +74,8 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
     for e in range(len(anchor)):
         anchor[e] = times_vector(whole, anchor[e]) + change[3 * (5 * bars + e) : 3 * (5 * bars + e) + 3]
         normal[e] = times_vector(whole, normal[e])
-    creep[0] += change[len(change) - 1]
+    creep[0] += change[len(change) - 2]
+    softness[0] += change[len(change) - 1]
 
 
 @numba.njit(**EXACTLY)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensing.robot.contacts import LONGEST_GAP_S, world_rate
+from sensing.robot.contacts import LONGEST_GAP_S
 from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
-from sensing.robot.filter import SILENT_S
 from sensing.robot.friction import moments
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import point_slopes
 from sensing.robot.settings import Contacts, Settings
-from sensing.robot.state import State
+from sensing.robot.silence import SILENT_S, UNSEEN_S
+from sensing.robot.state import State, world_rate
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import cross, minus_cross
 
@@ -43,6 +43,7 @@ def report_of(state: State, measured_s: float, ignored: int, layout: Layout, set
         tuple(_bar(state, bar, layout) for bar in range(layout.bars)),
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
+        float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
         _health(state, ignored, layout, settings),
     )  # fmt: skip
 
@@ -135,14 +136,25 @@ def _lost(state: State, layout: Layout) -> list[str]:
             "pose held as it was: the inertial sensor of the leading bar is silent; it has to stand a while then"
         )
     if state.time_s - state.anew_s < ANEW_S:
-        notes.append("begun anew after a silence of the inertial sensor: place and heading are those of before it")
+        notes.append("begun anew while it stood: the shape is measured again, place and heading are those of before")
     if state.began_moving:
-        notes.append("begun while the robot moved: its shape may be wrong; let it stand still and begin anew")
+        notes.append("begun while the robot moved: its shape may be wrong until it has stood still for a second")
     if state.began_silent:
         names = ", ".join(layout.robot.endcaps[endcap].name for endcap in state.began_silent)
         notes.append(
-            f"begun without the force of {names}: the shape may be wrong by more than its covariance says; "
-            "begin anew once all endcaps report"
+            f"begun without the force of {names}: the shape may be wrong by more than its covariance says, until "
+            "they report and the robot has stood still for a second"
+        )
+    if state.began_unmeasured:
+        names = ", ".join(str(layout.sensor_of_bar[bar]) for bar in state.began_unmeasured)
+        notes.append(
+            f"begun without {names}: bars may be turned by more than their covariance says, until it reports and the "
+            "robot has stood still for a second"
+        )
+    if state.unseen_s >= UNSEEN_S:
+        notes.append(
+            f"several gyroscopes were silent at once: for {state.unseen_s:.1f} s; bars may be turned by more than "
+            "their covariance says, until the robot has stood still for a second"
         )
     at = layout.velocity(layout.leader)
     speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))

@@ -49,10 +49,15 @@ class Settings:
         unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)). unknown_rate_share,
             unknown_rate_least: where two others or more measure, it is this many times their rates' root mean square
             (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
+        spin_noise: of the angular velocity of a bar without gyroscope (rad/s^2/sqrt(Hz)), which is a part of the state.
+            spin_share, spin_least: where two others or more measure, it is at most this many times their root mean
+            square rate (1/s/sqrt(Hz)), and so much more. spin_stays_s: time in which that velocity decays.
         relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
             (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
         length_sd_m: of a cable's length, independent from sample to sample. length_error_m: what stays for a second.
-        compliance_m_n: by which an endcap yields under a newton. compliance_share: error of it, as a part.
+        compliance_m_n: by which an endcap yields under a newton. compliance_share: error of it, as a part,
+            of each contact alone. softness_sd: of the part by which all domes yield more, which is learned.
+            softness_stays_s: time in which it is forgotten: what domes yield depends on where they are pressed, too.
         yield_delay_s: by which the yielding lags the force: the dome's damping over its stiffness.
         anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
         bit_sd_m: of a contact of which only the bit is known.
@@ -82,15 +87,21 @@ class Settings:
     unknown_rate_noise: float = 0.5
     unknown_rate_share: float = 2.0
     unknown_rate_least: float = 0.02
+    spin_noise: float = 30.0
+    spin_share: float = 60.0
+    spin_least: float = 0.1
+    spin_stays_s: float = 0.33
     relative_noise: float = 0.5
     relative_share: float = 0.1
     length_sd_m: float = 2e-3
     length_error_m: float = 2.5e-4
     compliance_m_n: float = 2.5e-4
-    compliance_share: float = 0.08
+    compliance_share: float = 0.03
+    softness_sd: float = 0.2
+    softness_stays_s: float = 50.0
     yield_delay_s: float = 0.01
-    anchor_sd_m: float = 4e-4
-    error_stays_s: float = 0.6
+    anchor_sd_m: float = 1.5e-4
+    error_stays_s: float = 0.8
     bit_sd_m: float = 8e-3
     roll_share: float = 0.02
     anchor_walk: float = 5e-4

@@ -11,12 +11,15 @@ import math
 
 import numpy as np
 
-from sensing.robot.contacts import release
+from sensing.robot.contacts import LONGEST_GAP_S, release
 from sensing.robot.layout import Layout
 from sensing.robot.state import State
 from sensing.tensegrity.description import Array
 
+SILENT_S = 0.05  # after this time the last sample of an inertial sensor no longer counts
 HELD_AFTER_S = 1.0  # of silence
+GONE_S = 3.0  # E: after which a silent gyroscope is not waited for
+UNSEEN_S = 0.1  # for so long several gyroscopes may be silent at once
 MOVES_M_S, TURNS_RAD_S = 0.2, 0.3  # E: standard deviations of the motion of a robot that nobody watches
 MOST_TURN = math.pi / math.sqrt(3)  # standard deviation of a turn of which nothing is known
 
@@ -29,6 +32,45 @@ def unmeasured(state: State, time_s: float, layout: Layout) -> bool:
     """
     leader = layout.leader
     return bool(time_s - max(state.rate_s[leader], state.force_s[leader]) > HELD_AFTER_S)
+
+
+def watch(state: State, step_s: float, silent: np.ndarray) -> None:
+    """Note for how long several gyroscopes have been silent at once.
+
+    One silent bar is held by cables to the others. Of two, linear steps make the filter too sure; so what it says of
+    them counts as doubtful from then on.
+
+    Args:
+        state: is changed. step_s: time. silent: (B,) bars whose gyroscope was heard before and is not now.
+    """
+    if silent.sum() > 1:
+        state.unseen_s += step_s
+    elif state.unseen_s < UNSEEN_S:
+        state.unseen_s = 0.0
+
+
+def doubtful(state: State) -> bool:
+    """Whether the shape may be off by more than its covariance says, and one begun anew would be better.
+
+    A start without an endcap's force or a gyroscope is no better as long as these report nothing.
+
+    Args:
+        state: of the filter.
+    """
+    heard = all(state.time_s - state.reading_s[endcap] < LONGEST_GAP_S for endcap in state.began_silent)
+    heard &= all(state.time_s - state.rate_s[bar] <= SILENT_S for bar in state.began_unmeasured)
+    lacked = bool(state.began_silent or state.began_unmeasured)
+    return state.began_moving or state.unseen_s >= UNSEEN_S or (lacked and heard)
+
+
+def pauses(state: State) -> bool:
+    """Whether a gyroscope has just fallen silent and may come back: no time to begin anew.
+
+    Args:
+        state: of the filter.
+    """
+    since = state.time_s - state.rate_s
+    return bool(((since > SILENT_S) & (since < GONE_S)).any())
 
 
 def hold(state: State, time_s: float, layout: Layout) -> None:
@@ -67,8 +109,11 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     place, about = layout.place(layout.leader), layout.turn(layout.leader).start + 2
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
     _spread(state, heading, held.covariance[place, place], layout)
-    state.friction, state.creep, state.anew_s = held.friction.copy(), held.creep.copy(), state.time_s
-    state.covariance[layout.creep, layout.creep] = held.covariance[layout.creep, layout.creep]
+    state.friction, state.anew_s = held.friction.copy(), state.time_s
+    state.lengths_s, state.reading_s, state.contacts = held.lengths_s, held.reading_s.copy(), held.contacts.copy()
+    state.creep, state.softness = held.creep.copy(), held.softness.copy()
+    learned = np.ix_((layout.creep, layout.softness), (layout.creep, layout.softness))
+    state.covariance[learned] = held.covariance[learned]
 
 
 def _spread(state: State, turn: Array, place: Array, layout: Layout) -> None:

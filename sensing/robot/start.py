@@ -21,6 +21,7 @@ from sensing.robot.contact import Contact
 from sensing.robot.first_shape import FirstShape
 from sensing.robot.layout import Layout
 from sensing.robot.settings import Settings
+from sensing.robot.silence import SILENT_S
 from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
@@ -183,6 +184,8 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving, state.began_silent = not stands, tuple(problem.silent)
+    lacks = (state.time_s - gathered.heard_s[:, 0] > SILENT_S) & np.array([bool(s) for s in layout.sensor_of_bar])
+    state.began_unmeasured = tuple(np.flatnonzero(lacks).tolist())
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
 
 
@@ -232,6 +235,7 @@ def _set_covariance(
         slopes[layout.place(bar), leader : leader + 3] -= minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
     state.covariance[layout.creep, layout.creep] = settings.creep_sd**2
+    state.covariance[layout.softness, layout.softness] = settings.softness_sd**2
     for bar in range(bars):
         at = layout.velocity(bar)
         state.covariance[at, at] += speed_sd**2 * np.eye(3)

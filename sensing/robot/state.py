@@ -25,7 +25,8 @@ class State:
         anchor: (E, 3) where the sphere's centre would be without load, world. normal: (E, 3) out of the support.
         normal_variance: (E,) rad^2. anchored: (E,) whether the anchor counts.
         slips: (E,) probability. creep: (1,) of endcaps that turn under load
-            (:func:`sensing.robot.contacts.move_by_creep`).
+            (:func:`sensing.robot.contacts.move_by_creep`). softness: (1,) part by which domes yield more than
+            ``Settings.compliance_m_n`` says, or forces are measured too small.
         rate, force: (B, 3) last samples, bar axes. rate_s, force_s: (B,) their times.
         rate_used, force_used: (B, 3) their integrals since.
         contact_s: (E,) time of the last reading whose numbers counted. reading_s: (E,) of any. lengths_s: of lengths.
@@ -34,7 +35,8 @@ class State:
         rejected: lengths of the last sample. known: what a simulation knows of each contact.
         held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
             again; -inf without. began_moving: whether the robot moved as the estimate began. began_silent: numbers
-            of the endcaps whose force was unknown then.
+            of the endcaps whose force was unknown then. began_unmeasured: numbers of the bars whose gyroscope was
+            silent then. unseen_s: for how long several gyroscopes were silent at once.
     """
 
     time_s: float
@@ -50,6 +52,7 @@ class State:
     anchored: np.ndarray
     slips: Array
     creep: Array
+    softness: Array
     rate: Array
     force: Array
     rate_s: Array
@@ -69,6 +72,8 @@ class State:
     anew_s: float = -np.inf
     began_moving: bool = False
     began_silent: tuple[int, ...] = ()
+    began_unmeasured: tuple[int, ...] = ()
+    unseen_s: float = 0.0
 
     def copy(self) -> Self:
         """One that can be changed on its own."""
@@ -91,10 +96,15 @@ def empty_state(layout: Layout, time_s: float) -> State:
         time_s=time_s, covariance=np.zeros((layout.size, layout.size)), turn=np.tile(np.eye(3), (bars, 1, 1)),
         place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
         anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
-        anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), rate=of_bars(),
-        force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never), rate_used=of_bars(),
+        anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
+        rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never), rate_used=of_bars(),
         force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps,
     )  # fmt: skip
+
+
+def world_rate(state: State, bar: int) -> Array:
+    """(3,) angular velocity of a bar, world axes."""
+    return np.asarray(state.turn[bar] @ (state.rate[bar] - state.rate_bias[bar]))

@@ -35,7 +35,7 @@ from sensing.tensegrity.samples import FootSample, LengthSample, Sample
 if TYPE_CHECKING:
     from sensing.robot.node.endcaps_here import EndcapsHere
 
-AT_ONCE = 64  # messages of a topic in one look
+WAITING = 2000  # messages of a topic that wait while this process is held up: seconds, at any usual rate
 IDLE_S = 0.002
 PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
 
@@ -104,18 +104,19 @@ class LiveRobot:
         if silent:
             LOG.warning(f"nothing for {PATIENCE_S:g} s on {', '.join(f'/{topic}' for topic in silent)}: waiting")
 
-    def _waiting(self) -> Iterator[Sample]:
+    def _waiting(self) -> list[Sample]:
+        """What has come since the last look, by time: one topic's newest would make the others' samples too late."""
+        waiting: list[Sample] = [] if self._here is None else list(self._here.samples())
         for topic, kind, name, reader in self._readers:
-            for message in reader.take(AT_ONCE):
+            for message in reader.take(WAITING):
                 if getattr(message, "header", None) is None:  # a publisher has gone
                     continue
                 if topic in self._silent:
                     self._silent.remove(topic)
                 sample = self._sample(kind, name, message)
                 if sample is not None:
-                    yield sample
-        if self._here is not None:
-            yield from self._here.samples()
+                    waiting.append(sample)
+        return sorted(waiting, key=lambda sample: sample.time_s if math.isfinite(sample.time_s) else math.inf)
 
     def _sample(self, kind: str, name: str, message: Any) -> Sample | None:
         """The sample of a message; None for a plain wrench beside one with covariance.
@@ -148,5 +149,5 @@ def _reader(participant: Any, topic: str, kind: str) -> Any:
     from cyclonedds.sub import DataReader
     from cyclonedds.topic import Topic
 
-    qos = dds.quality()
-    return DataReader(participant, Topic(participant, f"rt/{topic}", dds.idl_type(kind), qos=qos), qos=qos)
+    of_topic = Topic(participant, f"rt/{topic}", dds.idl_type(kind), qos=dds.quality())
+    return DataReader(participant, of_topic, qos=dds.quality(kept=WAITING))

@@ -49,6 +49,8 @@ def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
         "centre_of_mass_covariance": _plain(estimate.centre_of_mass_covariance),
         "friction": _plain(estimate.friction),
         "friction_sd": _plain(estimate.friction_sd),
+        "softness": _plain(estimate.softness),
+        "softness_sd": _plain(estimate.softness_sd),
         "bars": [
             {
                 "name": bar.name, "T_world_bar": _plain(bar.T_world_bar), "velocity_m_s": _plain(bar.velocity_m_s),

@@ -58,7 +58,8 @@ def line(report: Report, robot: TensegrityRobot) -> str:
         text += f"; truly {_place(true)}, off by {drift:.3f} m{share}"
     text += f"; path {report.path_m:.2f} m; "
     text += ", ".join(f"{endcap.name} {endcap.hold.word}" for endcap in estimate.endcaps)
-    return text + f"; friction {estimate.friction:.2f} \N{PLUS-MINUS SIGN} {estimate.friction_sd:.2f}"
+    text += f"; friction {estimate.friction:.2f} \N{PLUS-MINUS SIGN} {estimate.friction_sd:.2f}"
+    return text + f", softness {estimate.softness:+.2f} \N{PLUS-MINUS SIGN} {estimate.softness_sd:.2f}"
 
 
 def _place(point: np.ndarray) -> str:

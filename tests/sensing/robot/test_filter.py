@@ -8,7 +8,8 @@ from standing_robot import UP
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contact_kernels import line_of_action_slopes
-from sensing.robot.contacts import move_by_creep, yielded
+from sensing.robot.contacts import move_by_creep
+from sensing.robot.dome import dome_centre, unloaded
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned, moments, slip_probability
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import layout_of
@@ -37,7 +38,7 @@ class Moving:
         self.rate, self.force = rng.normal(0, 1.0, (3, 3)), rng.normal(0, 3.0, (3, 3)) + GRAVITY_M_S2 * UP
         self.anchor, normal = rng.normal(0, 1.0, (6, 3)), rng.normal(0, 0.3, (6, 3)) + UP
         self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-        self.creep = rng.normal(0, 0.01, 1)
+        self.creep, self.softness = rng.normal(0, 0.01, (2, 1))
         self.anchored = np.array([1, 0, 1, 0, 1, 0])
 
     def parts(self):
@@ -50,6 +51,7 @@ class Moving:
             self.anchor,
             self.normal,
             self.creep,
+            self.softness,
         )
 
     def copy(self) -> Moving:
@@ -64,12 +66,13 @@ class Moving:
         return other
 
     def predicted(self, covariance, step_s: float, noise=NO_NOISE) -> Moving:
-        other = self.copy()
+        other, fade = self.copy(), np.array([0.0, 3.0, 0.0])
+        other.rate_bias *= np.exp(-step_s * fade)[:, None]
         has_force = np.array([1, 2, 2])
         predict_step(
             covariance, other.turn, other.place, other.velocity, other.anchor, other.normal, other.anchored,
             other.rate - other.rate_bias, other.force - other.force_bias, has_force, LAYOUT.leader, LAYOUT.endcap_bar,
-            LAYOUT.radius_m, np.ones(6, np.int64), *noise, step_s, GRAVITY_M_S2,
+            LAYOUT.radius_m, np.ones(6, np.int64), *noise, fade, step_s, GRAVITY_M_S2,
         )  # fmt: skip
         return other
 
@@ -88,6 +91,7 @@ class Moving:
         for endcap in range(6):
             change[LAYOUT.anchor(endcap)] = self.anchor[endcap] - whole @ other.anchor[endcap]
         change[LAYOUT.creep] = self.creep[0] - other.creep[0]
+        change[LAYOUT.softness] = self.softness[0] - other.softness[0]
         return change
 
 
@@ -106,6 +110,26 @@ def test_the_prediction_moves_errors_as_finite_differences_do():
         for endcap in (1, 3, 5):  # without an anchor nothing moves there
             free[LAYOUT.anchor(endcap)] = False
         assert np.abs(spread - np.outer(slope, slope))[np.ix_(free, free)].max() < 2e-4, column  # of order step^2
+
+
+@pytest.mark.parametrize("bar", range(3))
+def test_the_noise_of_a_rate_turns_its_bar_and_rolls_its_anchors(bar):
+    """Covariance of one step against finite differences after the rate."""
+    state, step_s, size = Moving(2), 1e-3, 1e-3
+    state.anchored[:] = 1
+    quiet = np.zeros((LAYOUT.size, LAYOUT.size))
+    before, slopes = state.predicted(quiet, step_s), []
+    for nudge in size * np.eye(3):
+        other = state.copy()
+        other.rate[bar] += state.turn[bar].T @ nudge / step_s
+        slopes.append(other.predicted(0 * quiet, step_s).less(before) / size)
+    spread, density = 0 * quiet, NO_NOISE[0].copy()
+    density[bar, 0] = 1.0
+    state.predicted(spread, step_s, (density, NO_NOISE[1]))
+    expected = step_s * np.transpose(slopes) @ slopes
+    assert np.abs(spread - expected).max() < 0.01 * expected.max()
+    rolled = [spread[LAYOUT.anchor(e), LAYOUT.turn(bar)] for e in range(6) if LAYOUT.endcap_bar[e] == bar]
+    assert all(np.abs(each).max() > 0.03 * step_s for each in rolled)  # about a radius of 0.065 m
 
 
 def test_points_and_lengths_have_the_slopes_of_finite_differences():
@@ -201,7 +225,8 @@ def test_a_dome_that_is_being_pressed_has_yielded_less_than_its_force_says():
     state.velocity[:, 2] = -falls_m_s
     turn = LAYOUT.endcap_turn[0]
     sample = FootSample(0.0, ROBOT.endcaps[0].name, 40.0 * turn.T @ UP, np.zeros(3), np.eye(6) * 1e-4, True)
-    found = yielded(state, 0, contact_of(sample, 0, LAYOUT, settings), LAYOUT, settings)
+    centre = dome_centre(state, 0, contact_of(sample, 0, LAYOUT, settings), LAYOUT, settings)
+    found = centre.lever_m - LAYOUT.endcap_lever[0]
     stiffness = 1 / settings.compliance_m_n
     damping = settings.yield_delay_s * stiffness
     assert found == pytest.approx([0, 0, (40.0 - damping * falls_m_s) / stiffness], rel=1e-12)  # F = k d + c d'
@@ -218,3 +243,20 @@ def test_friction_is_learned_from_contacts_of_which_some_slip(truth):
     assert abs(mean - truth) < 0.1 * truth + 0.02 and spread < 0.1
     assert slip_probability(weights, truth, 0.02) > 0.5 > 0.05 > slip_probability(weights, 0.5 * truth, 0.02)
     assert len(weights) == len(COEFFICIENTS)
+
+
+def test_the_unloaded_dome_moves_with_its_softness_as_finite_differences_do():
+    settings, size = Settings(), 1e-3
+    turn = LAYOUT.endcap_turn[0]
+    sample = FootSample(0.0, ROBOT.endcaps[0].name, turn.T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True)
+    contact = contact_of(sample, 0, LAYOUT, settings)
+    places, slopes = [], []
+    for softness in (0.1 - size, 0.1, 0.1 + size):
+        state = empty_state(LAYOUT, 0.0)
+        state.turn[:], state.softness[0] = Moving(2).turn, softness
+        centre = dome_centre(state, 0, contact, LAYOUT, settings)
+        place, slope = unloaded(state, 0, centre, LAYOUT)
+        places.append(place)
+        slopes.append(slope[:, LAYOUT.softness])
+    assert np.allclose((places[2] - places[0]) / (2 * size), slopes[1], atol=1e-9)
+    assert np.linalg.norm(slopes[1]) == pytest.approx(settings.compliance_m_n * np.linalg.norm(contact.force_n))

@@ -130,6 +130,22 @@ def test_samples_of_topics_give_an_estimate():
     assert abs(last.time_s - time.monotonic()) < PATIENCE_S and last.health.ignored == 0
 
 
+def test_what_came_while_the_process_was_held_up_is_all_there_and_in_order():
+    source = LiveRobot(ROBOT, domain=DOMAIN + 45)
+    publisher = Publisher(source._participant)
+    try:
+        wait_for(source._waiting)
+        time.sleep(1.5)
+        samples = source._waiting()
+    finally:
+        publisher.close()
+    times = [sample.time_s for sample in samples]
+    assert times == sorted(times) and times[-1] - times[0] > 1.0
+    for sensor in ROBOT.sensors:
+        mine = [sample.time_s for sample in samples if getattr(sample, "sensor", "") == sensor.name]
+        assert np.diff(mine).max() < 0.015  # at 100 Hz none is missing
+
+
 def test_a_second_process_takes_wrenches_without_covariance(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN + 30))
     participant, _owner = open_participant(DOMAIN + 30)

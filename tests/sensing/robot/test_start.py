@@ -163,21 +163,3 @@ def test_whatever_sample_comes_first_after_the_start(late_s):
     estimate = estimator.state()
     assert not any("held" in note or "anew" in note for note in estimate.health.notes)
     assert np.sqrt(np.diag(estimate.bars[0].covariance)[:3]).max() < 0.02
-
-
-def test_creep_is_learned_from_contacts_that_pull_apart():
-    """Beside the creep of the simulated contacts themselves, by least squares over those that are slow."""
-    walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)
-    push = np.einsum("tei,tei->te", walk.force_n, walk.normal)
-    along = walk.force_n - push[..., None] * walk.normal
-    friction = np.linalg.norm(along, axis=2)
-    speed = -np.einsum("tei,tei->te", walk.slip_m_s, along) / np.maximum(friction, 1e-9)
-    bars = [ROBOT.bar_number(endcap.bar) for endcap in ROBOT.endcaps]
-    arc = 0.065 * np.linalg.norm(walk.velocity[:, bars, 3:], axis=2) * friction / np.maximum(push, 1e-9)
-    slow = (push > 1.5) & (np.linalg.norm(walk.slip_m_s, axis=2) < 0.03)
-    true = float(speed[slow] @ arc[slow] / (arc[slow] @ arc[slow]))
-    estimator = RobotEstimator(ROBOT)
-    feed(estimator, [arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=1)])
-    state = estimator._history.at(estimator.newest_s).state
-    spread = state.covariance[-1, -1] ** 0.5
-    assert true > 3 * spread and abs(state.creep[0] - true) < 3 * spread

@@ -61,12 +61,12 @@ def encoded(name: str, cdr: bytes) -> Any:
     return message
 
 
-def quality(name: str = "", latched: bool = False) -> Any:
+def quality(name: str = "", latched: bool = False, kept: int = KEPT) -> Any:
     """ROS 2's default: reliable, volatile, keep last; a slow subscriber never holds up the publisher.
 
     Args:
         name: type whose hash is announced; empty for a topic. latched: late subscribers get the last one (transient
-            local, depth 1), as ``/tf_static`` has it.
+            local, depth 1), as ``/tf_static`` has it. kept: messages that wait for a reader.
     """
     from cyclonedds.core import Policy, Qos
     from cyclonedds.util import duration
@@ -74,7 +74,7 @@ def quality(name: str = "", latched: bool = False) -> Any:
     policies = [
         Policy.Reliability.Reliable(duration(milliseconds=0)),
         Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
-        Policy.History.KeepLast(1 if latched else KEPT),
+        Policy.History.KeepLast(1 if latched else kept),
     ]
     if name:
         policies.append(Policy.Userdata(f"typehash={ros.type_hash(name)};".encode()))

@@ -107,7 +107,7 @@ function draw() {
   $("rows").replaceChildren(...state.endcaps.map(row));
   const share = state.path_m > 0.5 && state.drift_m !== null ? `, ${((100 * state.drift_m) / state.path_m).toFixed(1)} % of the path` : "";
   $("status").textContent = `${state.time_s.toFixed(1)} s, path ${state.path_m.toFixed(2)} m` + (state.drift_m === null ? "" : `, off by ${state.drift_m.toFixed(3)} m${share}`);
-  $("numbers").textContent = `friction ${number(state.friction, 2)} ± ${number(state.friction_sd, 2)}; carried ${number(state.health.weight_ratio, 2)} of the weight`;
+  $("numbers").textContent = `friction ${number(state.friction, 2)} ± ${number(state.friction_sd, 2)}; softness ${number(state.softness, 2)} ± ${number(state.softness_sd, 2)}; carried ${number(state.health.weight_ratio, 2)} of the weight`;
   $("notes").replaceChildren(...state.health.notes.map((note) => Object.assign(document.createElement("li"), { textContent: note })));
 }
 

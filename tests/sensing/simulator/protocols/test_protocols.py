@@ -121,7 +121,10 @@ def test_the_prism_keeps_its_bars() -> None:
 
 
 def test_solved_endcaps_carry_the_robots_weight() -> None:
-    """The labels of a whole scene, in the world: normal forces within a fifth of level 2's tolerance (0.012 % seen)."""
+    """The labels of a whole scene, in the world: what the residuals of the solved contacts leave, and no more.
+
+    How far below the tolerance a solve stops differs from processor to processor.
+    """
     request = DataRequest(frames=1, density="draft", protocol="robot", render="off")
     paths = [load_path("robot", 4, 3 * 6 + endcap, 1) for endcap in range(6)]
     paths = [replace(p, waypoints=(p.waypoints[0], *p.waypoints[-2:-1])) for p in paths]  # in the air, and standing
@@ -129,7 +132,9 @@ def test_solved_endcaps_carry_the_robots_weight() -> None:
     assert not len(arrays["refusals"]) and len(arrays["path"]) == 12
     world = np.einsum("nij,nj->ni", arrays["T_world_endcap"][:, :3, :3], arrays["force_n"])
     total = world[1::2].sum(axis=0)
-    assert total[2] == pytest.approx(WEIGHT_N, rel=request.tolerance / 5)
+    left_n = float((arrays["residual"] * arrays["normal_n"]).sum())
+    assert arrays["residual"].max() <= request.tolerance
+    assert abs(total[2] - WEIGHT_N) <= left_n + 1e-4 * WEIGHT_N
     assert np.abs(total[:2]).max() < 0.01 * WEIGHT_N
     assert arrays["contact"][1::2].sum() == 3 and not arrays["contact"][0::2].any()
     assert (world[0::2] == 0).all()

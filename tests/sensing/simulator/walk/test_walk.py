@@ -12,10 +12,11 @@ import pytest
 pytest.importorskip("mujoco")
 
 from cad.errors import FileError
-from sensing.simulator.walk.gait import TippingGait, load_tips
+from sensing.simulator.walk.gait import TippingGait
 from sensing.simulator.walk.simulate import Simulation, simulate_walk
 from sensing.simulator.walk.stream import SensorSet, inertial_samples, rotation_matrices, sensor_stream, true_wrenches
 from sensing.simulator.walk.terrain import Terrain, ground
+from sensing.simulator.walk.tips import load_tips
 from sensing.simulator.walk.truth import load_walk, save_walk
 from sensing.tensegrity.description import GRAVITY_M_S2, Cable, MountedEndcap, TensegrityRobot
 from sensing.tensegrity.robot_file import load_robot

@@ -1,0 +1,105 @@
+"""A shape that may be wrong is measured again as soon as the robot stands: nobody has to start the program anew."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing_robot import feed, standing_samples
+
+from sensing.robot.estimator import RobotEstimator
+from sensing.robot.settings import Settings
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import FootSample, InertialSample
+from sensing.tensegrity.shape import rotation_of
+
+ROBOT = load_robot()
+LATER_S = 12.0  # past the ten seconds for which it is said
+
+
+def silent_gyroscopes(samples):
+    """All but the leading bar's, for a second."""
+    gone = {sensor.name for sensor in ROBOT.sensors[1:]}
+    return [s for s in samples if not (getattr(s, "sensor", "") in gone and 2.0 < s.time_s < 3.0)]
+
+
+def late_endcap(samples):
+    """One that carries a third of the robot reports after three seconds."""
+    late = ROBOT.endcaps[2].name
+    return [s for s in samples if not (isinstance(s, FootSample) and s.endcap == late and s.time_s < 3.0)]
+
+
+def moving_start(samples):
+    """All bars swing by seven degrees for three seconds, past the limit of the start."""
+    moved, swing = [], 2 * math.pi * 1.6
+    for sample in samples:
+        if isinstance(sample, InertialSample) and sample.time_s < 3.0:
+            rate = sample.rate_rad_s + np.array([0.12 * swing * math.cos(swing * sample.time_s), 0, 0])
+            sample = replace(sample, rate_rad_s=rate)
+        moved.append(sample)
+    return moved
+
+
+def worst_turn_deg(estimate, poses) -> float:
+    """Of all bars, the heading of each taken out."""
+    worst = 0.0
+    for bar, pose in zip(estimate.bars, poses, strict=True):
+        turn = bar.T_world_bar[:3, :3] @ pose[:3, :3].T
+        turn = rotation_of(np.array([0, 0, -np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])])) @ turn
+        worst = max(worst, math.degrees(math.acos(min(1.0, (np.trace(turn) - 1) / 2))))
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("spoil", "note"),
+    [
+        (silent_gyroscopes, "several gyroscopes were silent"),
+        (late_endcap, "begun without the force"),
+        (moving_start, "begun while the robot moved"),
+    ],
+)
+def test_a_doubtful_shape_is_measured_again_once_the_robot_stands(spoil, note):
+    poses, samples = standing_samples(ROBOT, LATER_S + 4.5, rate_hz=100.0)
+    estimator, found = RobotEstimator(ROBOT, Settings(start_limit_s=2.0)), {}
+    spoiled, ask_s = spoil(samples), 3.0
+    for sample in spoiled:
+        feed(estimator, [sample])
+        if sample.time_s >= ask_s:
+            found[ask_s] = estimator.state()
+            ask_s += 0.5
+    doubted, anew, last = found[3.0], found[4.5], found[LATER_S + 4.0]
+    assert any(note in said for said in doubted.health.notes)
+    assert len(anew.health.notes) == 1 and anew.health.notes[0].startswith("begun anew while it stood")
+    assert last.health.good and worst_turn_deg(last, poses) < 6
+    assert np.linalg.norm(last.centre_of_mass_m[:2] - doubted.centre_of_mass_m[:2]) < 0.1  # the place is kept
+
+
+def test_a_robot_that_does_not_stand_goes_on_with_the_shape_it_has():
+    _, samples = standing_samples(ROBOT, 12.0, rate_hz=100.0)
+    spoiled = [
+        replace(s, rate_rad_s=s.rate_rad_s + np.array([0.3 * math.cos(6 * s.time_s), 0.3, 0]))
+        if isinstance(s, InertialSample) and s.time_s > 2.0 else s
+        for s in silent_gyroscopes(samples)
+    ]  # fmt: skip
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, spoiled)
+    notes = estimator.state().health.notes
+    assert any("several gyroscopes were silent" in note for note in notes) and not any("anew" in n for n in notes)
+
+
+def test_a_start_without_gyroscopes_is_made_again_once_they_report():
+    """Seen without it: 15 degrees off with good health."""
+    poses, samples = standing_samples(ROBOT, 6.0, rate_hz=100.0)
+    until_s = {ROBOT.sensors[0].name: 3.0} | {sensor.name: 4.2 for sensor in ROBOT.sensors[1:]}
+    estimator, found = RobotEstimator(ROBOT), {}
+    for sample in samples:
+        if not 1.5 < sample.time_s < until_s.get(getattr(sample, "sensor", ""), 0.0):
+            feed(estimator, [sample])
+        if sample.time_s in (4.0, 5.5):
+            found[sample.time_s] = estimator.state()
+    names = ", ".join(sensor.name for sensor in ROBOT.sensors[1:])
+    assert any(note.startswith(f"begun without {names}:") for note in found[4.0].health.notes)
+    assert not any(note.startswith("begun without") for note in found[5.5].health.notes)
+    assert worst_turn_deg(found[5.5], poses) < 6

@@ -1,4 +1,4 @@
-"""Fits our network to samples: linear part, principal fields, perceptron, covariance, calibration, range.
+"""Fits our network to samples: principal fields, straight and bent part, covariance, calibration, range.
 
 Paths are parted three ways: training, validation (which epoch is best, and more data for the covariance), calibration
 (how wide the covariance must be), so that nothing is judged on what it was fitted to. Each axis counts in its own unit
@@ -29,16 +29,19 @@ from cad.errors import ParameterError
 from sensing.learning.checkpoint import Checkpoint, Descent
 from sensing.learning.covered_range import covered_range, usual_doubt
 from sensing.learning.fit_config import FitConfig
-from sensing.learning.net import WrenchNet, negative_log_likelihood
+from sensing.learning.net import Bent, WrenchNet, negative_log_likelihood
 from sensing.learning.path_quantile import path_quantile
-from sensing.learning.ridge import UNITS, fit_ridge
+from sensing.learning.principal import leading, principal_fields
+from sensing.learning.ridge import UNITS
 from sensing.learning.samples import Samples
-from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_moments
+from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
 from sensing.wrench.model import WrenchModel, tolerance
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
+RIDGE_SHARE = 1e-4  # of the mean square principal part: the straight answer begins there, and is trained on
+BLOCK, JUDGED = 65536, 7  # samples whose residuals are made at a time; every so many judge the covariance
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
 
 
@@ -79,9 +82,10 @@ def fit(
         checkpoint, f"{asdict(config)} {samples.digest} {start.about if start else None} {others and others.digest}"
     )
     parts = _parts(net, train, config)
-    _fit_mean(net, parts, _parts(net, validation, config, 1), config, progress, kept)
+    bent = _fit_mean(net, parts, _parts(net, validation, config, 1), config, progress, kept)
     seen = [parts, _parts(net, validation, config), *([] if others is None else [_parts(net, others, config)])]
-    _fit_spread(net, [torch.cat(part) for part in zip(*seen, strict=True)], config, progress, kept)
+    _fit_spread(net, bent, [torch.cat(part) for part in zip(*seen, strict=True)], config, progress, kept)
+    bent.into(net)
     net.cpu().eval()
     kept.remove()
     views = [view.take(np.isin(view.path, calibration.path)) for view in (pictures, samples) if view is not None]
@@ -99,37 +103,35 @@ def fit(
 def as_net(model: WrenchModel) -> WrenchNet:
     """The torch twin of a model, for training and export."""
     weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items()}
-    net = WrenchNet(weights["linear"].shape[1], len(weights["principal"]), len(weights["mean.first.bias"]))
+    components, inputs = weights["principal"].shape
+    net = WrenchNet(inputs, components, len(weights["mean.first.bias"]), len(weights["spread.0.bias"]))
     net.load_state_dict(weights)
     return net.eval()
 
 
-def principal_fields(inputs: Array, count: int, side: int) -> Array:
-    """(count, 2 side side) leading directions of the symmetrised, uncentred data, scaled so that P x has variance 1.
-
-    Args:
-        inputs: (N, 2 side side) fields. count: directions wanted, at most. side: cells along one side of the square
-            grid.
-    """
-    gram = symmetric_moments(inputs, np.zeros((len(inputs), 6)), side)[0] / (COUNT * max(len(inputs), 1))
-    values, vectors = np.linalg.eigh(gram)
-    keep = np.argsort(values)[::-1][:count]
-    keep = keep[values[keep] > 1e-9 * max(values[-1], 1e-30)]
-    if not len(keep):
-        raise ParameterError(
-            "fields are all zero: nothing to learn from; were the frames pressed at all?", name="fields"
-        )
-    return (vectors[:, keep] / np.sqrt(values[keep])).T
-
-
 def _prepared(train: Samples, config: FitConfig, side: int) -> WrenchNet:
-    principal = principal_fields(train.inputs, config.components, side)
-    weights, _ = fit_ridge(train.inputs, train.wrenches, train.path, side)
-    net = WrenchNet(2 * side * side, len(principal), config.hidden)
-    net.linear.copy_(torch.from_numpy(weights))
+    principal = principal_fields(train, config.components)
+    net = WrenchNet(2 * side * side, len(principal), config.hidden, config.doubting)
     net.principal.copy_(torch.from_numpy(principal))
     net.units.copy_(torch.from_numpy(UNITS))
+    net.linear.copy_(torch.from_numpy(_straight(train, principal, side)))
     return net
+
+
+def _straight(samples: Samples, principal: Array, side: int) -> Array:
+    """(6, D) the best straight answer from principal parts alone: what they leave is mostly noise.
+
+    Args:
+        samples: to learn from, with their symmetric copies. principal: P (K, D). side: cells along a side.
+    """
+    gram, moment = np.zeros((2 * side * side,) * 2), np.zeros((2 * side * side, 6))
+    for part in samples.blocks():
+        weight = 1 / tolerance(part.wrenches[:, :3])
+        more = symmetric_moments(part.inputs * weight, part.wrenches * weight, side)
+        gram, moment = gram + more[0], moment + more[1]
+    inner = principal @ gram @ principal.T
+    inner += RIDGE_SHARE * np.trace(inner) / len(inner) * np.eye(len(inner))
+    return np.asarray(np.linalg.solve(inner, principal @ moment).T @ principal)
 
 
 def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet:
@@ -151,11 +153,15 @@ def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet
 def _grown(net: WrenchNet, samples: Samples, components: int) -> WrenchNet:
     """The same answers with more principal fields: the leading ones of what its own leave of new samples."""
     old = net.principal.detach().numpy().astype(float)
-    left = samples.inputs - samples.inputs @ old.T @ np.linalg.pinv(old).T
-    left /= tolerance(samples.wrenches[:, :3])
-    more = principal_fields(left, components - len(old), samples.fields.shape[2])
-    grown = WrenchNet(old.shape[1], len(old) + len(more), len(net.mean.first.bias))
+    size, side = old.shape[1], samples.fields.shape[2]
+    gram, known = np.zeros((size, size)), old.T @ np.linalg.pinv(old).T
+    for part in samples.blocks():
+        left = part.inputs - part.inputs @ known
+        gram += left.T @ left
+    more = leading(symmetric_gram(gram, side) / (COUNT * len(samples)), np.zeros((size, size)), components - len(old))
     weights = net.state_dict()
+    widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
+    grown = WrenchNet(size, len(old) + len(more), *widths)
     weights["principal"] = torch.cat([net.principal, torch.from_numpy(more.astype(np.float32))])
     for name in ("mean.first.weight", "spread.0.weight"):
         weights[name] = torch.cat([weights[name], weights[name].new_zeros(len(weights[name]), len(more))], dim=1)
@@ -174,48 +180,57 @@ def _gain(start: WrenchModel, samples: Samples) -> Array:
 
 def _parts(net: WrenchNet, samples: Samples, config: FitConfig, copies: int = COUNT) -> list[Tensor]:
     """Principal parts z (M, K), linear answers (M, 6) and labels (M, 6), with the symmetric copies: x is not needed
-    again, because linear part and principal fields stand fast."""
-    rows: list[list[Tensor]] = [[], [], []]
-    side = samples.fields.shape[2]
-    for number in list(config.symmetries)[:copies]:
-        x = torch.from_numpy(moved_inputs(samples.inputs, number, side).astype(np.float32)).to(config.device)
-        y = torch.from_numpy(moved_wrenches(samples.wrenches, number).astype(np.float32)).to(config.device)
-        for kept, part in zip(rows, (x @ net.principal.T, x @ net.linear.T, y), strict=True):
-            kept.append(part)
-    return [torch.cat(part) for part in rows]
+    again, because principal fields and linear part stand fast."""
+    side, numbers = samples.fields.shape[2], list(config.symmetries)[:copies]
+    sizes = (len(net.principal), *(2 * (len(net.units),)))
+    found = [torch.empty(len(numbers) * len(samples), size, device=config.device) for size in sizes]
+    at = 0
+    for part in samples.blocks():
+        for number in numbers:
+            x = torch.from_numpy(moved_inputs(part.inputs, number, side).astype(np.float32)).to(config.device)
+            y = torch.from_numpy(moved_wrenches(part.wrenches, number).astype(np.float32))
+            for kept, value in zip(found, (x @ net.principal.T, x @ net.linear.T, y), strict=True):
+                kept[at : at + len(part)] = value
+            at += len(part)
+    return found
 
 
 def _fit_mean(
     net: WrenchNet, train: list[Tensor], held: list[Tensor], config: FitConfig, progress: Progress | None,
     kept: Checkpoint,
-) -> None:  # fmt: skip
-    """Huber loss in units and tolerances; the best epoch on the validation paths stays, the linear part included."""
+) -> Bent:  # fmt: skip
+    """Huber loss in units and tolerances; the best epoch on the validation paths stays. Returns what was trained."""
+    bent = Bent(net.mean).to(config.device)
 
     def loss(z: Tensor, rest: Tensor, allowed: Tensor) -> Tensor:
-        return torch.nn.functional.smooth_l1_loss(net.mean(z) / allowed, rest / allowed)
+        return torch.nn.functional.smooth_l1_loss(bent(z) / allowed, rest / allowed)
 
     def judge() -> float:
         with torch.inference_mode():
-            off = net.mean(held[0]) - (held[2] - held[1]) / net.units
+            off = bent(held[0]) - (held[2] - held[1]) / net.units
             return float((off / tolerance(held[2][:, :3])).square().mean())
 
     data = train[0], (train[2] - train[1]) / net.units, tolerance(train[2][:, :3])
-    _descend(("mean", net.mean), data, loss, judge, config, 1.0, progress, kept)
+    _descend(("mean", bent), data, loss, judge, config, 1.0, progress, kept)
+    return bent
 
 
 def _fit_spread(
-    net: WrenchNet, parts: list[Tensor], config: FitConfig, progress: Progress | None, kept: Checkpoint
+    net: WrenchNet, bent: Bent, parts: list[Tensor], config: FitConfig, progress: Progress | None, kept: Checkpoint
 ) -> None:
     """Gaussian score of the residuals, the mean held fast."""
     with torch.inference_mode():
-        residual = ((parts[2] - parts[1]) / net.units - net.mean(parts[0])).clone()
+        residual = torch.cat([
+            (labels - linear) / net.units - bent(z)
+            for z, linear, labels in zip(*(part.split(BLOCK) for part in parts), strict=True)
+        ]).clone()  # fmt: skip
 
     def loss(z: Tensor, r: Tensor) -> Tensor:
         return negative_log_likelihood(r, net.factor(z))
 
     def judge() -> float:
         with torch.inference_mode():
-            return float(loss(parts[0][::7], residual[::7]))
+            return float(loss(parts[0][::JUDGED], residual[::JUDGED]))
 
     _descend(("spread", net.spread), (parts[0], residual), loss, judge, config, 1 / 3, progress, kept)
 

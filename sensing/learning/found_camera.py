@@ -1,15 +1,26 @@
-"""The camera of a labelled set as a user finds it: from its first untouched picture, not from the simulator."""
+"""The camera of a labelled set as a user finds it: from its first untouched picture, not from the simulator.
+
+And what such a calibration leaves, for the domain-randomised sensors of training: its own stated covariance. Focal
+length and height of the pupil are left open together (correlation -0.99), so that fields scale by far less than either.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cad.errors import FileError
-from sensing.calibration.dots import find_dots
+from cad.params import EndcapParams
+from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
 from sensing.records_labelled import LabelledSet
 
 RECORDED = "recorded"  # protocol of sets that sensing.record wrote
+FRAME_PX = (640, 480)
+PAINT_PX = 1.2  # of a painted dot from its place, along each axis (M: docs/optics.md, 1.6 to 2 px of distance, rms)
 
 
 def camera_of_set(data: LabelledSet) -> MountedCamera | None:
@@ -35,3 +46,21 @@ def found_camera(data: LabelledSet) -> MountedCamera:
         size = (image.shape[1], image.shape[0])
         return calibrate_from_dots(find_dots(image), data.params, size).mounted
     raise FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
+
+
+def left_by_calibration(design: EndcapParams) -> NDArray[np.float64]:
+    """(11, 11) covariance of a camera as designed, calibrated from hand-painted dots (sensing.camera.parameters).
+
+    Args:
+        design: the endcap.
+
+    Raises:
+        CalibrationError: a pattern from which no camera can be calibrated.
+    """
+    camera = nominal_mount(design, *FRAME_PX)
+    place = camera.project(pattern_points(design)[0])
+    place = place[((place > 0) & (place < np.array(FRAME_PX) - 1)).all(axis=1)]
+    beside = PAINT_PX * np.random.default_rng(0).standard_normal(place.shape)
+    found = calibrate_from_dots(place + beside, design, FRAME_PX, try_in_place=True).mounted.covariance
+    assert found is not None
+    return found

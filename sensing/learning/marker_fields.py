@@ -2,9 +2,9 @@
 
 Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting say nothing
 about the next one's. So every loading path is seen by several domain-randomised sensors: what calibration leaves of
-camera mounting and focal length (:mod:`sensing.tracking.model_input` takes out the rest), dots painted beside their
-place or not at all, tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests
-use pictures and the real tracker.
+the camera (:mod:`sensing.tracking.model_input` takes out the rest), dots painted beside their place or not at all,
+tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests use pictures and the
+real tracker.
 
 Displacements are those that windows show, where a set has them (``outline_mm``): a window sees its dot's outline, and
 where the skin bulges the outline moves 0.2 to 0.5 % less than the centre; taken for the centre, every force would come
@@ -16,19 +16,20 @@ Displacements in mm (endcap frame) and full-size pixels; fields in pixels of the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cad.dots import dot_pattern
 from cad.params import EndcapParams
-from sensing.camera.nominal import nominal_lens
-from sensing.frames import skew
+from sensing.camera.nominal import nominal_mount
+from sensing.camera.parameters import camera_at, camera_vector
+from sensing.learning.found_camera import FRAME_PX, PAINT_PX, left_by_calibration
 from sensing.tracking.field_operator import FieldOperator, field_operator
 from sensing.tracking.gelslim import CROP_PX
 
 Array = NDArray[np.float64]
-FRAME_PX = (640, 480)
 BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, and not tracked
 
 
@@ -37,23 +38,22 @@ class Scatter:
     """How sensors and their tracking differ (standard deviations).
 
     Attributes:
-        tilt_deg, shift_mm, focal_share: what calibration leaves of the camera's (E).
-        paint_px: of a painted dot from its place (M: docs/optics.md, 1.6 to 2 px). unseen: share of dots not found.
+        camera: of the camera, times what a calibration from a rest picture leaves of it
+            (:func:`sensing.learning.found_camera.left_by_calibration`).
+        paint_px: of a painted dot from its place. unseen: share of dots not found.
         still_px, moving_px, share: tracking error at rest, of a dot that moves by over a pixel, and as a share of its
-            displacement (M: bench/bench_wrench.py tracking, and half as much again: real ones repeat).
+            displacement (M: bench/bench_wrench.py tracking).
     """
 
-    tilt_deg: float = 0.3
-    shift_mm: float = 0.15
-    focal_share: float = 0.003
-    paint_px: float = 1.8
+    camera: float = 1.0
+    paint_px: float = PAINT_PX
     unseen: float = 0.03
-    still_px: float = 0.015
-    moving_px: float = 0.05
+    still_px: float = 0.012
+    moving_px: float = 0.03
     share: float = 0.006
 
 
-PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class MarkerSensor:
@@ -68,12 +68,10 @@ class MarkerSensor:
         self, design: EndcapParams, shape: tuple[int, int], scatter: Scatter, rng: np.random.Generator
     ) -> None:
         self._scatter, self._rng = scatter, rng
-        self._lens = nominal_lens(*FRAME_PX)
-        self._focal = 1 + scatter.focal_share * rng.standard_normal()
-        turn = np.radians(scatter.tilt_deg) * rng.standard_normal(3)
-        self._rotation = np.linalg.qr(np.eye(3) + skew(turn))[0]
-        self._rotation *= np.sign(np.diag(self._rotation))
-        self._pupil = np.array([0.0, 0.0, design.camera_height_mm]) + scatter.shift_mm * rng.standard_normal(3)
+        self._camera = nominal_mount(design, *FRAME_PX)
+        if scatter.camera:
+            vector, left = camera_vector(self._camera), scatter.camera * _root(design)
+            self._camera = camera_at(vector + left @ rng.standard_normal(len(vector)), self._camera)
         centre = np.array([0.0, 0.0, design.centre_height_mm])
         self.rest_mm = centre + design.inner_radius_mm * np.array([dot.direction for dot in dot_pattern(design)])
         place = self._pixels(self.rest_mm)
@@ -102,6 +100,11 @@ class MarkerSensor:
         return self.operator.reached
 
     def _pixels(self, points_mm: Array) -> Array:
-        pixels = self._lens.project((points_mm - self._pupil) @ self._rotation.T)
-        centre = np.array([self._lens.cx_px, self._lens.cy_px])
-        return centre + self._focal * (pixels - centre)
+        return self._camera.project(points_mm)
+
+
+@lru_cache(maxsize=8)
+def _root(design: EndcapParams) -> Array:
+    """(11, 11) whose product with itself is the covariance that calibration leaves."""
+    values, vectors = np.linalg.eigh(left_by_calibration(design))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

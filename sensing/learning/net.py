@@ -25,10 +25,10 @@ class WrenchNet(nn.Module):
     """The network of the module's text.
 
     Args:
-        inputs: 2 H W. components: rows of P. hidden: width of both perceptrons.
+        inputs: 2 H W. components: rows of P. hidden: width of the perceptron of the mean. doubting: of the other.
     """
 
-    def __init__(self, inputs: int, components: int, hidden: int) -> None:
+    def __init__(self, inputs: int, components: int, hidden: int, doubting: int) -> None:
         super().__init__()
         self.linear = nn.Parameter(torch.zeros(OUTPUTS, inputs), requires_grad=False)
         self.principal = nn.Parameter(torch.zeros(components, inputs), requires_grad=False)
@@ -36,7 +36,11 @@ class WrenchNet(nn.Module):
         self.calibration = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
         self.mean = Anchored(components, hidden)
         self.spread = nn.Sequential(
-            nn.Linear(components, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, FACTOR)
+            nn.Linear(components, doubting),
+            nn.SiLU(),
+            nn.Linear(doubting, doubting),
+            nn.SiLU(),
+            nn.Linear(doubting, FACTOR),
         )
         nn.init.zeros_(self.spread[-1].weight)  # type: ignore[arg-type]  # training starts from a constant covariance
 
@@ -54,6 +58,29 @@ class WrenchNet(nn.Module):
         spread = MIN_SPREAD + softplus(MAX_SPREAD * torch.tanh(torch.diagonal(square, dim1=1, dim2=2) / MAX_SPREAD))
         mix = torch.tril(MAX_MIX * torch.tanh(square / MAX_MIX), -1) + torch.eye(OUTPUTS, device=raw.device)
         return spread[:, :, None] * mix
+
+
+class Bent(nn.Module):
+    """A straight line beside the perceptron that bends it: what is trained of the mean.
+
+    The linear part W of :class:`WrenchNet` stands fast in training; :meth:`into` adds the line to it at the end.
+    """
+
+    def __init__(self, mean: Anchored) -> None:
+        super().__init__()
+        self.mean = mean
+        self.straight = nn.Linear(mean.first.in_features, OUTPUTS, bias=False)
+        nn.init.zeros_(self.straight.weight)
+
+    def forward(self, z: Tensor) -> Tensor:
+        """(B, components) to (B, 6), in units."""
+        line: Tensor = self.straight(z)
+        return line + self.mean(z)
+
+    def into(self, net: WrenchNet) -> None:
+        """Make the line a part of a network's W."""
+        with torch.no_grad():
+            net.linear.add_(net.units[:, None] * (self.straight.weight @ net.principal))
 
 
 class Anchored(nn.Module):

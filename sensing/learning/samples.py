@@ -104,6 +104,11 @@ class Samples:
         """(N, 2 H W): u then v, row by row, zero in the corners that no dot reaches."""
         return (self.fields * disc_cells(self.fields.shape[2:])).reshape(len(self), -1).astype(float)
 
+    def blocks(self, rows: int = 16384) -> Iterator[Samples]:
+        """The samples in order, some at a time: ``inputs`` of a large set at once would fill the memory."""
+        for start in range(0, len(self), rows):
+            yield self.take(np.arange(start, min(start + rows, len(self))))
+
     @property
     def digest(self) -> str:
         """SHA-256 of fields and labels."""
@@ -165,7 +170,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     fix = "write the set again, or use the toolkit that wrote it"
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
-    stamp = f"10 {method} {shape} {here.digest} " + " ".join(
+    stamp = f"11 {method} {shape} {here.digest} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()

@@ -57,13 +57,24 @@ def symmetric_moments(
     Args:
         inputs: X (N, D), D = 2 side side. wrenches: Y (N, 6), N and N m. side: cells along one side of the grid.
     """
-    gram, moment = inputs.T @ inputs, inputs.T @ wrenches
-    total, totals = np.zeros_like(gram), np.zeros_like(moment)
+    moment, totals = inputs.T @ wrenches, np.zeros((inputs.shape[1], 6))
+    for number in range(COUNT):
+        order, sign = _permutation(number, side)
+        totals += moved_wrenches(moment[order] * sign[:, None], number)
+    return symmetric_gram(inputs.T @ inputs, side), totals
+
+
+def symmetric_gram(gram: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    """(D, D) sum over all eight copies of samples, from the X'X (D, D) of the samples alone.
+
+    Args:
+        gram: of fields (D = 2 side side). side: cells along one side of the square grid.
+    """
+    total = np.zeros_like(gram)
     for number in range(COUNT):
         order, sign = _permutation(number, side)
         total += gram[np.ix_(order, order)] * (sign[:, None] * sign)
-        totals += moved_wrenches(moment[order] * sign[:, None], number)
-    return total, totals
+    return total
 
 
 @lru_cache(maxsize=64)

@@ -38,11 +38,11 @@ LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
 MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
-SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M hidden
+SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M and S hidden
     "linear": ("6", "D"), "principal": ("K", "D"), "units": ("6",), "calibration": ("6",),
     "mean.first.weight": ("M", "K"), "mean.first.bias": ("M",), "mean.second.weight": ("M", "M"),
-    "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("M", "K"), "spread.0.bias": ("M",),
-    "spread.2.weight": ("M", "M"), "spread.2.bias": ("M",), "spread.4.weight": ("21", "M"), "spread.4.bias": ("21",),
+    "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("S", "K"), "spread.0.bias": ("S",),
+    "spread.2.weight": ("S", "S"), "spread.2.bias": ("S",), "spread.4.weight": ("21", "S"), "spread.4.bias": ("21",),
 }  # fmt: skip
 
 

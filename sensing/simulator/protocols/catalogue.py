@@ -9,13 +9,14 @@ from sensing.simulator.protocols.dynamic import dynamic_path
 from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.protocols.robot import robot_path
 from sensing.simulator.protocols.static import static_path
-from sensing.simulator.protocols.wide import wide_path
+from sensing.simulator.protocols.wide import steep_path, wide_path
 
 PROTOCOLS: dict[str, Callable[[int, int, int], LoadPath]] = {
     "static": static_path,
     "dynamic": dynamic_path,
     "robot": robot_path,
     "wide": wide_path,
+    "steep": steep_path,
 }
 
 

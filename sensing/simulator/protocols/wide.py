@@ -1,8 +1,9 @@
-"""``wide`` protocol: any tilt from 0 to 60 degrees, loads to 60 N, travel along the surface on the way (N, mm, s).
+"""``wide`` and ``steep`` protocols: tilts and loads beyond the authors' grid, with travel on the way (N, mm, s).
 
-Wider than the authors' grid (``static``), so that a model can be trained and judged beyond it. Tilts come from six
-strata of 10 degrees in turn, and every path passes all loads up to its top, so that six paths fill a table by tilt and
-load.
+``wide`` has any tilt from 0 to 60 degrees and loads to 60 N, so that a model can be trained and judged beyond ``static``.
+Tilts come from six strata of 10 degrees in turn, and every path passes all loads up to its top, so that six paths fill a
+table by tilt and load. ``steep`` has what endcaps of a robot that stands on leaning bars meet: 45 to 78 degrees, loads
+to 75 N, friction from 0.2 to 1.2.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from sensing.simulator.protocols.static import APPROACH_MM, FRICTION_RANGE
 
 STRATA, STRATUM_DEG = 6, 10.0
 TOP_N = (36.0, 60.0)
-STEP_N, JITTER_N = 5.0, 2.3  # between set-points, and how far each may lie beside its own
+STEEP_DEG, STEEP_STRATUM_DEG, STEEP_TOP_N, STEEP_FRICTION = 45.0, 5.5, (36.0, 75.0), (0.2, 1.2)
+STEP_N = 5.0  # between set-points
 TOUCHES, TOUCH_N = 3, (0.3, 4.5)
 TRAVEL_STATES = 7
 RADIUS_MM = (0.5, 4.0)  # E, as in the static protocol
@@ -34,6 +36,23 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """
     rng = np.random.default_rng([seed, number, 3])
     tilt, top = STRATUM_DEG * (number % STRATA + float(rng.uniform())), float(rng.uniform(*TOP_N))
+    return _press(rng, number, azimuths, tilt, top, FRICTION_RANGE)
+
+
+def steep_path(seed: int, number: int, azimuths: int) -> LoadPath:
+    """The same far from the tip.
+
+    Args:
+        seed: of the data set. number: of the path. azimuths: how many are labelled from it.
+    """
+    rng = np.random.default_rng([seed, number, 4])
+    tilt = STEEP_DEG + STEEP_STRATUM_DEG * (number % STRATA + float(rng.uniform()))
+    return _press(rng, number, azimuths, tilt, float(rng.uniform(*STEEP_TOP_N)), STEEP_FRICTION)
+
+
+def _press(
+    rng: np.random.Generator, number: int, azimuths: int, tilt: float, top: float, frictions: tuple[float, float]
+) -> LoadPath:
     steps = np.arange(STEP_N, top - 0.5 * STEP_N, STEP_N)
     loads = [
         *np.sort(rng.uniform(0.3, 4.5, TOUCHES)),
@@ -48,7 +67,7 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
     points += [_pressed("circle", top, shift) for shift in arc]
     points += [_pressed("unload", part * top, arc[-1]) for part in UNLOAD]
     points.append(Waypoint("clear", None, APPROACH_MM[-1]))
-    friction = float(rng.uniform(*FRICTION_RANGE))  # before the azimuths, so that their count does not change it
+    friction = float(rng.uniform(*frictions))  # before the azimuths, so that their count does not change it
     return LoadPath(number, tilt, friction, tuple(float(a) for a in rng.uniform(0, 360, azimuths)), timed(points))
 
 

@@ -21,7 +21,7 @@ from sensing.wrench.model import load_wrench_model  # noqa: E402
 from sensing.wrench.range import contact_angle_deg, range_measures  # noqa: E402
 from sensing.wrench.weight_files import SHIPPED  # noqa: E402
 
-QUICK = FitConfig(components=12, hidden=24, epochs=28, batch=96, rate=1e-2, decay=1e-3)
+QUICK = FitConfig(components=12, hidden=24, doubting=24, epochs=28, batch=96, rate=1e-2, decay=1e-3)
 
 
 @pytest.fixture(scope="module")

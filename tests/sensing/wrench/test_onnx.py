@@ -16,14 +16,14 @@ onnxruntime = pytest.importorskip("onnxruntime")
 
 from sensing import wrench_onnx  # noqa: E402
 
-SIDE, COMPONENTS, HIDDEN = 8, 10, 16
+SIDE, COMPONENTS, HIDDEN, DOUBTING = 8, 10, 16, 12
 
 
 @pytest.fixture(scope="module")
 def model():
     """Weights drawn at random, of the sizes that trained ones have."""
     rng = np.random.default_rng(0)
-    sizes = {"6": 6, "21": 21, "D": 2 * SIDE**2, "K": COMPONENTS, "M": HIDDEN}
+    sizes = {"6": 6, "21": 21, "D": 2 * SIDE**2, "K": COMPONENTS, "M": HIDDEN, "S": DOUBTING}
     weights = {
         name: (rng.normal(size=[sizes[letter] for letter in letters]) * 0.2).astype(np.float32)
         for name, letters in SHAPES.items()

@@ -47,6 +47,15 @@ def test_set_points_go_with_the_design_on_request() -> None:
         DataRequest(1, protocol="robot", loads="design")
 
 
+def test_steep_protocol_goes_on_where_the_wide_one_ends() -> None:
+    paths = [load_path("steep", 3, number, 1) for number in range(36)]
+    assert [int((path.tilt_deg - 45) // 5.5) for path in paths] == list(range(6)) * 6
+    tops = [max(p.target.normal_n for p in path.waypoints if p.target) for path in paths]
+    assert 36 <= min(tops) < 42 < 68 < max(tops) <= 75
+    frictions = [path.friction for path in paths]
+    assert 0.2 <= min(frictions) < 0.3 < 1.0 < max(frictions) <= 1.2
+
+
 def test_wide_protocol_fills_every_stratum_of_tilt_and_load() -> None:
     paths = [load_path("wide", 3, number, 1) for number in range(36)]
     assert [int(path.tilt_deg // 10) for path in paths] == list(range(6)) * 6

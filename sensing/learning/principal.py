@@ -1,0 +1,86 @@
+"""Principal fields: the directions in which fields say most about a contact, beside what sensors differ by.
+
+Notes:
+    With T the second moments of the fields of all samples, and N those of what the views of one state differ by
+    (several domain-randomised sensors see each), the directions v with the largest v'(T - N)v / v'Tv come first: that
+    share of the variance along v is the contact's, the rest is paint, camera and tracking. Where no state is seen twice
+    (own recordings) N is unknown, and the directions of largest variance come first. Moments hold all symmetric copies.
+    Nothing is centred, so that zero stays zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.errors import ParameterError
+from sensing.learning.samples import Samples
+from sensing.learning.symmetry import COUNT, symmetric_gram
+
+Array = NDArray[np.float64]
+BLOCK = 8192  # samples at a time: all of a large set as doubles would fill the memory
+NOTHING = 1e-9  # of the largest variance: below it a direction holds rounding only
+
+
+def principal_fields(samples: Samples, count: int) -> Array:
+    """(count, 2 H W) directions, at most, scaled so that each part P x has variance 1 over the samples.
+
+    Args:
+        samples: of one design, with square fields. count: directions wanted.
+
+    Raises:
+        ParameterError: fields that are all zero.
+    """
+    return leading(*second_moments(samples), count)
+
+
+def leading(total: Array, noise: Array, count: int) -> Array:
+    """(count, D) directions, at most, with the largest share of ``total`` (D, D) that is not ``noise`` (D, D).
+
+    Args:
+        total: second moments. noise: those of the noise in them; zero where it is unknown. count: directions wanted.
+
+    Raises:
+        ParameterError: moments that are all zero.
+    """
+    values, vectors = np.linalg.eigh(total)
+    keep = values > NOTHING * max(float(values[-1]), 1e-30)
+    if not keep.any():
+        raise ParameterError(
+            "fields are all zero: nothing to learn from; were the frames pressed at all?", name="fields"
+        )
+    white = vectors[:, keep] / np.sqrt(values[keep])
+    if not noise.any():
+        return np.ascontiguousarray(white[:, ::-1][:, :count].T)
+    _, turns = np.linalg.eigh(white.T @ noise @ white)
+    return np.ascontiguousarray((white @ turns[:, :count]).T)  # least noise first
+
+
+def second_moments(samples: Samples) -> tuple[Array, Array]:
+    """((D, D) of all fields, (D, D) of what views of a state differ by), means over samples and symmetric copies."""
+    size, side = 2 * samples.fields[0, 0].size, samples.fields.shape[2]
+    total, noise, compared = np.zeros((size, size)), np.zeros((size, size)), 0
+    for rows in same_states(samples):
+        count, views = rows.shape
+        fields = samples.take(rows.ravel()).inputs
+        total += fields.T @ fields
+        if views > 1:
+            fields = fields.reshape(count, views, size)
+            off = (fields - fields.mean(axis=1, keepdims=True)).reshape(-1, size)
+            noise += off.T @ off * (views / (views - 1))
+            compared += len(off)
+    total, noise = (symmetric_gram(part, side) / COUNT for part in (total, noise))
+    return total / max(len(samples), 1), noise / max(compared, 1)
+
+
+def same_states(samples: Samples) -> list[NDArray[np.intp]]:
+    """Rows of the samples in blocks (S, V): each block holds S states that V sensors have seen."""
+    keys = [np.unique(column, return_inverse=True)[1] for column in (samples.path, samples.azimuth_deg, samples.time_s)]
+    _, number, views = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(number.ravel(), kind="stable")
+    starts = np.cumsum(views) - views
+    found: list[NDArray[np.intp]] = []
+    for count in np.unique(views):
+        rows = order[starts[views == count][:, None] + np.arange(count)]
+        found += np.array_split(rows, max(1, rows.size // BLOCK))
+    return found

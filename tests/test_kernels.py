@@ -40,7 +40,7 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.scene import Scene
 for level, law in ((1, silicone().neo_hooke()), (2, silicone().yeoh())):
     simulator = Simulator(shell_geometry(130, 8), law, "draft", level=level)
-    for kind in ("plane", "sphere"):
+    for kind in ("plane", "sphere", "rough"):
         scene = Scene(Indenter(tilt_deg=20, kind=kind), friction=0.5)
         for state in simulator.follow(scene, [Target(normal_n=3), Target(normal_n=4, shift_mm=(0.2, 0.1))]):
             show(simulator.markers(state, azimuth_deg=45))

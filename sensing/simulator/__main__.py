@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     press.add_argument("--lateral", type=number, default=0, help="tangential travel across, mm (needs the whole mesh)")
     press.add_argument("--friction", type=number, default=0.5, help="Coulomb coefficient (default 0.5)")
     press.add_argument("--body", choices=known_kinds(), default="plane", help="what presses (default plane)")
-    press.add_argument("--radius", type=number, default=20, help="radius of sphere or edge, mm")
+    press.add_argument("--radius", type=number, default=20, help="radius of sphere, edge or crest, mm")
     press.set_defaults(run=_press, stopped="stopped")
     data = commands.add_parser(
         "data",

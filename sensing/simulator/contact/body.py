@@ -18,6 +18,7 @@ class BodyKind(IntEnum):
     PLANE = 0
     SPHERE = 1
     EDGE = 2
+    ROUGH = 3
 
 
 PLUGIN = 100  # kinds from here on are plug-ins', in the order in which they were first used
@@ -41,23 +42,25 @@ class Body(NamedTuple):
 
     Attributes:
         kind: a :class:`BodyKind` or a plug-in's number, as a plain integer.
-        radius_mm: radius of sphere or edge; not used for the plane.
-        point_mm: point on the plane, centre of the sphere, or point on the edge's axis.
-        axis: unit normal of the plane away from the shell's outside, or unit direction of the edge's axis.
+        radius_mm: radius of sphere or edge, or of the crests of rough ground; not used for the plane.
+        point_mm: point on the plane, centre of the sphere, point on the edge's axis, or the crest that touches first.
+        axis: unit normal of plane or rough ground away from the shell's outside, or direction of the edge's axis.
+        along: unit vector in the tangent plane along which the crests of rough ground stand in rows.
     """
 
     kind: int
     radius_mm: float
     point_mm: Triple
     axis: Triple
+    along: Triple
 
 
-def body_at(kind: int, radius_mm: float, point_mm: Array, axis: Array) -> Body:
+def body_at(kind: int, radius_mm: float, point_mm: Array, axis: Array, along: Array) -> Body:
     """A body from arrays.
 
     Args:
         kind, radius_mm: of :class:`Body`.
-        point_mm: (3,). axis: (3,), of length 1.
+        point_mm: (3,). axis: (3,), of length 1. along: (3,), of length 1.
     """
-    (x, y, z), (u, v, w) = point_mm.tolist(), axis.tolist()
-    return Body(int(kind), float(radius_mm), (x, y, z), (u, v, w))
+    (x, y, z), (u, v, w), (a, b, c) = point_mm.tolist(), axis.tolist(), along.tolist()
+    return Body(int(kind), float(radius_mm), (x, y, z), (u, v, w), (a, b, c))

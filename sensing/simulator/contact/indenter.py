@@ -21,6 +21,7 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
 KINDS = {kind.name.lower(): kind for kind in BodyKind}
+MIRRORED_DEG = {"edge": 90.0, "rough": 45.0}  # directions of the axis in which a body is its own mirror image
 MAX_TILT_DEG = 100.0  # beyond it a plane would cut the base before it presses the dome
 
 
@@ -36,9 +37,9 @@ class Indenter:
     Attributes:
         tilt_deg: polar angle of first contact from the tip, 0..100.
         kind: ``plane``; ``sphere`` (a small one is a bump); ``edge``, a cylinder whose axis lies in the tangent plane;
-            or a plug-in's.
-        radius_mm: radius of sphere or edge; ignored for the plane.
-        axis_deg: direction of the edge's axis in the tangent plane, from the meridian.
+            ``rough``, ground in waves both ways whose crests stand two radii apart; or a plug-in's.
+        radius_mm: radius of sphere, edge or crest; ignored for the plane.
+        axis_deg: direction of the edge's axis, or of the rows of crests, in the tangent plane, from the meridian.
 
     Raises:
         ParameterError: unknown kind, tilt outside its range, radius not positive.
@@ -74,7 +75,7 @@ class Indenter:
     def keeps_mirror(self) -> bool:
         """Whether the body itself is symmetric in y = 0."""
         if self.kind in KINDS:
-            return self.kind != "edge" or self.axis_deg % 90 == 0
+            return self.kind not in MIRRORED_DEG or self.axis_deg % MIRRORED_DEG[self.kind] == 0
         return bool(getattr(self._shape, "keeps_mirror", False))
 
     @property
@@ -97,10 +98,10 @@ class Indenter:
         along = math.cos(angle) * meridian + math.sin(angle) * lateral
         if self.kind not in KINDS:
             kind = plugin_kind(self._shape.distance)
-            return body_at(kind, self.radius_mm, touch + self.radius_mm * outward, along)
+            return body_at(kind, self.radius_mm, touch + self.radius_mm * outward, along, along)
         axis = along if self.kind == "edge" else -outward
-        point = touch if self.kind == "plane" else touch + self.radius_mm * outward
-        return body_at(KINDS[self.kind], self.radius_mm, point, axis)
+        point = touch if self.kind in ("plane", "rough") else touch + self.radius_mm * outward
+        return body_at(KINDS[self.kind], self.radius_mm, point, axis, along)
 
 
 @cache

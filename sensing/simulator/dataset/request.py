@@ -61,7 +61,8 @@ class DataRequest:
         interlock: how many times as stiff as silicone the zone with the TPU gyroid is; 1: plain silicone.
         rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
         indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
-            sphere or edge, and the edge's direction from the meridian, each ignored where it means nothing.
+            sphere, edge or crest, and the direction of edge or rows of crests from the meridian, each ignored where it
+            means nothing.
         protocol, seed: loading paths. loads: of their set-points: ``released`` as they are, for D=130 T=8 in
             Smooth-Sil 950; ``design`` in proportion to the range of this design's weights.
         azimuths: labelled azimuths of every solved state.

@@ -52,7 +52,7 @@ def ball_on_block(friction: float = 0.5, travel_mm: float = 0.012, elements: int
     model = _block_model(elements, law.young_mpa)
     frame = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # outward z, meridian x, lateral y
     centre = np.array([0.0, 0.0, BLOCK_MM + SPHERE_MM])
-    body = body_at(BodyKind.SPHERE, SPHERE_MM, centre, np.array([0.0, 0.0, -1.0]))
+    body = body_at(BodyKind.SPHERE, SPHERE_MM, centre, *np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))
     points = model.solid.mesh.points
     memory = free_memory(model.surface, points, body)
     displacement = np.zeros_like(points)

@@ -24,6 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_mount
 from sensing.design.weights import DesignRequest
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.symmetry import disc_cells
@@ -69,7 +70,7 @@ class Pressed:
 
     def read(self, state: SceneState) -> tuple[np.ndarray, np.ndarray]:
         """(6,) wrench and (6, 6) covariance that the weights give for a state."""
-        fields = self._sensor.fields(self.simulator.outlines(state)[None])
+        fields = self._sensor.fields(self.simulator.outlines(state, nominal_mount(DESIGN))[None])
         inputs = (fields * disc_cells(self._model.shape)).reshape(1, -1).astype(float)
         value, covariance = self._model.predict(inputs)
         return value[0], covariance[0]

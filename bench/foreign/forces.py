@@ -13,14 +13,16 @@ from scipy.optimize import brentq
 from bench.foreign.links import GEOMETRY, nominal_answers, shown_of
 from bench.foreign.mesh import GRAINS, Array
 from bench.foreign.press import PlanePath
-from bench.foreign.solved import COMPARED, GRAIN, PRESSES, solved
+from bench.foreign.solved import COMPARED, DESIGN, GRAIN, PRESSES, solved
 from cad.materials import silicone
+from sensing.camera.nominal import nominal_mount
 from sensing.live.core.model import LiveModel
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.press import Press, Target
+from sensing.simulator.shown import shown_mm
 from sensing.simulator.solid.mesh import DENSITIES
 from sensing.simulator.solid.shell import shell_model
-from sensing.simulator.solid.surface import OUTLINE_POINTS, outline_directions, surface_sampler
+from sensing.simulator.solid.surface import outline_directions, surface_sampler
 
 THEIRS = ("draft", "coarse", "middle")
 OURS = ("data", "fine", "reference", "converged")
@@ -85,16 +87,16 @@ def our_presses(folder: Path, path: PlanePath, density: str) -> tuple[Array, Arr
             for k in range(1, steps + 1):
                 state = press.advance(state, Target(depth_mm=before + (depth - before) * k / steps))
             forces.append(np.linalg.norm(state.wrench[:3]))
-            shown.append(sampler.sample(state.displacement).reshape(-1, OUTLINE_POINTS, 3).mean(axis=1))
+            shown.append(shown_mm(GEOMETRY, sampler.sample(state.displacement), nominal_mount(DESIGN)))
             before = depth
         np.savez(file, forces=forces, shown=shown)
     with np.load(file) as found:
         return found["forces"], found["shown"]
 
 
-def _answered(shown_mm: Array, model: LiveModel) -> Array:
+def _answered(shown: Array, model: LiveModel) -> Array:
     """(places,) forces that the model answers."""
-    return np.asarray(np.linalg.norm(nominal_answers(shown_mm, model)[:, :3], axis=1))
+    return np.asarray(np.linalg.norm(nominal_answers(shown, model)[:, :3], axis=1))
 
 
 def _rows(

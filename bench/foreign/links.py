@@ -8,7 +8,7 @@ tracker found, so that two chains differ by nothing but their links.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import RBFInterpolator
@@ -19,8 +19,9 @@ from bench.foreign.solved import DESIGN
 from bench.foreign.world import turn
 from cad.materials import silicone
 from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.learning.marker_fields import MarkerSensor, Scatter
+from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.live.core.model import LiveModel
 from sensing.records import DotTracks, ShearField
 from sensing.records_labelled import LabelledFrame, LabelledSet
@@ -28,6 +29,7 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
 from sensing.simulator.scene import Scene, SceneState
+from sensing.simulator.shown import shown_mm
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.surface import OUTLINE_POINTS, outline_directions, ring_directions
 from sensing.tracking.model_input import model_input
@@ -144,25 +146,22 @@ def our_states(paths: tuple[PlanePath, ...], density: str) -> OurStates:
     return OurStates(simulator, found)
 
 
-def nominal_answers(shown_mm: Array, model: LiveModel) -> Array:
+def nominal_answers(shown: Array, model: LiveModel) -> Array:
     """(s, 6) what the model answers where the nominal camera sees every dot in its place and without error.
 
     Args:
-        shown_mm: (s, d, 3) displacements that windows show, dot by dot. model: the wrench model.
+        shown: (s, d, 3) displacements in mm that windows show, dot by dot. model: the wrench model.
     """
-    exact = Scatter(**{item.name: 0.0 for item in fields(Scatter)})
-    sensor = MarkerSensor(DESIGN, model.shape, exact, np.random.default_rng(0))
-    answers = [
-        model.estimator.estimate(ShearField(0.0, field, valid=sensor.valid)) for field in sensor.fields(shown_mm)
-    ]
+    sensor = MarkerSensor(DESIGN, model.shape, PLAIN, np.random.default_rng(0))
+    answers = [model.estimator.estimate(ShearField(0.0, field, valid=sensor.valid)) for field in sensor.fields(shown)]
     return np.array([np.concatenate([answer.force_n, answer.torque_nm]) for answer in answers])
 
 
 def shown_of(states: Pressed) -> Array:
     """(s, d, 3) displacements that windows would show of CalculiX's states, dot by dot."""
     ring = CENTRE + GEOMETRY.inner_radius_mm * outline_directions(GEOMETRY)
-    moved = [their_motion(states, step)(ring) for step in range(len(states.moved))]
-    return np.asarray(np.reshape(moved, (len(moved), -1, OUTLINE_POINTS, 3)).mean(axis=2))
+    camera = nominal_mount(DESIGN)
+    return np.array([shown_mm(GEOMETRY, their_motion(states, step)(ring), camera) for step in range(len(states.moved))])
 
 
 def _our_motion(simulator: Simulator, state: SceneState) -> Motion:

@@ -36,6 +36,7 @@ import numpy as np
 
 from cad.errors import ParameterError
 from cad.materials import HyperelasticLaw
+from sensing.camera.mount import MountedCamera
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press import tangential
 from sensing.simulator.press.condensed import StoredTangent
@@ -47,13 +48,14 @@ from sensing.simulator.reduced.library import Library
 from sensing.simulator.reduced.library_level import LibraryLevel
 from sensing.simulator.reduced.press import ReducedPress, trained
 from sensing.simulator.scene import BulkStates, Scene, SceneState
+from sensing.simulator.shown import shown_mm
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import MeshDensity
 from sensing.simulator.solid.rate_effects import Prony
 from sensing.simulator.solid.shell import PLAIN
 from sensing.simulator.solid.shell_halves import ShellHalves
-from sensing.simulator.solid.surface import OUTLINE_POINTS, turn_wrench
+from sensing.simulator.solid.surface import turn_wrench
 
 LEVELS = (1, 2, 3, 4)
 RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted to elastic states
@@ -221,10 +223,9 @@ class Simulator:
         """Displacement (m, 3) of the painted dots, in the order of their pattern, for a contact at an azimuth."""
         return self._shell.sampler(azimuth_deg).sample(state.surface_mm)
 
-    def outlines(self, state: SceneState, azimuth_deg: float = 0.0) -> Array:
-        """Displacement (m, 3) that tracked windows show of the dots: the mean of a ring round each."""
-        ring = self._shell.outlines(azimuth_deg).sample(state.surface_mm)
-        return np.asarray(ring.reshape(-1, OUTLINE_POINTS, 3).mean(axis=1))
+    def outlines(self, state: SceneState, camera: MountedCamera, azimuth_deg: float = 0.0) -> Array:
+        """Displacement (m, 3) that tracked windows show of the dots: the mean of rings round them, as a camera sees."""
+        return shown_mm(self.geometry, self._shell.outlines(azimuth_deg).sample(state.surface_mm), camera)
 
     def _reduced_model(self, indenter: Indenter, half: bool) -> ReducedModel | None:
         """Level 3's model, trained when first asked for; None where level 2 must do: other bodies, or a shell that

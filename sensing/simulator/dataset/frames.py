@@ -31,7 +31,7 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.surface import dot_directions, turn_about_axis, turn_wrench
 
 Array = NDArray[np.float64]
-SIMULATED = COLUMNS | {"outline_mm": "(d, 3) mean displacement of a ring round each dot: what a tracked window shows"}
+SIMULATED = COLUMNS | {"outline_mm": "(d, 3) how each dot's outline moves in the picture: what a tracked window shows"}
 STEPS_A_PATH = 1 << 14  # noise numbers kept apart for each path
 
 
@@ -183,10 +183,10 @@ def _picture(
     begin, end = state.begin.surface_mm, state.end.surface_mm
     simulator = tools.simulator
     moved = simulator.markers(state.end, azimuth_deg)
-    shown = simulator.outlines(state.end, azimuth_deg)
+    shown = simulator.outlines(state.end, request.mounted, azimuth_deg)
     if state.begin is not state.end:
         moved = (simulator.markers(state.begin, azimuth_deg) + moved) / 2
-        shown = (simulator.outlines(state.begin, azimuth_deg) + shown) / 2
+        shown = (simulator.outlines(state.begin, request.mounted, azimuth_deg) + shown) / 2
     if tools.renderer is None:
         pixels = request.mounted.project(rest_arrays(request)["dots_mm"] + moved)
         camera = request.mounted.camera

@@ -174,7 +174,7 @@ def _shard(
     for azimuth in path.azimuths_deg[: request.azimuths]:
         for state in states:
             moved = simulator.markers(state.end, azimuth)
-            shown = simulator.outlines(state.end, azimuth)
+            shown = simulator.outlines(state.end, request.mounted, azimuth)
             row = _labels(request, path, state, azimuth)
             row |= {"dots_mm": moved.astype(np.float32), "outline_mm": shown.astype(np.float32)}
             if renderer is None:

@@ -26,7 +26,7 @@ from sensing.simulator.solid.shell import ShellModel
 # What a tracked window shows of a dot is the mean displacement of this ring round its centre, in radii of the dot (M:
 # bench/bench_wrench.py tracking). It is that wide because a window weighs what lies outside the ink, and because a
 # round outline shows only the motion across it: of a bulge, one and a half times what its mean would.
-OUTLINE_RADII, OUTLINE_POINTS = 1.65, 8
+OUTLINE_RADII, OUTLINE_POINTS = 1.75, 8
 CANDIDATES = 8
 EDGE_TOLERANCE = 1e-6
 ON_RAY = 1e-9  # relative miss of the ray

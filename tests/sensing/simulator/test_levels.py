@@ -7,6 +7,9 @@ import pytest
 
 from cad.errors import ParameterError
 from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing.camera.mount import mount, rotation_matrix
+from sensing.camera.nominal import nominal_mount
 from sensing.simulator.__main__ import main
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -14,9 +17,10 @@ from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import shell_geometry
-from sensing.simulator.solid.surface import OUTLINE_RADII, turn_wrench
+from sensing.simulator.solid.surface import OUTLINE_RADII, dot_directions, outline_directions, turn_wrench
 
 GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()
+CAMERA = nominal_mount(EndcapParams(130, 8))
 SCENE = Scene(Indenter(tilt_deg=25), friction=0.6)
 
 
@@ -57,16 +61,32 @@ def test_a_turned_contact_turns_markers_and_wrench(simulator: Simulator) -> None
 
 
 def test_an_outline_moves_as_the_skin_does_round_its_dot(simulator: Simulator) -> None:
-    """The mean of z = a |x|^2 over a ring is a r^2 above its centre; that of a linear motion is the same."""
+    """The mean of z = a |x|^2 over a ring is a r^2 above its centre; that of a shift is the same."""
     state = list(simulator.follow(SCENE, [Target(normal_n=6.0)]))[-1]
     place = simulator.surface.position
-    straight = replace(state, surface_mm=place @ np.array([[0.01, 0.02, 0.0], [0.0, 0.03, 0.01], [0.02, 0.0, 0.0]]))
+    straight = replace(state, surface_mm=place * 0 + [0.2, 0.1, 0.3])
     bowl = replace(state, surface_mm=0.005 * (place[:, :1] ** 2 + place[:, 1:2] ** 2) * [[0.0, 0.0, 1.0]])
     tip = 0  # where the ring is level
-    gap = simulator.outlines(straight) - simulator.markers(straight)
-    assert np.abs(gap[tip]).max() < 2e-3  # the ring lies on the sphere, a little behind its centre
-    risen = (simulator.outlines(bowl) - simulator.markers(bowl))[tip, 2]
+    gap = simulator.outlines(straight, CAMERA) - simulator.markers(straight)
+    assert np.abs(gap[tip]).max() < 2e-3
+    risen = (simulator.outlines(bowl, CAMERA) - simulator.markers(bowl))[tip, 2]
     assert risen == pytest.approx(0.005 * (OUTLINE_RADII * GEOMETRY.dot_radius_mm) ** 2, rel=0.1)  # of a draft mesh
+
+
+def test_a_dot_moves_in_the_picture_as_its_outline_does_on_the_mean(simulator: Simulator) -> None:
+    """Also far from the axis, where the lens bends most; of a camera that stands askew, too."""
+    state = list(simulator.follow(SCENE, [Target(normal_n=8.0)]))[-1]
+    askew = mount(CAMERA.camera, (1.0, -0.5, 16.0), rotation_matrix([0.05, -0.02, 0.3]))
+    rest = np.array(GEOMETRY.centre_mm) + GEOMETRY.inner_radius_mm * dot_directions(GEOMETRY)
+    ring = np.array(GEOMETRY.centre_mm) + GEOMETRY.inner_radius_mm * outline_directions(GEOMETRY)
+    moved = simulator.surface.interpolation(ring) @ state.surface_mm
+    for camera in (CAMERA, askew):
+        seen = camera.project(rest + simulator.outlines(state, camera)) - camera.project(rest)
+        expected = (camera.project(ring + moved) - camera.project(ring)).reshape(len(rest), -1, 2).mean(axis=1)
+        whole = np.isfinite(expected).all(axis=1)
+        assert whole.sum() > 60 and np.abs(seen - expected)[whole].max() < 1e-6
+        plain = camera.project(rest + moved.reshape(len(rest), -1, 3).mean(axis=1)) - camera.project(rest)
+        assert np.abs(plain - expected)[whole].max() > 0.01  # the picture of the mean is not the mean in the picture
 
 
 def test_levels_agree_and_say_which_answered(simulator: Simulator) -> None:

@@ -1,0 +1,35 @@
+"""What a camera sees move where a dot's outline moves: its mean in the picture, as a displacement of the dot.
+
+A tracked window follows the outline in the picture. Its mean there is not the picture of its mean: a fisheye lens
+bends, and a ring that comes nearer or tilts looks otherwise. Of the fields this makes 0.1 % at 10 to 40 N.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensing.camera.mount import MountedCamera
+from sensing.simulator.solid.element import Array
+from sensing.simulator.solid.geometry import ShellGeometry
+from sensing.simulator.solid.surface import OUTLINE_POINTS, dot_directions, outline_directions
+
+
+def shown_mm(geometry: ShellGeometry, moved_mm: Array, camera: MountedCamera) -> Array:
+    """(m, 3) displacement of each dot that the camera would see as it sees the outline's mean; mm, endcap frame.
+
+    Its distance from the pupil is that of the dot with the outline's mean displacement. Where the camera does not see
+    the dot and all of its outline, that mean itself.
+
+    Args:
+        geometry: of the shell, with its m dots. camera: with its place.
+        moved_mm: (m * OUTLINE_POINTS, 3) how :func:`sensing.simulator.solid.surface.outline_directions` move.
+    """
+    centre, radius = np.array(geometry.centre_mm), geometry.inner_radius_mm
+    dots, outlines = centre + radius * dot_directions(geometry), centre + radius * outline_directions(geometry)
+    seen_to_move = camera.project(outlines + moved_mm) - camera.project(outlines)
+    pixels = camera.project(dots) + seen_to_move.reshape(-1, OUTLINE_POINTS, 2).mean(axis=1)
+    shown = moved_mm.reshape(-1, OUTLINE_POINTS, 3).mean(axis=1)
+    seen, pupil = np.isfinite(pixels).all(axis=1), camera.pupil_endcap_mm
+    distance = np.linalg.norm((dots + shown - pupil)[seen], axis=1, keepdims=True)
+    shown[seen] = pupil + distance * camera.rays_endcap(pixels[seen]) - dots[seen]
+    return np.asarray(shown)

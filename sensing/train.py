@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     config = FitConfig(
         components=options.components, hidden=options.hidden, epochs=options.epochs, seconds=options.seconds,
-        seed=options.seed, device=options.device, rate=options.rate,
+        seed=options.seed, device=options.device, rate=options.rate, depth=options.depth,
     )  # fmt: skip
     rescale = bool(options.start and options.intervals)
     if options.design is not None or not (options.data or rescale):
@@ -245,6 +245,9 @@ def _add_fit(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
     group.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
     group.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")
+    group.add_argument(
+        "--depth", type=int, default=plain.depth, metavar="N", help=f"its layers, 2 or 3 ({plain.depth})"
+    )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (0)")
     group.add_argument("--device", default="cpu", help="torch's device (cpu)")
 

@@ -129,7 +129,7 @@ class _Draft:
 def _mean(draft: _Draft, model: WrenchModel) -> None:
     w = model.weights
     h = draft.op("MatMul", "field", draft.matrix("principal", w["principal"]), out="principal part")
-    for layer in ("mean.first", "mean.second"):
+    for layer in (f"mean.{name}" for name in model.layers):
         bias = w[f"{layer}.bias"].astype(float)
         inner = draft.op("MatMul", h, draft.matrix(layer, w[f"{layer}.weight"]))
         rest = draft.constant(f"{layer}.bias", bias.astype(np.float32))

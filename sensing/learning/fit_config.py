@@ -14,6 +14,7 @@ class FitConfig:
 
     Attributes:
         components: principal fields. hidden: width of the mean's perceptron. doubting: of the covariance's.
+        depth: hidden layers of the mean, two or three.
         epochs: passes over the training data for the mean; the covariance takes a third of them more.
         seconds: stop the mean after so long, if sooner; the covariance after a third of it.
         rate: AdamW's first, falling to zero. batch: samples in a step. decay: AdamW's weight decay.
@@ -27,6 +28,7 @@ class FitConfig:
     components: int = 60
     hidden: int = 64
     doubting: int = 64
+    depth: int = 2
     epochs: int = 20
     seconds: float = 1e6
     rate: float = 5e-3
@@ -38,7 +40,7 @@ class FitConfig:
 
     def __post_init__(self) -> None:
         for name, low, high in (
-            ("components", 1, 512), ("hidden", 1, 4096), ("doubting", 1, 4096),
+            ("components", 1, 512), ("hidden", 1, 4096), ("doubting", 1, 4096), ("depth", 2, 3),
             ("seconds", 0.0, 1e6), ("rate", 1e-6, 1.0),
             ("batch", 1, 10**6), ("decay", 0.0, 10.0), ("seed", 0, 2**32), ("epochs", 0, 10**6),
         ):  # fmt: skip

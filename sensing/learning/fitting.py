@@ -104,14 +104,15 @@ def as_net(model: WrenchModel) -> WrenchNet:
     """The torch twin of a model, for training and export."""
     weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items()}
     components, inputs = weights["principal"].shape
-    net = WrenchNet(inputs, components, len(weights["mean.first.bias"]), len(weights["spread.0.bias"]))
+    widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
+    net = WrenchNet(inputs, components, *widths, len(model.layers))
     net.load_state_dict(weights)
     return net.eval()
 
 
 def _prepared(train: Samples, config: FitConfig, side: int) -> WrenchNet:
     principal = principal_fields(train, config.components)
-    net = WrenchNet(2 * side * side, len(principal), config.hidden, config.doubting)
+    net = WrenchNet(2 * side * side, len(principal), config.hidden, config.doubting, config.depth)
     net.principal.copy_(torch.from_numpy(principal))
     net.units.copy_(torch.from_numpy(UNITS))
     net.linear.copy_(torch.from_numpy(_straight(train, principal, side)))
@@ -161,7 +162,7 @@ def _grown(net: WrenchNet, samples: Samples, components: int) -> WrenchNet:
     more = leading(symmetric_gram(gram, side) / (COUNT * len(samples)), np.zeros((size, size)), components - len(old))
     weights = net.state_dict()
     widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
-    grown = WrenchNet(size, len(old) + len(more), *widths)
+    grown = WrenchNet(size, len(old) + len(more), *widths, net.mean.depth)
     weights["principal"] = torch.cat([net.principal, torch.from_numpy(more.astype(np.float32))])
     for name in ("mean.first.weight", "spread.0.weight"):
         weights[name] = torch.cat([weights[name], weights[name].new_zeros(len(weights[name]), len(more))], dim=1)

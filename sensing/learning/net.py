@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, silu, softplus
 
-from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD
+from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD
 
 OUTPUTS = 6
 FACTOR = 21  # of a lower triangle
@@ -26,15 +26,16 @@ class WrenchNet(nn.Module):
 
     Args:
         inputs: 2 H W. components: rows of P. hidden: width of the perceptron of the mean. doubting: of the other.
+        depth: hidden layers of the mean.
     """
 
-    def __init__(self, inputs: int, components: int, hidden: int, doubting: int) -> None:
+    def __init__(self, inputs: int, components: int, hidden: int, doubting: int, depth: int) -> None:
         super().__init__()
         self.linear = nn.Parameter(torch.zeros(OUTPUTS, inputs), requires_grad=False)
         self.principal = nn.Parameter(torch.zeros(components, inputs), requires_grad=False)
         self.units = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
         self.calibration = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
-        self.mean = Anchored(components, hidden)
+        self.mean = Anchored(components, hidden, depth)
         self.spread = nn.Sequential(
             nn.Linear(components, doubting),
             nn.SiLU(),
@@ -84,17 +85,21 @@ class Bent(nn.Module):
 
 
 class Anchored(nn.Module):
-    """Perceptron of two hidden layers that is exactly zero at zero; it starts as zero everywhere."""
+    """Perceptron of two or three hidden layers that is exactly zero at zero; it starts as zero everywhere."""
 
-    def __init__(self, inputs: int, hidden: int) -> None:
+    def __init__(self, inputs: int, hidden: int, depth: int) -> None:
         super().__init__()
         self.first, self.second = nn.Linear(inputs, hidden), nn.Linear(hidden, hidden)
+        if depth == len(LAYERS):
+            self.third = nn.Linear(hidden, hidden)
+        self.depth = depth
         self.last = nn.Linear(hidden, OUTPUTS, bias=False)
         nn.init.zeros_(self.last.weight)
 
     def forward(self, z: Tensor) -> Tensor:
         """(B, inputs) to (B, 6)."""
-        for layer in (self.first, self.second):
+        for name in LAYERS[: self.depth]:
+            layer = getattr(self, name)
             z = silu(linear(z, layer.weight) + layer.bias) - silu(layer.bias)
         return self.last(z)
 

@@ -26,7 +26,8 @@ def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
     Args:
         x: (D,) float64, finite. cells: (D,) float32, 1 for cells that count. linear: (6, D) float32.
         principal: (K, D) float32. gram: (K, K) float64, inner products of the fields that ``principal`` takes to ones.
-        mean: layers of the perceptron that bends the answer, four float32 arrays and the last float64, in N and N m.
+        mean: layers of the perceptron that bends the answer: first (M, K) and (M,), those after it (L, M, M) and
+            (L, M), float32, the last (6, M) float64, in N and N m.
         spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
         limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
 
@@ -59,7 +60,9 @@ def _answer(x, cells, linear, principal, gram, mean, spread, scale, limits):
     for d in range(x.size):
         square += cells[d] * x[d] * x[d]
     value, raw = np.empty(6), np.empty(21)
-    h = _units(mean[2], mean[3], _units(mean[0], mean[1], z, True), True)
+    h = _units(mean[0], mean[1], z, True)
+    for k in range(len(mean[2])):
+        h = _units(mean[2][k], mean[3][k], h, True)
     for k in range(6):
         value[k] = _product(linear[k], x) + _product(mean[4][k], h)
     h = _units(spread[2], spread[3], _units(spread[0], spread[1], z, False), False)

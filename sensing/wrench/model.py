@@ -44,6 +44,8 @@ SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K c
     "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("S", "K"), "spread.0.bias": ("S",),
     "spread.2.weight": ("S", "S"), "spread.2.bias": ("S",), "spread.4.weight": ("21", "S"), "spread.4.bias": ("21",),
 }  # fmt: skip
+THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.third.bias": ("M",)}  # of deeper weights
+LAYERS = ("first", "second", "third")
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class WrenchModel:
     """A trained network, its design and its provenance.
 
     Attributes:
-        weights: tensors by name (:data:`SHAPES`), float32.
+        weights: tensors by name (:data:`SHAPES`, and :data:`THIRD` where there is one), float32.
         design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
         range: what training covered. about: provenance and metrics (plain JSON).
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
@@ -72,7 +74,7 @@ class WrenchModel:
         if self.identity is None:
             object.__setattr__(self, "identity", identity(self.design, DEFAULT_SILICONE))
         sizes = {"6": 6, "21": 21, "D": 2 * self.shape[0] * self.shape[1]}
-        for name, letters in SHAPES.items():
+        for name, letters in (SHAPES | (THIRD if THIRD.keys() & self.weights.keys() else {})).items():
             found = self.weights.get(name, np.zeros(0))
             for letter, size in zip(letters, found.shape, strict=False):
                 sizes.setdefault(letter, size)
@@ -143,14 +145,21 @@ class WrenchModel:
     @cached_property
     def slope(self) -> Array:
         """(6, 2 H W) derivative of the wrench by the field, averaged over fields like those of training."""
-        w, rng = self._doubles, np.random.default_rng(0)
-        first, second = w["mean.first.weight"], w["mean.second.weight"]
-        total = np.zeros((6, first.shape[1]))
-        for z in rng.standard_normal((SLOPE_SAMPLES, first.shape[1])):
-            a = first @ z + w["mean.first.bias"]
-            b = second @ (_silu(a) - _silu(w["mean.first.bias"])) + w["mean.second.bias"]
-            total += w["mean.last.weight"] @ (_silu_slope(b)[:, None] * second @ (_silu_slope(a)[:, None] * first))
+        w, rng, components = self._doubles, np.random.default_rng(0), len(self.weights["principal"])
+        total = np.zeros((6, components))
+        for z in rng.standard_normal((SLOPE_SAMPLES, components)):
+            slope = np.eye(components)
+            for layer in self.layers:
+                weight, bias = w[f"mean.{layer}.weight"], w[f"mean.{layer}.bias"]
+                a = weight @ z + bias
+                z, slope = _silu(a) - _silu(bias), _silu_slope(a)[:, None] * (weight @ slope)
+            total += w["mean.last.weight"] @ slope
         return w["linear"] + w["units"][:, None] * (total / SLOPE_SAMPLES) @ w["principal"]
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the hidden layers of the mean's perceptron."""
+        return tuple(layer for layer in LAYERS if f"mean.{layer}.weight" in self.weights)
 
     def save(self, path: str | Path) -> None:
         """Write under a temporary name, then rename.
@@ -182,11 +191,11 @@ class WrenchModel:
         """What :func:`sensing.wrench.kernels.answer_one` takes after the field."""
         w, back = {name: np.array(value, order="C") for name, value in self.weights.items()}, self._back
         last = self._doubles["mean.last.weight"] * self._doubles["units"][:, None]
-        first, second = ("mean.first.weight", "mean.first.bias"), ("mean.second.weight", "mean.second.bias")
+        deeper = [np.array([w[f"mean.{layer}.{part}"] for layer in self.layers[1:]]) for part in ("weight", "bias")]
         spread = [f"spread.{layer}.{part}" for layer in (0, 2, 4) for part in ("weight", "bias")]
         return (
             np.tile(self.range.cells.ravel(), 2).astype(np.float32), w["linear"], w["principal"], back.T @ back,
-            (*(w[name] for name in first + second), last),
+            (w["mean.first.weight"], w["mean.first.bias"], *deeper, last),
             tuple(w[name] for name in spread), self._doubles["calibration"] * self._doubles["units"],
             (MIN_SPREAD, MAX_SPREAD, MAX_MIX),
         )  # fmt: skip

@@ -18,7 +18,7 @@ from sensing.learning.fitting import fit  # noqa: E402
 from sensing.learning.ridge import fit_ridge  # noqa: E402
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
 
-QUICK = FitConfig(components=12, hidden=24, epochs=28, batch=96, rate=1e-2, decay=1e-3)
+QUICK = FitConfig(components=12, hidden=24, depth=3, epochs=28, batch=96, rate=1e-2, decay=1e-3)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.records import ShearField
-from sensing.wrench.model import SHAPES, WrenchModel
+from sensing.wrench.model import SHAPES, THIRD, WrenchModel
 from sensing.wrench.range import Range
 
 pytest.importorskip("onnx")
@@ -19,14 +19,14 @@ from sensing import wrench_onnx  # noqa: E402
 SIDE, COMPONENTS, HIDDEN, DOUBTING = 8, 10, 16, 12
 
 
-@pytest.fixture(scope="module")
-def model():
+@pytest.fixture(scope="module", params=[SHAPES, SHAPES | THIRD], ids=["two layers", "three"])
+def model(request):
     """Weights drawn at random, of the sizes that trained ones have."""
     rng = np.random.default_rng(0)
     sizes = {"6": 6, "21": 21, "D": 2 * SIDE**2, "K": COMPONENTS, "M": HIDDEN, "S": DOUBTING}
     weights = {
         name: (rng.normal(size=[sizes[letter] for letter in letters]) * 0.2).astype(np.float32)
-        for name, letters in SHAPES.items()
+        for name, letters in request.param.items()
     }
     weights |= {"units": np.full(6, 0.1, np.float32), "calibration": np.full(6, 0.9, np.float32)}
     covered = Range(10.0, 10.0, np.ones((SIDE, SIDE), bool))

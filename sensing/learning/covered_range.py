@@ -31,10 +31,14 @@ def covered_range(principal: Array, samples: Samples, config: FitConfig, side: i
         side: cells along one side of the square grid. start: weights that were fine-tuned; what they knew stays known.
     """
     back = np.linalg.pinv(principal).astype(np.float64)
-    measures = [range_measures(principal, back, moved_inputs(samples.inputs, k, side)) for k in config.symmetries]
-    distance = RANGE_MARGIN * float(max(m[0].max() for m in measures))
+    measures = []
+    for part in samples.blocks():
+        seen = [range_measures(principal, back, moved_inputs(part.inputs, k, side)) for k in config.symmetries]
+        measures.append(np.max(seen, axis=0))
+    far, left = np.concatenate(measures, axis=1)
+    distance = RANGE_MARGIN * float(far.max())
     size = np.linalg.norm(samples.wrenches[:, :3], axis=1)
-    least, slope = _left(np.max([m[1] for m in measures], axis=0), size)
+    least, slope = _left(left, size)
     force = 1.05 * float(np.quantile(size, OFTEN_ENOUGH))
     tilt = covered_tilt_deg(samples.wrenches, samples.design.outer_radius_mm)
     if start is not None:  # what it knew before, it still knows
@@ -71,4 +75,5 @@ def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:
 
 def usual_doubt(model: WrenchModel, samples: Samples) -> float:
     """Doubt that a model has on all but a few samples of those that it learned from."""
-    return float(np.quantile(model.doubt(*model.predict(samples.inputs)), 1 - DOUBTED))
+    doubt = np.concatenate([model.doubt(*model.predict(part.inputs)) for part in samples.blocks()])
+    return float(np.quantile(doubt, 1 - DOUBTED))

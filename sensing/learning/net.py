@@ -85,7 +85,11 @@ class Bent(nn.Module):
 
 
 class Anchored(nn.Module):
-    """Perceptron of two or three hidden layers that is exactly zero at zero; it starts as zero everywhere."""
+    """Perceptron that is exactly zero at zero; it starts as zero everywhere.
+
+    Args:
+        inputs: of it. hidden: width of its layers. depth: how many of them, two or three.
+    """
 
     def __init__(self, inputs: int, hidden: int, depth: int) -> None:
         super().__init__()

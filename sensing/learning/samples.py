@@ -118,8 +118,11 @@ class Samples:
         """Some of the samples, by index or mask."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROW_ARRAYS})
 
-    def split(self, share: float, seed: int) -> tuple[Samples, Samples]:
-        """(rest, about ``share`` of the paths): whole paths, drawn at random, at least one on each side.
+    def split(self, share: float, seed: int, most: int = 10**9) -> tuple[Samples, Samples]:
+        """(rest, about ``share`` of the paths, ``most`` at most): whole paths, at random, at least one on each side.
+
+        Args:
+            share: of the paths. seed: of the draw. most: paths of the second part.
 
         Raises:
             ParameterError: fewer than two paths.
@@ -129,7 +132,7 @@ class Samples:
             raise ParameterError(
                 f"{self.source}: {len(paths)} loading path(s), at least 2 needed to part them: record more", name="path"
             )
-        count = int(np.clip(round(share * len(paths)), 1, len(paths) - 1))
+        count = int(np.clip(min(round(share * len(paths)), most), 1, len(paths) - 1))
         aside = np.isin(self.path, np.random.default_rng(seed).permutation(paths)[:count])
         return self.take(~aside), self.take(aside)
 

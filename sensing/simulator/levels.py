@@ -224,7 +224,11 @@ class Simulator:
         return self._shell.sampler(azimuth_deg).sample(state.surface_mm)
 
     def outlines(self, state: SceneState, camera: MountedCamera, azimuth_deg: float = 0.0) -> Array:
-        """Displacement (m, 3) that tracked windows show of the dots: the mean of rings round them, as a camera sees."""
+        """Displacement (m, 3) that tracked windows show of the dots: the mean of rings round them, as a camera sees.
+
+        Args:
+            state: of the scene. camera: that sees the dots. azimuth_deg: of the contact.
+        """
         return shown_mm(self.geometry, self._shell.outlines(azimuth_deg).sample(state.surface_mm), camera)
 
     def _reduced_model(self, indenter: Indenter, half: bool) -> ReducedModel | None:

@@ -149,6 +149,7 @@ def _to_design(model: WrenchModel, request: DesignRequest, tilt_deg: float) -> W
         "range_n": round(request.scale.top_n, 3),
     }  # fmt: skip
     covered = replace(
-        covered, force_n=covered.force_n * factor[0], rest_px_per_n=covered.rest_px_per_n / factor[0], tilt_deg=tilt_deg
-    )
+        covered, force_n=covered.force_n * factor[0], rest_px_per_n=covered.rest_px_per_n / factor[0],
+        tilt_deg=tilt_deg, interval_n=covered.interval_n * factor[0],
+    )  # fmt: skip
     return replace(model, weights=weights, about=about, range=covered)

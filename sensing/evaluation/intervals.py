@@ -14,6 +14,7 @@ Notes:
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,6 +30,7 @@ from sensing.learning.path_quantile import path_quantile
 from sensing.live.core.model import live_model
 from sensing.records_labelled import LabelledSet
 from sensing.wrench.model import WrenchModel
+from sensing.wrench.simulation_spread import SIMULATED
 
 Array = NDArray[np.float64]
 LEVEL = 0.95
@@ -86,8 +88,11 @@ def needed(answers: LiveAnswers) -> Array:
 
 
 def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
-    """Answers in contact for which the model vouches."""
+    """Answers in contact for which the model vouches, however wide their intervals are before they are scaled, and
+    without what is added for all that simulated frames do not show."""
     data.require_whole()
+    limits = replace(model.range, interval_n=math.inf)
+    model = replace(model, range=limits, about={**model.about, SIMULATED: False})
     live = live_model("calibrated", model, model.shape)
     camera = camera_of_set(data)
     with tempfile.TemporaryDirectory() as folder:

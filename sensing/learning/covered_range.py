@@ -12,25 +12,26 @@ from numpy.typing import NDArray
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import disc_cells, moved_inputs
-from sensing.wrench.model import WrenchModel
+from sensing.wrench.model import WrenchModel, pattern_of
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
 
 Array = NDArray[np.float64]
 RANGE_MARGIN = 1.3  # E: over what training shows
 LIGHT_N = 2.0  # E: under this force a field is little more than noise
 OFTEN_ENOUGH = 0.999  # E: share of the samples that counts as learnt
-DOUBTED = 0.01  # E: share of the samples, those far out with large errors, that may be doubted
 USUALLY = 0.9  # share of the samples in which a usual cell is valid
 
 
-def covered_range(principal: Array, samples: Samples, config: FitConfig, side: int, start: WrenchModel | None) -> Range:
+def covered_range(
+    weights: dict[str, NDArray[np.float32]], samples: Samples, config: FitConfig, side: int, start: WrenchModel | None
+) -> Range:
     """Range of weights, from the samples that they learned from.
 
     Args:
-        principal: (K, D) fields of the weights. samples: learned from. config: says which symmetries were used.
+        weights: tensors by name. samples: learned from. config: says which symmetries were used.
         side: cells along one side of the square grid. start: weights that were fine-tuned; what they knew stays known.
     """
-    back = np.linalg.pinv(principal).astype(np.float64)
+    principal, back = weights["principal"].astype(np.float64), pattern_of(weights)
     measures = []
     for part in samples.blocks():
         seen = [range_measures(principal, back, moved_inputs(part.inputs, k, side)) for k in config.symmetries]
@@ -44,7 +45,7 @@ def covered_range(principal: Array, samples: Samples, config: FitConfig, side: i
     if start is not None:  # what it knew before, it still knows
         known = start.range
         distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
-        if len(principal) == len(start.weights["principal"]):  # more fields leave less
+        if np.array_equal(back, pattern_of(start.weights)):  # more fields leave less
             least, slope = max(least, known.rest_px), max(slope, known.rest_px_per_n)
     cells = (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side))
     return Range(distance, least, cells, force, tilt, slope)
@@ -71,9 +72,3 @@ def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:
     least = float(np.quantile(rest_px[light], OFTEN_ENOUGH))
     slope = float(np.quantile((rest_px[~light] - least) / force_n[~light], OFTEN_ENOUGH))
     return RANGE_MARGIN * least, RANGE_MARGIN * max(slope, 0.0)
-
-
-def usual_doubt(model: WrenchModel, samples: Samples) -> float:
-    """Doubt that a model has on all but a few samples of those that it learned from."""
-    doubt = np.concatenate([model.doubt(*model.predict(part.inputs)) for part in samples.blocks()])
-    return float(np.quantile(doubt, 1 - DOUBTED))

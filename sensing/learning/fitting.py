@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -27,20 +26,23 @@ from torch import Tensor
 
 from cad.errors import ParameterError
 from sensing.learning.checkpoint import Checkpoint, Descent
-from sensing.learning.covered_range import covered_range, usual_doubt
+from sensing.learning.covered_range import covered_range
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.net import Bent, WrenchNet, negative_log_likelihood
 from sensing.learning.path_quantile import path_quantile
-from sensing.learning.principal import leading, principal_fields
+from sensing.learning.principal import leading, pattern_tensor, principal_fields
+from sensing.learning.provenance import provenance
 from sensing.learning.ridge import UNITS
-from sensing.learning.samples import Samples
+from sensing.learning.samples import MARKERS, Samples
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
-from sensing.wrench.model import WrenchModel, tolerance
+from sensing.wrench.model import PATTERN, WrenchModel, tolerance
+from sensing.wrench.simulation_spread import SIMULATED
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 RIDGE_SHARE = 1e-4  # of the mean square principal part: the straight answer begins there, and is trained on
+TOO_WIDE_N = 1.0  # E: half width of a 95 % interval from which on an answer is not one
 BLOCK, JUDGED = 65536, 7  # samples whose residuals are made at a time; every so many judge the covariance
 HELD = 40  # E: paths that are enough to choose an epoch, or to scale the covariance; more of them teach nothing
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
@@ -66,7 +68,7 @@ def fit(
         pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
             those of its calibration paths: domain-randomised sensors are not wrong in every way in which a real one is.
         others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and
-            ``out_of_range`` fires where it doubts more than on the samples.
+            ``out_of_range`` fires where that leaves a force uncertain by over :data:`TOO_WIDE_N`.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -92,19 +94,21 @@ def fit(
     views = [view.take(np.isin(view.path, calibration.path)) for view in (pictures, samples) if view is not None]
     _calibrate(net, next(view for view in views if len(view)))
     about = {
-        "training": _provenance(samples, config, start),
+        "training": provenance(samples, config, start),
+        SIMULATED: samples.method == MARKERS,
         "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
     }
     weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
-    covered = covered_range(weights["principal"].astype(float), rest, config, height, start)
+    weights |= pattern_tensor(weights["principal"], train, start.weights if start else None)
+    covered = covered_range(weights, rest, config, height, start)
     model = WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
-    return model if others is None else replace(model, range=replace(covered, doubt=usual_doubt(model, rest)))
+    return model if others is None else replace(model, range=replace(covered, interval_n=TOO_WIDE_N))
 
 
 def as_net(model: WrenchModel) -> WrenchNet:
     """The torch twin of a model, for training and export."""
-    weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items()}
-    components, inputs = weights["principal"].shape
+    weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items() if name not in PATTERN}
+    components, inputs = model.weights["principal"].shape
     widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
     net = WrenchNet(inputs, components, *widths, len(model.layers))
     net.load_state_dict(weights)
@@ -282,15 +286,6 @@ def _calibrate(net: WrenchNet, held: Samples) -> None:
         ratio = ((torch.from_numpy(held.wrenches.astype(np.float32)) - value).abs() / sigma).numpy()
     scale = path_quantile(ratio, held.path, 0.95) / NORMAL_95
     net.calibration.copy_(torch.from_numpy(np.clip(scale, 1e-3, 1e3)))
-
-
-def _provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:
-    known = set() if start is None else set(start.about.get("training", {}).get("paths", ()))
-    return {
-        "sources": [samples.source], "paths": sorted(known | set(map(str, samples.path))), "frames": len(samples),
-        "config": asdict(config), "torch": str(torch.__version__), "data_digest": samples.digest,
-        "start": start.about.get("training") if start is not None else None,
-    }  # fmt: skip
 
 
 def _rmse(net: WrenchNet, samples: Samples) -> list[float]:

@@ -5,7 +5,8 @@ Notes:
     (several domain-randomised sensors see each), the directions v with the largest v'(T - N)v / v'Tv come first: that
     share of the variance along v is the contact's, the rest is paint, camera and tracking. Where no state is seen twice
     (own recordings) N is unknown, and the directions of largest variance come first. Moments hold all symmetric copies.
-    Nothing is centred, so that zero stays zero.
+    Nothing is centred, so that zero stays zero. A direction is not the field that it stands for: parts z = P x make the
+    field A z, A = T P' (P T P')^-1, the least squares of the samples on their parts.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import COUNT, symmetric_gram
+from sensing.wrench.model import PATTERN
 
 Array = NDArray[np.float64]
+Weights = dict[str, NDArray[np.float32]]
 BLOCK = 8192  # samples at a time: all of a large set as doubles would fill the memory
 NOTHING = 1e-9  # of the largest variance: below it a direction holds rounding only
 
@@ -54,6 +57,20 @@ def leading(total: Array, noise: Array, count: int) -> Array:
         return np.ascontiguousarray(white[:, ::-1][:, :count].T)
     _, turns = np.linalg.eigh(white.T @ noise @ white)
     return np.ascontiguousarray((white @ turns[:, :count]).T)  # least noise first
+
+
+def pattern_tensor(principal: NDArray[np.float32], samples: Samples, start: Weights | None) -> Weights:
+    """``pattern`` (2 H W, K) of weights, the fields that their principal parts stand for, by its name.
+
+    Args:
+        principal: (K, 2 H W) directions. samples: of one design, with square fields. start: tensors of the weights
+            that were fine-tuned, whose pattern stays unless there are more directions now; none where they have none.
+    """
+    if start is not None and len(start["principal"]) == len(principal):
+        return {name: start[name] for name in PATTERN if name in start}
+    directions = principal.astype(float)
+    image = second_moments(samples)[0] @ directions.T
+    return {"pattern": (image @ np.linalg.pinv(directions @ image, hermitian=True)).astype(np.float32)}
 
 
 def second_moments(samples: Samples) -> tuple[Array, Array]:

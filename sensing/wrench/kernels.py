@@ -20,12 +20,13 @@ _KERNEL, _HELPER = SHORT | {"fastmath": EXACT}, HELPER | {"fastmath": EXACT}
 
 
 @numba.njit(**_KERNEL)
-def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
+def answer_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, limits):
     """Answer of the network of :mod:`sensing.learning.net` for one field, and how unlike those of training it is.
 
     Args:
         x: (D,) float64, finite. cells: (D,) float32, 1 for cells that count. linear: (6, D) float32.
-        principal: (K, D) float32. gram: (K, K) float64, inner products of the fields that ``principal`` takes to ones.
+        principal: (K, D) float32. pattern: (K, D) float64, the field that each principal part stands for. gram: (K, K)
+            float64, their inner products.
         mean: layers of the perceptron that bends the answer: first (M, K) and (M,), those after it (L, M, M) and
             (L, M), float32, the last (6, M) float64, in N and N m.
         spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
@@ -34,28 +35,30 @@ def answer_one(x, cells, linear, principal, gram, mean, spread, scale, limits):
     Returns:
         Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and of what it leaves (px).
     """
-    return _answer(x, cells, linear, principal, gram, mean, spread, scale, limits)
+    return _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, limits)
 
 
 @numba.njit(**KERNEL | {"fastmath": EXACT})
-def answer_many(inputs, cells, linear, principal, gram, mean, spread, scale, limits):
+def answer_many(inputs, cells, linear, principal, pattern, gram, mean, spread, scale, limits):
     """Wrenches (N, 6) and covariances (N, 6, 6) for fields (N, D); the rest as of :func:`answer_one`.
 
     Args:
-        inputs: (N, D) float64, finite. cells, linear, principal, gram, mean, spread, scale, limits: see there.
+        inputs: (N, D) float64, finite. cells, linear, principal, pattern, gram, mean, spread, scale, limits: see there.
     """
     value, covariance = np.empty((len(inputs), 6)), np.empty((len(inputs), 6, 6))
     for n in range(len(inputs)):
-        value[n], covariance[n], _, _ = _answer(inputs[n], cells, linear, principal, gram, mean, spread, scale, limits)
+        value[n], covariance[n], _, _ = _answer(
+            inputs[n], cells, linear, principal, pattern, gram, mean, spread, scale, limits
+        )
     return value, covariance
 
 
 @numba.njit(**_HELPER)
-def _answer(x, cells, linear, principal, gram, mean, spread, scale, limits):
+def _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, limits):
     count = len(principal)
-    z, seen = np.zeros(count), np.zeros(count)
+    z, seen, along = np.zeros(count), np.zeros(count), np.zeros(count)
     for k in range(count):
-        z[k], seen[k] = _products(principal[k], x, cells)
+        z[k], seen[k], along[k] = _products(principal[k], pattern[k], x, cells)
     square = 0.0
     for d in range(x.size):
         square += cells[d] * x[d] * x[d]
@@ -68,18 +71,19 @@ def _answer(x, cells, linear, principal, gram, mean, spread, scale, limits):
     h = _units(spread[2], spread[3], _units(spread[0], spread[1], z, False), False)
     for k in range(21):
         raw[k] = _product(spread[4][k], h) + spread[5][k]
-    distance, left = _range(seen, gram, square)
+    distance, left = _range(seen, along, gram, square)
     return value, _covariance(raw, scale, limits), distance, left
 
 
 @numba.njit(**_HELPER)
-def _products(line, x, cells):
-    whole = part = 0.0
+def _products(line, pattern, x, cells):
+    whole = part = along = 0.0
     for d in range(x.size):
-        a = line[d] * x[d]
+        a, counted = line[d] * x[d], cells[d] * x[d]
         whole += a
         part += cells[d] * a
-    return whole, part
+        along += pattern[d] * counted
+    return whole, part, along
 
 
 @numba.njit(**_HELPER)
@@ -126,11 +130,12 @@ def _covariance(raw, scale, limits):
 
 
 @numba.njit(**_HELPER)
-def _range(seen, gram, square):
-    """Norm of the principal part, and of what it leaves of a field with that sum of squares."""
+def _range(seen, along, gram, square):
+    """Norm of the principal part, and of what its patterns leave of a field that has that sum of squares, and these
+    products ``along`` the patterns."""
     explained = 0.0
     for k in range(len(seen)):
-        explained += seen[k] * _product(gram[k], seen)
+        explained += seen[k] * (2.0 * along[k] - _product(gram[k], seen))
     return math.sqrt(_product(seen, seen)), math.sqrt(max(square - explained, 0.0))
 
 
@@ -152,20 +157,6 @@ def contact_angles(wrenches, radius_mm, least_n):
         height = c - z * math.sqrt(max(radius_mm**2 - (a * a + b * b + c * c), 0.0))
         angle[n] = math.degrees(math.acos(min(max(height / radius_mm, -1.0), 1.0)))
     return angle
-
-
-@numba.njit(**_KERNEL)
-def largest_deviations(covariance, unit):
-    """(N,) largest standard deviation of covariances (N, 6, 6), each axis in its ``unit`` (6,)."""
-    largest = np.zeros(len(covariance))
-    for n in range(len(covariance)):
-        for k in range(6):
-            deviation = math.sqrt(covariance[n, k, k]) / unit[k]
-            if not deviation <= largest[n]:
-                largest[n] = deviation
-            if math.isnan(deviation):
-                break
-    return largest
 
 
 @numba.njit(**_KERNEL)

@@ -27,7 +27,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.wrench.kernels import answer_many, answer_one, largest_deviations
+from sensing.wrench.kernels import answer_many, answer_one
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
@@ -45,6 +45,7 @@ SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K c
     "spread.2.weight": ("S", "S"), "spread.2.bias": ("S",), "spread.4.weight": ("21", "S"), "spread.4.bias": ("21",),
 }  # fmt: skip
 THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.third.bias": ("M",)}  # of deeper weights
+PATTERN: dict[str, tuple[str, ...]] = {"pattern": ("D", "K")}  # fields that principal parts stand for; not in all
 LAYERS = ("first", "second", "third")
 
 
@@ -53,7 +54,7 @@ class WrenchModel:
     """A trained network, its design and its provenance.
 
     Attributes:
-        weights: tensors by name (:data:`SHAPES`, and :data:`THIRD` where there is one), float32.
+        weights: tensors by name (:data:`SHAPES`, and of :data:`THIRD` and :data:`PATTERN` what there is), float32.
         design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
         range: what training covered. about: provenance and metrics (plain JSON).
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
@@ -74,7 +75,10 @@ class WrenchModel:
         if self.identity is None:
             object.__setattr__(self, "identity", identity(self.design, DEFAULT_SILICONE))
         sizes = {"6": 6, "21": 21, "D": 2 * self.shape[0] * self.shape[1]}
-        for name, letters in (SHAPES | (THIRD if THIRD.keys() & self.weights.keys() else {})).items():
+        shapes = SHAPES.copy()
+        for more in (THIRD, PATTERN):
+            shapes |= more if more.keys() & self.weights.keys() else {}
+        for name, letters in shapes.items():
             found = self.weights.get(name, np.zeros(0))
             for letter, size in zip(letters, found.shape, strict=False):
                 sizes.setdefault(letter, size)
@@ -126,20 +130,13 @@ class WrenchModel:
         strange = self.range.leaves_too_much(rest, np.linalg.norm(value[:, :3], axis=1))
         return (distance > self.range.distance) | strange | self._beyond_contacts(value, covariance)
 
-    def doubt(self, value: Array, covariance: Array) -> Array:
-        """(N,) largest standard deviation before calibration, in units and tolerances, of wrenches (N, 6) with
-        covariances (N, 6, 6): high where a field is like those of contacts that the mean was not fitted to.
-        """
-        unit = self._doubles["calibration"] * self._doubles["units"]
-        return np.asarray(largest_deviations(covariance, unit) / tolerance(value[:, :3])[:, 0])
-
     def _beyond_contacts(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
-        """(N,) True where estimated wrenches (N, 6) are larger, further from the tip or, by their covariances
-        (N, 6, 6), more in doubt than those of training.
+        """(N,) True where estimated wrenches (N, 6) are larger or further from the tip than those of training,
+        or have covariances (N, 6, 6) that leave a force too uncertain.
         """
         beyond = np.linalg.norm(value[:, :3], axis=1) > self.range.force_n
         tilt_deg = contact_angle_deg(value, self.design.outer_radius_mm)
-        beyond |= self.range.doubts_too_much(self.doubt(value, covariance), tilt_deg)
+        beyond |= self.range.is_too_wide(covariance)
         return np.asarray(beyond | (tilt_deg > self.range.tilt_deg))
 
     @cached_property
@@ -194,7 +191,8 @@ class WrenchModel:
         deeper = [np.array([w[f"mean.{layer}.{part}"] for layer in self.layers[1:]]) for part in ("weight", "bias")]
         spread = [f"spread.{layer}.{part}" for layer in (0, 2, 4) for part in ("weight", "bias")]
         return (
-            np.tile(self.range.cells.ravel(), 2).astype(np.float32), w["linear"], w["principal"], back.T @ back,
+            np.tile(self.range.cells.ravel(), 2).astype(np.float32), w["linear"], w["principal"],
+            np.ascontiguousarray(back.T), back.T @ back,
             (w["mean.first.weight"], w["mean.first.bias"], *deeper, last),
             tuple(w[name] for name in spread), self._doubles["calibration"] * self._doubles["units"],
             (MIN_SPREAD, MAX_SPREAD, MAX_MIX),
@@ -202,7 +200,7 @@ class WrenchModel:
 
     @cached_property
     def _back(self) -> Array:
-        return np.linalg.pinv(self._doubles["principal"]).astype(np.float64)
+        return pattern_of(self.weights)
 
 
 def load_wrench_model(
@@ -240,6 +238,17 @@ def load_wrench_model(
     return model
 
 
+def pattern_of(weights: dict[str, NDArray[np.float32]]) -> Array:
+    """(D, K) fields that principal parts stand for; of weights that do not say it, the smallest fields with them.
+
+    Args:
+        weights: tensors by name.
+    """
+    if "pattern" in weights:
+        return weights["pattern"].astype(np.float64)
+    return np.asarray(np.linalg.pinv(weights["principal"].astype(np.float64)))
+
+
 def tolerance(force: Any) -> Any:
     """(N, 1) how large an error may be under forces (N, 3), relative to a light touch; numpy or torch."""
     return 1 + (force**2).sum(1)[:, None] ** 0.5 / TWICE_N
@@ -252,8 +261,9 @@ def _built(path: Path) -> WrenchModel:
         if made_for.digest != about["digest"]:
             raise ValueError("the digest is not that of its design")
         cells = tensors.pop("range_cells").astype(bool)
-        limits = {"force_n": math.inf, "tilt_deg": math.inf, "rest_px_per_n": 0.0, "doubt": math.inf} | about["range"]
-        names = ("distance", "rest_px", "rest_px_per_n", "force_n", "tilt_deg", "doubt")
+        unlimited = {"force_n": math.inf, "tilt_deg": math.inf, "rest_px_per_n": 0.0, "interval_n": math.inf}
+        limits = unlimited | about["range"]
+        names = ("distance", "rest_px", "rest_px_per_n", "force_n", "tilt_deg", "interval_n")
         sizes = {name: float(limits[name]) for name in names}
         covered = Range(cells=cells, **sizes)
         shape = (int(about["shape"][0]), int(about["shape"][1]))

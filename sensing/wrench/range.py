@@ -13,8 +13,7 @@ from sensing.wrench.kernels import contact_angles
 
 Array = NDArray[np.float64]
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
-STEEP_SHARE = 0.6  # M: of the tilt that training covered; below it planes raise less doubt (docs/wrench.md)
-GENTLE = 0.8  # M: of the limit of doubt, that holds there
+HALF_WIDTH = 1.959964  # of the 95 % interval, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -26,8 +25,8 @@ class Range:
             leave, but for a few samples, without load and more for each newton of it.
         cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
         force_n, tilt_deg: largest force and polar angle of the contact, but for a few samples; infinite in weights that
-            do not say it. doubt: largest of :meth:`WrenchModel.doubt`, but for a few samples; infinite where no
-            contacts of other kinds taught it.
+            do not say it. interval_n: half width of a force's 95 % interval from which on an answer is none; infinite
+            where no contacts of other kinds taught the covariance.
     """
 
     distance: float
@@ -36,11 +35,12 @@ class Range:
     force_n: float = math.inf
     tilt_deg: float = math.inf
     rest_px_per_n: float = 0.0
-    doubt: float = math.inf
+    interval_n: float = math.inf
 
-    def doubts_too_much(self, doubt: Any, tilt_deg: Any) -> Any:
-        """Whether the weights doubt more than planes at such a polar angle of the contact make them."""
-        return doubt > self.doubt * np.where(tilt_deg < STEEP_SHARE * self.tilt_deg, GENTLE, 1.0)
+    def is_too_wide(self, covariance: Array) -> NDArray[np.bool_]:
+        """(N,) whether a force's interval under covariances (N, 6, 6) is too wide, or no number."""
+        variance = np.diagonal(covariance, axis1=1, axis2=2)[:, :3].max(axis=1)
+        return np.asarray(~(HALF_WIDTH * np.sqrt(variance) <= self.interval_n))
 
     def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
         """Whether the principal fields leave more of a field than of those of training under such a force."""

@@ -34,6 +34,7 @@ from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.filter import WrenchFilter
 from sensing.wrench.plane_contact import NO_CONTACT, PlaneContactLaw
 from sensing.wrench.relaxation import RateFilter
+from sensing.wrench.simulation_spread import learned_from_simulation, simulation_spread
 from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, shear_mpa_of, weights_digest
 
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
@@ -62,7 +63,7 @@ class Measurement:
         epoch: int,
     ) -> None:
         self._endcap, self._model, self._used, self._number, self._epoch = endcap, model, reference, number, epoch
-        self._check = check
+        self._check, self._simulated = check, learned_from_simulation(model.estimator)
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._stiffness = Stiffness(endcap.gain, endcap.gain_sd)
@@ -96,6 +97,8 @@ class Measurement:
         estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
         if self._check is not None and tracks is not None:
             estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
+        if self._simulated:
+            estimate = replace(estimate, covariance=estimate.covariance + simulation_spread(estimate.force_n))
         estimate = self._stiffness.applied(replace(estimate, flags=estimate.flags | self._foreign))
         watch.lap("wrench")
         alike = look.likeness if gray is None else likeness(small_picture(gray), self._alike_to)

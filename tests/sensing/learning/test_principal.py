@@ -13,7 +13,7 @@ from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import NAMES, camera_at, camera_vector
 from sensing.learning.found_camera import FRAME_PX, PAINT_PX, left_by_calibration
-from sensing.learning.principal import leading, principal_fields, same_states, second_moments
+from sensing.learning.principal import leading, pattern_tensor, principal_fields, same_states, second_moments
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import moved_inputs
 
@@ -94,3 +94,26 @@ def test_calibrations_err_by_as_much_as_is_drawn_for_training():
         off = (camera_vector(found) - camera_vector(true))[free]
         ratios.append(off @ np.linalg.solve(left[np.ix_(free, free)], off) / len(free))
     assert 0.3 < np.mean(ratios) < 3.0, ratios
+
+
+def test_what_patterns_leave_of_the_samples_is_not_seen_by_their_parts(swirl):
+    """Normal equations of the least squares; the smallest fields with these parts leave more."""
+    samples = seen_often(swirl)
+    directions = principal_fields(samples, 12).astype(np.float32)
+    pattern = pattern_tensor(directions, samples, None)["pattern"].astype(float)
+    copies = np.concatenate([moved_inputs(samples.inputs, k, SIDE) for k in range(8)])
+    parts = copies @ directions.T.astype(float)
+    left = copies - parts @ pattern.T
+    assert np.abs(left.T @ parts).max() < 1e-4 * np.abs(copies.T @ parts).max()
+    smallest = copies - parts @ np.linalg.pinv(directions.astype(float)).T
+    assert (left**2).sum() < 0.98 * (smallest**2).sum()  # most of both is the swirl, which no part sees
+
+
+def test_fine_tuned_weights_keep_the_pattern_of_their_start(swirl):
+    samples = seen_often(swirl)
+    directions = principal_fields(samples, 4).astype(np.float32)
+    known = {"principal": directions, "pattern": np.ones((directions.shape[1], 4), np.float32)}
+    assert pattern_tensor(directions, samples, known)["pattern"] is known["pattern"]
+    assert pattern_tensor(directions, samples, {"principal": directions}) == {}
+    more = principal_fields(samples, 5).astype(np.float32)
+    assert pattern_tensor(more, samples, known)["pattern"].shape == (directions.shape[1], 5)

@@ -226,35 +226,26 @@ def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
     off = np.abs(known.predict(fresh.inputs)[0] - fresh.wrenches)[:, 2] > 1.0
     assert off.sum() > 10 and known.out_of_range(fresh.inputs)[off].mean() < 0.5
     assert taught.out_of_range(fresh.inputs)[off].mean() > 0.8
-    assert taught.out_of_range(made_samples(seed=5).inputs).mean() < 0.15  # a few paths teach coarsely
+    plain = made_samples(seed=5)
+    sure = ~taught.out_of_range(plain.inputs)
+    error = np.abs(taught.predict(plain.inputs)[0] - plain.wrenches)[:, :3].max(axis=1)
+    assert sure.mean() > 0.75 and (error[sure] < 1.0).mean() > 0.95  # a few paths teach coarsely
 
 
-def test_doubt_is_the_largest_deviation_in_units_and_tolerances(model):
-    rng = np.random.default_rng(3)
-    root, value = rng.standard_normal((20, 6, 6)), 20 * rng.standard_normal((20, 6))
-    covariance = root @ root.transpose(0, 2, 1)
-    unit = model.weights["calibration"].astype(float) * model.weights["units"]
-    expected = np.max(np.sqrt(np.einsum("nkk->nk", covariance)) / unit, axis=1)
-    expected /= 1 + np.linalg.norm(value[:, :3], axis=1) / 20
-    assert model.doubt(value, covariance) == pytest.approx(expected, rel=1e-12)
-    covariance[7, 4, 4] = np.nan
-    assert np.isnan(model.doubt(value, covariance)).nonzero()[0].tolist() == [7]
-
-
-def test_less_doubt_is_enough_where_planes_raise_less(data):
-    """A contact near the tip is strange at 0.8 of the doubt that counts on the side; both ways of asking agree."""
+def test_an_answer_with_a_wide_interval_is_none(data):
+    """The widest of the three forces' intervals counts, torques do not; both ways of asking agree."""
     model = fit(data, QUICK)
-    value, covariance = model.predict(data.inputs)
-    tilt_deg = contact_angle_deg(value, data.design.outer_radius_mm)
-    doubt = model.doubt(value, covariance)
-    place = np.argsort(doubt)[len(doubt) // 2]
-    for reach, limit, strange in ((2.0, 1.3, False), (2.0, 1.2, True), (1.1, 1.2, False), (1.1, 0.9, True)):
-        covered = replace(model.range, tilt_deg=reach * max(tilt_deg[place], 1.0), doubt=limit * doubt[place])
-        asked = replace(model, range=covered)
+    covariance = model.predict(data.inputs)[1]
+    widest = 1.959964 * np.sqrt(np.einsum("nkk->nk", covariance)[:, :3].max(axis=1))
+    place = np.argsort(widest)[len(widest) // 2]
+    for limit, strange in ((1.01, False), (0.99, True)):
+        asked = replace(model, range=replace(model.range, interval_n=limit * widest[place]))
         assert bool(asked.out_of_range(data.inputs[place][None])[0]) is strange
         channels = data.inputs[place].reshape(2, *model.shape)
         field = ShearField(0.0, channels, valid=np.ones(model.shape, dtype=bool))
         assert ("out_of_range" in asked.estimate(field).flags) is strange
+    covariance[7, 4, 4], covariance[8, 2, 2] = np.inf, np.nan  # a torque, and a force that is no number
+    assert model.range.is_too_wide(covariance).nonzero()[0].tolist() == [8]
 
 
 def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():
@@ -276,7 +267,7 @@ def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():
 
 def test_the_weights_that_ship_are_those_of_their_design_small_and_answer(tmp_path, monkeypatch):
     model = load_wrench_model(EndcapParams(130, 8))
-    assert (SHIPPED / "default_D130_T8.safetensors").stat().st_size < 1e6
+    assert (SHIPPED / "default_D130_T8.safetensors").stat().st_size < 1.5e6
     assert model.shape == (16, 16) and model.method == "dots" and len(model.about["training"]["paths"]) >= 18
     assert max(model.about["metrics"]["validation_rmse"][:3]) < 1.0  # N, on loading paths left out
     rest = model.estimate(ShearField(0.0, np.zeros((2, 16, 16), np.float32)))

@@ -1,0 +1,33 @@
+"""What weights were trained on, and how: the part of their file that says where they come from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from sensing.learning.fit_config import FitConfig
+from sensing.learning.samples import Samples
+from sensing.wrench.model import WrenchModel
+
+
+def provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:
+    """Plain JSON of a training. Folders are named without the way to them.
+
+    Args:
+        samples: that were learned from. config: knobs of it. start: weights that were fine-tuned; their own training is
+            kept, and its paths count as known.
+    """
+    before = None if start is None else start.about.get("training")
+    known = set((before or {}).get("paths", ()))
+    return {
+        "sources": [Path(name).name for name in samples.source.split()],
+        "paths": sorted(known | set(map(str, samples.path))),
+        "frames": len(samples),
+        "config": asdict(config),
+        "torch": str(torch.__version__),
+        "data_digest": samples.digest,
+        "start": before,
+    }

@@ -48,7 +48,7 @@ FALSE_RATE = 1e-3
 def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--frames", type=int, default=500, help="a lamp (500)")
+    parser.add_argument("--frames", type=int, default=800, help="a lamp (800)")
     parser.add_argument("--weights", type=Path, help="those that ship")
     parser.add_argument("--out", type=Path, default=HERE / "wrench_rest.csv")
     options = parser.parse_args()

@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 RIDGE_SHARE = 1e-4  # of the mean square principal part: the straight answer begins there, and is trained on
-TOO_WIDE_N = 1.0  # E: half width of a 95 % interval from which on an answer is not one
+LARGEST_INTERVAL_N = 1.0  # E: half width of a 95 % interval from which on an answer is not one
 BLOCK, JUDGED = 65536, 7  # samples whose residuals are made at a time; every so many judge the covariance
 HELD = 40  # E: paths that are enough to choose an epoch, or to scale the covariance; more of them teach nothing
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
@@ -68,7 +68,7 @@ def fit(
         pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
             those of its calibration paths: domain-randomised sensors are not wrong in every way in which a real one is.
         others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and
-            ``out_of_range`` fires where that leaves a force uncertain by over :data:`TOO_WIDE_N`.
+            ``out_of_range`` fires where that leaves a force uncertain by over :data:`LARGEST_INTERVAL_N`.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -102,7 +102,7 @@ def fit(
     weights |= pattern_tensor(weights["principal"], train, start.weights if start else None)
     covered = covered_range(weights, rest, config, height, start)
     model = WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
-    return model if others is None else replace(model, range=replace(covered, interval_n=TOO_WIDE_N))
+    return model if others is None else replace(model, range=replace(covered, interval_n=LARGEST_INTERVAL_N))
 
 
 def as_net(model: WrenchModel) -> WrenchNet:

@@ -11,7 +11,8 @@ Notes:
     whose exceedance is below the rate with 95 % confidence (Clopper, Pearson 1934, doi:10.1093/biomet/26.4.404). With
     fewer, the tail above the 90th percentile is taken as exponential, its mean at the upper 95 % bound of the
     chi-square interval: norms of Gaussian noise have lighter tails, so this errs to the safe side. Samples that follow
-    one another are not independent: their number is divided by the autocorrelation time.
+    one another are not independent: their number is divided by the autocorrelation time. No threshold is below
+    :data:`LEAST_ON_N`: a minute at rest does not show how the lamp will change in an hour.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from sensing.wrench.quantiles import binomial_quantile, chi_square_quantile
 CONFIDENCE = 0.95
 TAIL = 0.10  # share of the samples that counts as tail
 LEAST_TAIL = 8  # independent samples in it
+LEAST_ON_N = 0.02  # M: three times what lamps that change by 30 % make of an untouched D=130 (bench_wrench_rest.py)
 RELEASE_SHARE = 0.6  # E: contact ends below this share of the way from rest to the threshold
 
 
@@ -110,7 +112,7 @@ def threshold_from_rest(forces_n: ArrayLike, false_positive_rate: float = 1e-3) 
     else:
         on = float(norm[min(len(norm) - 1, int(np.ceil(len(norm) * (1 - allowed / independent))) - 1)])
     rest = float(np.median(norm))
-    on = float(np.nextafter(on, np.inf))
+    on = max(float(np.nextafter(on, np.inf)), LEAST_ON_N)
     return ContactThreshold(on, rest + RELEASE_SHARE * (on - rest), false_positive_rate, independent, extrapolated)
 
 

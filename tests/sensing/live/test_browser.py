@@ -16,7 +16,7 @@ def test_a_recording_is_started_and_stopped_by_the_button_that_says_so(stage):
     stage.tab.until("live() && (press('record_start'), press('record_start'), true)")  # twice is no stop
     stage.tab.until("live() && latest.recording.on && $('record').textContent === 'Stop recording'")
     (path,) = stage.recordings()
-    wait_for(lambda: path.stat().st_size > 500_000)
+    wait_for(lambda: path.stat().st_size > 1_600_000)
     stage.click("record", "latest.recording.on")
     stage.tab.until("live() && !latest.recording.on && $('record').textContent === 'Start recording'")
     assert "frames recorded" in stage.tab.value("latest.recording.note")

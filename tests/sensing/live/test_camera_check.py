@@ -97,11 +97,11 @@ def test_spread_is_the_change_of_the_wrench_with_the_camera(frames) -> None:
 
 
 def test_slope_is_the_models_derivative() -> None:
-    """Averaged over the same draws, by finite differences of :meth:`predict`."""
+    """Averaged over fields that have the same draws for parts, by finite differences of :meth:`predict`."""
     model, rng = load_wrench_model(PARAMS), np.random.default_rng(0)
     principal = model.weights["principal"].astype(float)
     fields = rng.standard_normal((64, len(principal))) @ np.linalg.pinv(principal).T
-    step = 1e-4 * np.random.default_rng(1).standard_normal(fields.shape[1])
+    step = 2e-5 * np.random.default_rng(1).standard_normal(fields.shape[1])
     change = (model.predict(fields + step)[0] - model.predict(fields - step)[0]).mean(axis=0) / 2
     assert np.allclose(model.slope @ step, change, rtol=1e-4, atol=1e-9)
 

@@ -183,7 +183,7 @@ class FullDisk(io.BytesIO):
 
 
 def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
-    disk = FullDisk(1_500_000)
+    disk = FullDisk(2_600_000)
     run = a_run(press)
     recorder = Recorder(tmp_path / "x.mcap", config(), dict.fromkeys(ENDCAPS, 0), lambda _: None, stream=disk)
     recorder.start()

@@ -7,7 +7,13 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 from sensing.records import ShearField, Wrench
-from sensing.wrench.contact import ContactDetector, ContactThreshold, autocorrelation_time, threshold_from_rest
+from sensing.wrench.contact import (
+    LEAST_ON_N,
+    ContactDetector,
+    ContactThreshold,
+    autocorrelation_time,
+    threshold_from_rest,
+)
 from sensing.wrench.contact_place import friction_use, patch_centre_px, place_on_dome, pressure_centre
 
 PARAMS = EndcapParams(130, 8)
@@ -134,3 +140,9 @@ def test_place_on_the_dome_is_seen_where_it_was_asked():
         assert np.linalg.norm(place - [0, 0, PARAMS.centre_height_mm]) == pytest.approx(65)
         full = mounted.project(place)
         assert np.allclose((full - [80, 0] + 0.5) * 200 / 480 - 0.5, point, atol=1e-6)
+
+
+def test_a_quiet_minute_does_not_make_a_threshold_that_a_lamp_passes():
+    forces = 1e-4 * np.random.default_rng(0).normal(size=(400, 3))
+    threshold = threshold_from_rest(forces)
+    assert threshold.on_n == LEAST_ON_N and 0 < threshold.off_n < LEAST_ON_N

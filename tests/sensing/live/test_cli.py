@@ -32,7 +32,7 @@ def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
         said = []
         reading = threading.Thread(target=lambda: said.extend(process.stdout), daemon=True)
         reading.start()
-        wait_for(lambda: path.exists() and path.stat().st_size > 2_000_000)
+        wait_for(lambda: path.exists() and path.stat().st_size > 3_100_000)
         process.send_signal(number)
         assert process.wait(PATIENCE_S) == 0
         reading.join(PATIENCE_S)

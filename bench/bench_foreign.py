@@ -33,9 +33,9 @@ from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import found_camera
 from sensing.live.core.model import load_model
 from sensing.records_labelled import LabelledSet
+from sensing.wrench.range import NORMAL_95
 
 HERE = Path(__file__).parent
-NORMAL_95 = 1.959964
 LOADS_N = (5.0, 35.0)  # true forces that count
 OURS = ("data",)  # meshes of our simulator on the same paths: that of the training
 LOOKS = {

@@ -33,6 +33,7 @@ from sensing.simulator.similarity.labelled import shell_of
 from sensing.simulator.similarity.ratios import about
 from sensing.weighing.gain import Pose, fit_gain
 from sensing.wrench.model import WrenchModel, load_wrench_model
+from sensing.wrench.range import NORMAL_95
 
 HERE = Path(__file__).parent
 DESIGN = EndcapParams(130, 8)
@@ -43,7 +44,6 @@ WEIGHT_SD_N = 0.005
 TILTS_DEG, LOADS_N = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0), (5.0, 10.0, 20.0, 35.0)
 DRAG = 0.25  # walls, along the meridian and across it, after the press
 MESH = "data"  # that of the weights' training
-NORMAL_95 = 1.959964
 
 
 class Pressed:

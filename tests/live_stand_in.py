@@ -17,10 +17,12 @@ from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.newest import FrameSource
 from sensing.sources.warp import Bump, Displacement, warp_image
 from sensing.tracking.tracker import DotTracker
+from sensing.wrench.weight_files import SHIPPED
 
 PATIENCE_S = 180.0  # for what must come; no test asks how soon
 PUSH = Displacement(bumps=(Bump((330.0, 230.0), (9.0, 4.0), 90.0),))
 SHAPE = (16, 16)
+WEIGHTS_BYTES = (SHIPPED / "default_D130_T8.safetensors").stat().st_size  # a recording begins with them
 
 
 class LinearModel:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sensing.evaluation.live_answers import LiveAnswers
 from sensing.learning.scores import AXES
+from sensing.wrench.range import NORMAL_95
 
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
 LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, for a range of 35 N
@@ -140,6 +141,6 @@ def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[flo
     place = np.median(known, axis=0) if len(known) else np.full(2, np.nan)
     return Cell(
         tilt_deg, load_n, len(error), np.sqrt((error**2).mean(axis=0)), error.mean(axis=0),
-        float((np.abs(error) <= 1.959964 * sigma).mean()), float(answers.flagged.mean()),
+        float((np.abs(error) <= NORMAL_95 * sigma).mean()), float(answers.flagged.mean()),
         int(far.sum()), int((far & answers.flagged).sum()), float(place[0]), float(place[1]),
     )  # fmt: skip

@@ -30,11 +30,11 @@ from sensing.learning.path_quantile import path_quantile
 from sensing.live.core.model import live_model
 from sensing.records_labelled import LabelledSet
 from sensing.wrench.model import WrenchModel
+from sensing.wrench.range import NORMAL_95
 from sensing.wrench.simulation_spread import SIMULATED
 
 Array = NDArray[np.float64]
 LEVEL = 0.95
-NORMAL_95 = 1.959964
 SCALES = 1e-3, 1e3  # the covariance stays positive
 FEWEST_PATHS = 19  # fewer say nothing of one path in twenty
 

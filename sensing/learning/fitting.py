@@ -36,13 +36,13 @@ from sensing.learning.ridge import UNITS
 from sensing.learning.samples import MARKERS, Samples
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
 from sensing.wrench.model import PATTERN, WrenchModel, tolerance
+from sensing.wrench.range import NORMAL_95
 from sensing.wrench.simulation_spread import SIMULATED
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
-NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 RIDGE_SHARE = 1e-4  # of the mean square principal part: the straight answer begins there, and is trained on
-LARGEST_INTERVAL_N = 1.0  # E: half width of a 95 % interval from which on an answer is not one
+LARGEST_INTERVAL_N = 1.0  # E: half width of a 95 % interval beyond which an answer is flagged
 BLOCK, JUDGED = 65536, 7  # samples whose residuals are made at a time; every so many judge the covariance
 HELD = 40  # E: paths that are enough to choose an epoch, or to scale the covariance; more of them teach nothing
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
+from sensing.wrench.range import NORMAL_95
 
 Array = NDArray[np.float64]
 AXES = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
@@ -84,7 +85,7 @@ def score(
     coverage = float("nan")
     if covariance is not None:
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        coverage = float((np.abs(error) <= 1.959964 * sigma)[contact].mean()) if contact.any() else float("nan")
+        coverage = float((np.abs(error) <= NORMAL_95 * sigma)[contact].mean()) if contact.any() else float("nan")
     return Score(
         count=len(reported),
         rmse=tuple(np.sqrt((error**2).mean(axis=0)).tolist()),

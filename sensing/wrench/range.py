@@ -13,7 +13,7 @@ from sensing.wrench.kernels import contact_angles
 
 Array = NDArray[np.float64]
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
-HALF_WIDTH = 1.959964  # of the 95 % interval, in standard deviations
+NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Range:
     def is_too_wide(self, covariance: Array) -> NDArray[np.bool_]:
         """(N,) whether a force's interval under covariances (N, 6, 6) is too wide, or no number."""
         variance = np.diagonal(covariance, axis1=1, axis2=2)[:, :3].max(axis=1)
-        return np.asarray(~(HALF_WIDTH * np.sqrt(variance) <= self.interval_n))
+        return np.asarray(~(NORMAL_95 * np.sqrt(variance) <= self.interval_n))
 
     def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
         """Whether the principal fields leave more of a field than of those of training under such a force."""

@@ -16,6 +16,7 @@ from sensing.wrench.model import WrenchModel
 
 FORCE_SHARE = 0.004  # M: of the load, rms by which answers about our finest mesh are off (docs/foreign.md)
 LEVER_M = 0.22e-3  # M: by which the centre of pressure jumps on the mesh of the training (docs/contact.md)
+_PER_SQUARE_NEWTON = np.diag([FORCE_SHARE**2] * 3 + [LEVER_M**2] * 3)
 SIMULATED = "simulated"  # key of a model's provenance
 
 
@@ -30,4 +31,4 @@ def simulation_spread(force_n: NDArray[np.float64]) -> NDArray[np.float64]:
     Args:
         force_n: (3,) of the wrench.
     """
-    return float(force_n @ force_n) * np.diag([FORCE_SHARE**2] * 3 + [LEVER_M**2] * 3)
+    return float(force_n @ force_n) * _PER_SQUARE_NEWTON

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 from live_stage import ASKED, BUTTONS_OFF, CARD, COLOURS, FREE, PLOTS, RUNNING, STALE, TOUCHED, Stage
-from live_stand_in import PATIENCE_S, Shown, stand_in, wait_for
+from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, Shown, stand_in, wait_for
 
 from sensing.live.replay import read_config, verify
 
@@ -16,7 +16,7 @@ def test_a_recording_is_started_and_stopped_by_the_button_that_says_so(stage):
     stage.tab.until("live() && (press('record_start'), press('record_start'), true)")  # twice is no stop
     stage.tab.until("live() && latest.recording.on && $('record').textContent === 'Stop recording'")
     (path,) = stage.recordings()
-    wait_for(lambda: path.stat().st_size > 1_600_000)
+    wait_for(lambda: path.stat().st_size > WEIGHTS_BYTES + 200_000)
     stage.click("record", "latest.recording.on")
     stage.tab.until("live() && !latest.recording.on && $('record').textContent === 'Start recording'")
     assert "frames recorded" in stage.tab.value("latest.recording.note")

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import pytest
 from live_program import camera, program
-from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, endless, film, frames, pipeline, stand_in, wait_for
 from mcap.records import ChunkIndex
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
@@ -137,7 +137,7 @@ def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
         hung = [word for _ in range(4) for word in ("--url", f"http://127.0.0.1:{silent.getsockname()[1]}/")]
         path = tmp_path / "run.mcap"
         with program("--url", address, *hung, "--no-page", "--record", str(path)) as process:
-            wait_for(lambda: path.exists() and path.stat().st_size > 1_700_000)
+            wait_for(lambda: path.exists() and path.stat().st_size > WEIGHTS_BYTES + 300_000)
             process.send_signal(signal.SIGHUP)
             assert process.wait(PATIENCE_S) == 0  # of five cameras that took two seconds each before
     check = verify(path, read_config(path), lambda _: stand_in())
@@ -146,9 +146,10 @@ def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
 
 def test_a_full_disk_while_recording_is_reported_and_gives_status_1(address, tmp_path):
     path = tmp_path / "run.mcap"
-    room = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2_600_000, 2_600_000))}
+    most = WEIGHTS_BYTES + 1_200_000
+    room = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))}
     with program("--url", address, "--no-page", "--record", str(path), **room) as process:
-        wait_for(lambda: path.exists() and path.stat().st_size == 2_600_000)  # the write behind that is refused
+        wait_for(lambda: path.exists() and path.stat().st_size == most)  # the write behind that is refused
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 1
         said = process.stderr.read()

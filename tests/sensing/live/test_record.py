@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
+from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import FileError
 from sensing.live.core.config import EndcapConfig, LiveConfig
@@ -183,7 +183,7 @@ class FullDisk(io.BytesIO):
 
 
 def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
-    disk = FullDisk(2_600_000)
+    disk = FullDisk(WEIGHTS_BYTES + 1_200_000)
     run = a_run(press)
     recorder = Recorder(tmp_path / "x.mcap", config(), dict.fromkeys(ENDCAPS, 0), lambda _: None, stream=disk)
     recorder.start()

@@ -15,7 +15,11 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cad.design_arguments import HELP, design_of
 from cad.errors import EndcapError, FileError, ParameterError
@@ -26,7 +30,8 @@ from cad.whole_file import make_folder, replace_file, require_place
 from sensing.arguments import number
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
-from sensing.learning.samples import MARKERS, SHAPE
+from sensing.learning.radial import radial_of, radial_tensors
+from sensing.learning.samples import MARKERS, SHAPE, Samples
 from sensing.records_labelled import LabelledSet
 
 DEFAULT = "default"
@@ -64,25 +69,24 @@ def _run(options: argparse.Namespace) -> int:
 def _trained(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights from folders of labelled frames."""
     from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are refused before
-    from sensing.wrench.model import load_wrench_model
+    from sensing.wrench.model import RADIAL, load_wrench_model
 
     shape = (options.cells, options.cells)
-    samples = read_all(options.data, options.method, shape)
-    pictured = (
-        [folder for folder in options.data if LabelledSet(folder).has_pictures] if options.method == MARKERS else []
-    )
-    pictures = read_all(pictured, "dots", shape) if pictured else None
     start = None
     if options.start is not None:
         given = None if str(options.start) == DEFAULT else options.start
-        start = load_wrench_model(samples.design, given, silicone=None)  # fine-tuning fits another stiffness
+        design = LabelledSet(options.data[0]).params
+        start = load_wrench_model(design, given, silicone=None)  # fine-tuning fits another stiffness
+    known = {} if start is None else {name: start.weights[name] for name in RADIAL if name in start.weights}
+    known = known or radial_tensors(options.data, shape)
+    samples, pictures, others = _read(options, shape, radial_of(known))
 
     def progress(part: str, spent: float, error: float) -> None:
         transient(f"{part}: {spent:.0f} s, {error:.4f}")
 
     kept = options.out.with_name(f".{options.out.name}.checkpoint")
-    others = read_all(options.others, options.method, shape) if options.others else None
     model = fit(samples, config, start, progress, kept, pictures, others)
+    model = replace(model, weights=model.weights | known)
     if options.intervals:
         from sensing.evaluation.intervals import with_intervals
 
@@ -95,6 +99,18 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
         f"paths held out: {said[0]} N, {said[1]} N m"
     )
     return 0
+
+
+def _read(
+    options: argparse.Namespace, shape: tuple[int, int], radial: NDArray[np.float64] | None
+) -> tuple[Samples, Samples | None, Samples | None]:
+    """Samples to learn from, the same frames tracked where markers have pictures, and contacts of other kinds."""
+    samples = read_all(options.data, options.method, shape, radial)
+    marked = options.method == MARKERS
+    pictured = [folder for folder in options.data if marked and LabelledSet(folder).has_pictures]
+    pictures = read_all(pictured, "dots", shape, radial) if pictured else None
+    others = read_all(options.others, options.method, shape, radial) if options.others else None
+    return samples, pictures, others
 
 
 def _rescaled(options: argparse.Namespace) -> int:

@@ -22,6 +22,7 @@ from cad.pattern import rings_text
 from sensing.learning.contenders import read_all
 from sensing.learning.covered_range import covered_tilt_deg
 from sensing.learning.fit_config import FitConfig
+from sensing.learning.radial import radial_tensors
 from sensing.learning.samples import MARKERS, SHAPE, Samples
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.protocols.loading import LoadPath
@@ -122,6 +123,7 @@ def design_weights(
         samples = _to_reference(read_all([folder / "states"], MARKERS, SHAPE), request)
         say("training")
         model = fit(samples, config, pictures=pictured)
+        model = replace(model, weights=model.weights | radial_tensors([folder / "states"], SHAPE))
     own = samples.wrenches * request.wrench_scale
     return _to_design(model, request, covered_tilt_deg(own / request.scale.force, request.params.outer_radius_mm))
 

@@ -48,33 +48,38 @@ class Views:
         return Views(parts[0], parts[1], parts[2])
 
 
-def read_views(folders: Sequence[Path], released: bool, markers: bool, shape: tuple[int, int] = SHAPE) -> Views:
+def read_views(
+    folders: Sequence[Path], released: bool, markers: bool, shape: tuple[int, int] = SHAPE, radial: Array | None = None
+) -> Views:
     """Read folders of one design.
 
     Args:
         folders: of labelled frames. released: whether the released field is needed. markers: whether training is meant.
-        shape: (H, W) of our field.
+        shape: (H, W) of our field. radial: of the weights (:func:`sensing.learning.samples.read_samples`).
 
     Raises:
         ParameterError: folders of different designs. FileError: a folder that cannot be read.
     """
     return Views(
-        read_all(folders, "dots", shape),
+        read_all(folders, "dots", shape, radial),
         read_all(folders, "gelslim", RELEASED_SHAPE) if released else None,
         read_all(folders, MARKERS, shape) if markers else None,
     )
 
 
-def read_all(folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAPE) -> Samples:
+def read_all(
+    folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAPE, radial: Array | None = None
+) -> Samples:
     """Samples of several folders of one design, in one.
 
     Args:
         folders: of labelled frames. method: of the field. shape: (H, W) of the field.
+        radial: of the weights (:func:`sensing.learning.samples.read_samples`).
 
     Raises:
         ParameterError: folders of different designs. FileError: a folder that cannot be read.
     """
-    parts = [read_samples(folder, method, shape) for folder in folders]
+    parts = [read_samples(folder, method, shape, radial) for folder in folders]
     designs = {part.design.label for part in parts}
     if len(designs) > 1:
         raise ParameterError(f"data of {', '.join(sorted(designs))}: give folders of one design", name="data")

@@ -30,6 +30,7 @@ from sensing.tracking.field_operator import FieldOperator, field_operator
 from sensing.tracking.gelslim import CROP_PX
 
 Array = NDArray[np.float64]
+KNEE_PX = 0.15  # M: displacement by which half of the error of a moved dot is there
 BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, and not tracked
 
 
@@ -41,15 +42,17 @@ class Scatter:
         camera: of the camera, times what a calibration from a rest picture leaves of it
             (:func:`sensing.learning.found_camera.left_by_calibration`).
         paint_px: of a painted dot from its place. unseen: share of dots not found.
-        still_px, moving_px, share: tracking error at rest, of a dot that moves by over a pixel, and as a share of its
-            displacement (M: bench/bench_wrench.py tracking).
+        still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (half of it by
+            :data:`KNEE_PX`), and as a share of its displacement. Compression and sampling err alike in every picture of
+            a dot at rest, which cancels; a dot that has moved by a third of a pixel meets other pixels (M:
+            bench/tracker_noise.py).
     """
 
     camera: float = 1.0
     paint_px: float = PAINT_PX
     unseen: float = 0.03
-    still_px: float = 0.012
-    moving_px: float = 0.03
+    still_px: float = 0.0063
+    moving_px: float = 0.0288
     share: float = 0.006
 
 
@@ -89,7 +92,7 @@ class MarkerSensor:
         count = len(self._place)
         moved += self._beside[:, :1] * slope[:, :count] + self._beside[:, 1:] * slope[:, count:]
         far, s = np.linalg.norm(moved, axis=2), self._scatter
-        spread = np.sqrt(s.still_px**2 + (s.moving_px * far / (1 + far)) ** 2 + (s.share * far) ** 2)
+        spread = np.sqrt(s.still_px**2 + (s.moving_px * far / (KNEE_PX + far)) ** 2 + (s.share * far) ** 2)
         moved += spread[:, :, None] * self._rng.standard_normal(moved.shape)
         cells = np.einsum("ndc,dk->nck", moved, self.operator.to_cells, optimize=True)
         return (cells * (CROP_PX / min(FRAME_PX))).reshape(len(moved), 2, *self.operator.shape).astype(np.float32)

@@ -153,7 +153,9 @@ def shared_between(train: Samples, test: Samples) -> list[str]:
     return found + ["identical fields"] * len(pictures[0] & pictures[1])
 
 
-def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int] = SHAPE) -> Samples:
+def read_samples(
+    folder: str | Path, method: str = "dots", shape: tuple[int, int] = SHAPE, radial: NDArray[np.float64] | None = None
+) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
     Fields are kept beside the data until it changes.
@@ -163,6 +165,7 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
         method: of the field. ``markers`` takes the fields that domain-randomised sensors would see
             (:mod:`sensing.learning.marker_fields`) instead of tracking the pictures; they stand for those of ``dots``.
         shape: (H, W) of the field.
+        radial: of the weights that will read tracked pictures (:attr:`sensing.wrench.model.WrenchModel.radial`).
 
     Raises:
         FileError: no such set, one that is not whole, or one of another dot pattern or camera than this toolkit's.
@@ -173,16 +176,17 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     fix = "write the set again, or use the toolkit that wrote it"
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
-    stamp = f"11 {method} {shape} {here.digest} " + " ".join(
+    seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()
+    stamp = f"13 {method} {shape} {here.digest} {seen_as} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
     cache = Path(folder) / f"fields_{method}_{shape[0]}x{shape[1]}.npz"
     rows = _cached(cache, digest)
     if rows is None:
-        seen = _marked if method == MARKERS else _tracked
         found: dict[str, list[Any]] = {name: [] for name in ROW_ARRAYS}
-        for count, row in enumerate(seen(data, design, method, shape), 1):
+        seen = _marked(data, design, shape) if method == MARKERS else _tracked(data, design, method, shape, radial)
+        for count, row in enumerate(seen, 1):
             for name, value in zip(ROW_ARRAYS, row, strict=True):
                 found[name].append(value)
             if count % 50 == 0:
@@ -193,7 +197,9 @@ def read_samples(folder: str | Path, method: str = "dots", shape: tuple[int, int
     return Samples(**rows, design=design, method=stands_for, source=str(folder), identity=data.identity)
 
 
-def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def _tracked(
+    data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int], radial: NDArray[np.float64] | None
+) -> Iterator[tuple[Any, ...]]:
     """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     worker: FieldMethod | None = None
@@ -203,7 +209,7 @@ def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[
         if worker is None or run != now:  # a new run: another reference, or the contact jumps
             now = run
             if method == "dots":
-                worker = model_input(single_zero(item.reference).frame(), shape, design, camera)
+                worker = model_input(single_zero(item.reference).frame(), shape, design, camera, radial)
             else:
                 worker = field_method(method, item.reference, shape)
         field = worker.update(item.frame)
@@ -211,13 +217,12 @@ def _tracked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[
         yield fields, field.valid, *_label_row(data, item.labels, to_sphere)
 
 
-def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
+def _marked(data: LabelledSet, design: EndcapParams, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
     """The same from the labels: every run as :data:`VIEWS` of :data:`SENSORS` domain-randomised sensors see it."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     rng = np.random.default_rng(int(data.manifest["request"]["seed"]))
     sensors = [MarkerSensor(design, shape, Scatter(), rng) for _ in range(SENSORS)]
-    # What a window shows is in sets of this simulator; the dots' centres stand for it elsewhere.
-    shown = "outline_mm" if "outline_mm" in data.manifest.get("columns", ()) else "dots_mm"
+    shown = shown_column(data)
     for file in data.shards:
         arrays = read_shard(file, {*COLUMNS, shown})
         if arrays["dots_mm"].shape[1:] != sensors[0].rest_mm.shape:
@@ -230,6 +235,11 @@ def _marked(data: LabelledSet, design: EndcapParams, method: str, shape: tuple[i
                 for field, row in zip(fields, rows, strict=True):
                     labels = {name: arrays[name][row] for name in COLUMNS}
                     yield field, sensors[number].valid, *_label_row(data, labels, to_sphere)
+
+
+def shown_column(data: LabelledSet) -> str:
+    """Column of what a window shows of a dot's motion: its outline, or its centre in sets without that."""
+    return "outline_mm" if "outline_mm" in data.manifest.get("columns", ()) else "dots_mm"
 
 
 def _label_row(data: LabelledSet, labels: dict[str, Any], to_sphere: NDArray[np.float64]) -> tuple[Any, ...]:

@@ -77,6 +77,19 @@ def symmetric_gram(gram: NDArray[np.float64], side: int) -> NDArray[np.float64]:
     return total
 
 
+def symmetric_cell_moments(moment: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    """(D, C) sum over all eight copies of samples of X'Y, Y a number in every cell, from that of the samples alone.
+
+    Args:
+        moment: X'Y of fields X (N, D = 2 C) and cells Y (N, C = side side). side: cells along one side of the grid.
+    """
+    total = np.zeros_like(moment)
+    for number in range(COUNT):
+        order, sign = _permutation(number, side)
+        total += moment[np.ix_(order, order[: side * side] % (side * side))] * sign[:, None]
+    return total
+
+
 @lru_cache(maxsize=64)
 def _permutation(number: int, side: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Which input goes where, and with which sign: the value at M p is M times the value at p."""

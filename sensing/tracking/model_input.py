@@ -1,6 +1,7 @@
 """The one path from a picture to what a wrench model reads: dots tracked, seen through the nominal camera, on a grid.
 
-    seen = model_input(reference, model.shape, model.design)              # and MountedCamera.load("camera.json")
+    seen = model_input(reference, model.shape, model.design)
+    seen = model_input(reference, model.shape, model.design, MountedCamera.load("camera.json"), model.radial)
     wrench = model.estimate(seen.update(frame))
 
 Training, evaluation, live, replay and the benches all go through :class:`ModelInput`, so that a model is never asked
@@ -10,7 +11,7 @@ a window measures does not: a glint that half covers a dot imitates it.
 Hand assembly turns a camera by degrees and shifts it by half a millimetre; the same deformation then looks otherwise,
 and the wrench comes out in the camera's axes. A calibrated camera (:mod:`sensing.calibrate`) gives the ray of each
 pixel, hence its place on the undeformed inner sphere; from there the nominal camera is a projection away. Dots leave
-the sphere by their displacement, so the view is exact at rest, with an error of displacement times misalignment.
+the sphere as the skin is pressed, by what the field itself says; :mod:`sensing.tracking.parallax` takes that out.
 Without a calibrated camera the nominal one is assumed. Full-size pixels; fields in pixels of the 200 x 200 crop.
 """
 
@@ -25,9 +26,11 @@ from sensing.camera.nominal import nominal_mount
 from sensing.records import DotTracks, Frame, Image, ShearField
 from sensing.tracking.field_operator import displacement_to_cells, field_operator
 from sensing.tracking.gelslim import CROP_PX
+from sensing.tracking.parallax import radial_at_dots
 from sensing.tracking.tracker import DotTracker, TrackerConfig
 
 Array = NDArray[np.float64]
+STEP_MM = 0.05  # of the sphere's radius, to either side: derivative of the view
 
 
 class ModelInput:
@@ -38,11 +41,14 @@ class ModelInput:
         shape: (H, W) of the field, the model's.
         params: the endcap.
         camera: the one built in, as calibrated; None takes the nominal one.
+        radial: (H W, 2 H W) radial displacement of the skin by the field, of the weights
+            (:attr:`sensing.wrench.model.WrenchModel.radial`); None leaves the parallax of the camera in.
     """
 
     def __init__(
-        self, tracker: DotTracker, shape: tuple[int, int], params: EndcapParams, camera: MountedCamera | None = None
-    ) -> None:
+        self, tracker: DotTracker, shape: tuple[int, int], params: EndcapParams, camera: MountedCamera | None = None,
+        radial: Array | None = None,
+    ) -> None:  # fmt: skip
         self.tracker = tracker
         self._camera, self._params, self._size = camera, params, tracker.size
         self._nominal = nominal_mount(params, *tracker.size)
@@ -50,6 +56,8 @@ class ModelInput:
         self._known = np.isfinite(place).all(axis=1)
         self._place = place[self._known]
         self._operator = field_operator(self._place, tracker.size, shape)
+        self._radial = None if radial is None else radial_at_dots(radial, self._operator, self._place, tracker.size)
+        self._sideways = None if radial is None or camera is None else self._parallax()
 
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame.
@@ -76,7 +84,10 @@ class ModelInput:
         moved = self.seen(tracks.position_px[self._known]) - self._place
         moved = np.where(np.isfinite(moved), moved, 0.0)
         live = ~tracks.lost[self._known]
-        channels = self._operator.field(self._operator.filled(moved, live)) * np.float32(CROP_PX / min(self._size))
+        moved = self._operator.filled(moved, live)
+        if self._radial is not None and self._sideways is not None:
+            moved = moved + self._sideways * (self._radial @ moved.T.ravel())[:, None]
+        channels = self._operator.field(moved) * np.float32(CROP_PX / min(self._size))
         return ShearField(tracks.time_s, channels, valid=self._operator.valid(live))
 
     def restart(self) -> None:
@@ -99,22 +110,35 @@ class ModelInput:
             pixels = self.tracker.reference_px[self._known]
             place, step = self.seen(pixels), 0.5
             slopes = [(self.seen(pixels + e) - self.seen(pixels - e)) / (2 * step) for e in step * np.eye(2)]
+            sideways = self._parallax()
         finally:
             self._camera = assumed
-        if not (np.isfinite(place).all() and np.isfinite(slopes).all()):
+        if not (np.isfinite(place).all() and np.isfinite(slopes).all() and np.isfinite(sideways).all()):
             return np.full((2 * self._operator.reached.size, 2 * len(place)), np.nan)
+        moved = np.block([[np.diag(slope[:, axis]) for slope in slopes] for axis in (0, 1)])
+        if self._radial is not None:
+            moved = moved + np.vstack([sideways[:, axis, None] * (self._radial @ moved) for axis in (0, 1)])
         to_cells = displacement_to_cells(place, self._size, self._operator.shape).T * (CROP_PX / min(self._size))
-        return np.block([[to_cells * slope[:, axis] for slope in slopes] for axis in (0, 1)])
+        return np.vstack([to_cells @ part for part in np.split(moved, 2)])
 
-    def seen(self, pixels: Array) -> Array:
-        """(N, 2) where the nominal camera sees what the real one sees at (N, 2); NaN beyond the view."""
+    def seen(self, pixels: Array, raised_mm: float = 0.0) -> Array:
+        """(N, 2) where the nominal camera sees what the real one sees at (N, 2); NaN beyond the view.
+
+        Args:
+            pixels: (N, 2) of the real one. raised_mm: of the skin, outward, above the undeformed inner sphere.
+        """
         if self._camera is None:
             return pixels
         centre = np.array([0.0, 0.0, self._params.centre_height_mm])
         rays, start = self._camera.rays_endcap(pixels), self._camera.pupil_endcap_mm - centre
         along = rays @ start
-        root = np.sqrt(along**2 - start @ start + self._params.inner_radius_mm**2)
+        root = np.sqrt(along**2 - start @ start + (self._params.inner_radius_mm + raised_mm) ** 2)
         return self._nominal.project(self._camera.pupil_endcap_mm + (root - along)[:, None] * rays)
+
+    def _parallax(self) -> Array:
+        """(n, 2) sideways shift of the known dots in the nominal view, px by mm outward, that is none of their own."""
+        pixels = self.tracker.reference_px[self._known]
+        return (self.seen(pixels, STEP_MM) - self.seen(pixels, -STEP_MM)) / (2 * STEP_MM)
 
 
 def model_input(
@@ -122,6 +146,7 @@ def model_input(
     shape: tuple[int, int],
     params: EndcapParams,
     camera: MountedCamera | None = None,
+    radial: Array | None = None,
     config: TrackerConfig | None = None,
 ) -> ModelInput:
     """The path from pictures of one sensor to a model's input.
@@ -131,9 +156,10 @@ def model_input(
         shape: (H, W) of the field, the model's.
         params: the endcap.
         camera: the one built in, as calibrated; None takes the nominal one.
+        radial: of the weights, :attr:`sensing.wrench.model.WrenchModel.radial`; takes out the camera's parallax.
         config: knobs of the tracker.
 
     Raises:
         NoDotsError: the reference has no dots. FrameError: it cannot be decoded.
     """
-    return ModelInput(DotTracker(reference, config), shape, params, camera)
+    return ModelInput(DotTracker(reference, config), shape, params, camera, radial)

@@ -1,7 +1,8 @@
 """Weights on disk and the estimator that live code uses: shear field in, wrench with covariance and flags out.
 
     model = load_wrench_model(EndcapParams(130, 8))       # the default that ships with the package, or path="..."
-    seen = model_input(reference, model.shape, model.design)          # of sensing.tracking.model_input; or a camera
+    seen = model_input(reference, model.shape, model.design)          # of sensing.tracking.model_input
+    seen = model_input(reference, model.shape, model.design, camera, model.radial)       # with a calibrated camera
     wrench = model.estimate(seen.update(frame))
 
 Wrenches on the endcap about the sphere's centre, N and N m. A file holds tensors and, as JSON, the design's digest, how
@@ -46,6 +47,8 @@ SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K c
 }  # fmt: skip
 THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.third.bias": ("M",)}  # of deeper weights
 PATTERN: dict[str, tuple[str, ...]] = {"pattern": ("D", "K")}  # fields that principal parts stand for; not in all
+RADIAL: dict[str, tuple[str, ...]] = {"radial.parts": ("R", "D"), "radial.cells": ("C", "R")}  # mm; not in all
+OPTIONAL = (THIRD, PATTERN, RADIAL)
 LAYERS = ("first", "second", "third")
 
 
@@ -54,7 +57,7 @@ class WrenchModel:
     """A trained network, its design and its provenance.
 
     Attributes:
-        weights: tensors by name (:data:`SHAPES`, and of :data:`THIRD` and :data:`PATTERN` what there is), float32.
+        weights: tensors by name (:data:`SHAPES`, and of :data:`OPTIONAL` what there is), float32.
         design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
         range: what training covered. about: provenance and metrics (plain JSON).
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
@@ -74,9 +77,10 @@ class WrenchModel:
     def __post_init__(self) -> None:
         if self.identity is None:
             object.__setattr__(self, "identity", identity(self.design, DEFAULT_SILICONE))
-        sizes = {"6": 6, "21": 21, "D": 2 * self.shape[0] * self.shape[1]}
+        cells = self.shape[0] * self.shape[1]
+        sizes = {"6": 6, "21": 21, "C": cells, "D": 2 * cells}
         shapes = SHAPES.copy()
-        for more in (THIRD, PATTERN):
+        for more in OPTIONAL:
             shapes |= more if more.keys() & self.weights.keys() else {}
         for name, letters in shapes.items():
             found = self.weights.get(name, np.zeros(0))
@@ -138,6 +142,15 @@ class WrenchModel:
         tilt_deg = contact_angle_deg(value, self.design.outer_radius_mm)
         beyond |= self.range.is_too_wide(covariance)
         return np.asarray(beyond | (tilt_deg > self.range.tilt_deg))
+
+    @cached_property
+    def radial(self) -> Array | None:
+        """(H W, 2 H W) radial displacement of the skin in the cells by the field, mm by px of the 200 x 200 crop,
+        outward positive (:mod:`sensing.learning.radial`); None of weights that do not say it.
+        """
+        if "radial.parts" not in self.weights:
+            return None
+        return np.asarray(self._doubles["radial.cells"] @ self._doubles["radial.parts"])
 
     @cached_property
     def slope(self) -> Array:

@@ -72,9 +72,12 @@ def test_a_turned_camera_is_named_and_its_wrench_flagged_until_it_is_calibrated(
     assert f"{out} does not fit this picture" in pipeline.note
 
 
-def test_spread_is_the_change_of_the_wrench_with_the_camera(frames) -> None:
+@pytest.mark.parametrize("parallax", [False, True], ids=["parallax left in", "parallax taken out"])
+def test_spread_is_the_change_of_the_wrench_with_the_camera(frames, parallax) -> None:
     """Against the whole path with each camera, in the directions that change the wrench most."""
     model, rest = load_wrench_model(PARAMS), frames["turned"][0]
+    radial = model.radial if parallax else None
+    assert model.radial is not None
     plain = model_input(rest, model.shape, PARAMS)
     camera = calibrate_from_dots(plain.tracker.reference_px, PARAMS, plain.tracker.size).mounted
     tracks = plain.track(plain.decode(frames["turned"][1]), 0.1)
@@ -82,13 +85,13 @@ def test_spread_is_the_change_of_the_wrench_with_the_camera(frames) -> None:
         covariance = np.zeros((11, 11))
         covariance[number, number] = size**2
         spread = CameraSpread(
-            model_input(rest, model.shape, PARAMS, camera), model, replace(camera, covariance=covariance)
+            model_input(rest, model.shape, PARAMS, camera, radial), model, replace(camera, covariance=covariance)
         )
         at = camera_vector(camera)
         ends = []
         for sign in (1, -1):
             moved = camera_at(at + sign * size * np.eye(11)[number], camera)
-            field = model_input(rest, model.shape, PARAMS, moved).field(tracks)
+            field = model_input(rest, model.shape, PARAMS, moved, radial).field(tracks)
             ends.append(model.slope @ field.channels.ravel().astype(float))
         change, predicted = (ends[0] - ends[1]) / 2, spread.deviations(tracks)[0]
         if predicted @ change < 0:

@@ -12,7 +12,7 @@ from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.records import DotTracks
-from sensing.tracking.field_operator import field_operator
+from sensing.tracking.field_operator import displacement_to_cells, field_operator
 from sensing.tracking.model_input import ModelInput
 
 PARAMS = EndcapParams(130, 8)
@@ -27,8 +27,9 @@ def on_sphere():
     return points[((pixels > 5) & (pixels < [634, 474])).all(axis=1)]
 
 
-def view(points):
-    return ModelInput(SimpleNamespace(size=(640, 480), reference_px=TURNED.project(points)), SHAPE, PARAMS, TURNED)
+def view(points, radial=None):
+    tracker = SimpleNamespace(size=(640, 480), reference_px=TURNED.project(points))
+    return ModelInput(tracker, SHAPE, PARAMS, TURNED, radial)
 
 
 def test_points_of_the_undeformed_sphere_are_seen_exactly_as_the_nominal_camera_sees_them():
@@ -57,6 +58,27 @@ def test_the_field_is_nearly_that_of_the_nominal_camera_whatever_is_built_in():
     untold = raw.field(tracks.displacement_px) * np.float32(200 / 480)
     rms = [np.sqrt(((field - plain)[:, 1:-1, 1:-1] ** 2).mean()) for field in (reported, untold)]
     assert rms[0] < 0.04 * np.sqrt((plain**2).mean()) and rms[0] < 0.4 * rms[1]
+
+
+def test_what_the_field_says_of_the_skin_takes_the_parallax_out():
+    """A map that is right for this dent, against the nominal camera's own view of it; its opposite makes it worse."""
+    points, nominal = on_sphere(), nominal_mount(PARAMS)
+    near = np.exp(-(((points - points[5]) / 25) ** 2).sum(axis=1))[:, None]
+    moved = points + near * [0.8, 0.4, -3.0]
+    count, kept = len(points), (np.ones(len(points)), np.zeros(len(points), bool), (640, 480))
+    tracks = DotTracks(0.0, np.arange(count), TURNED.project(points), TURNED.project(moved), *kept)
+    place = nominal.project(points)
+    plain = ModelInput(SimpleNamespace(size=(640, 480), reference_px=place), SHAPE, PARAMS).field(
+        DotTracks(0.0, np.arange(count), place, nominal.project(moved), *kept)
+    )
+    centre, flat = np.array([0, 0, PARAMS.centre_height_mm]), plain.channels.ravel().astype(float)
+    raised = np.linalg.norm(moved - centre, axis=1) - np.linalg.norm(points - centre, axis=1)
+    radial = np.outer(raised @ displacement_to_cells(place, (640, 480), SHAPE), flat) / (flat @ flat)
+
+    def left(found):
+        return np.sqrt(((view(points, found).field(tracks).channels - plain.channels)[:, 1:-1, 1:-1] ** 2).mean())
+
+    assert left(radial) < 0.25 * left(None) and left(-radial) > 1.7 * left(None)
 
 
 def test_lost_dots_are_filled_and_all_lost_is_invalid():

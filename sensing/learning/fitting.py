@@ -42,7 +42,8 @@ from sensing.wrench.simulation_spread import SIMULATED
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 RIDGE_SHARE = 1e-4  # of the mean square principal part: the straight answer begins there, and is trained on
-LARGEST_INTERVAL_N = 1.0  # E: half width of a 95 % interval beyond which an answer is flagged
+LARGEST_INTERVAL_N = 0.75  # E: half width of a 95 % interval beyond which an answer is flagged: errors on bodies
+# that training has not seen exceed their interval, and those over 1 N are to be flagged
 BLOCK, JUDGED = 65536, 7  # samples whose residuals are made at a time; every so many judge the covariance
 HELD = 40  # E: paths that are enough to choose an epoch, or to scale the covariance; more of them teach nothing
 GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change

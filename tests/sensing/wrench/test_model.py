@@ -221,7 +221,8 @@ def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
         return replace(made, fields=made.fields * (1 + 0.5 * np.abs(made.fields) / np.abs(made.fields).max()))
 
     fresh = bent(10, 21)
-    known, taught = fit(data, QUICK), fit(data, QUICK, others=bent(20, 22))
+    config = replace(QUICK, epochs=40)  # fewer leave the mean in doubt of its own kind
+    known, taught = fit(data, config), fit(data, config, others=bent(20, 22))
     assert np.array_equal(known.predict(fresh.inputs)[0], taught.predict(fresh.inputs)[0])
     off = np.abs(known.predict(fresh.inputs)[0] - fresh.wrenches)[:, 2] > 1.0
     assert off.sum() > 10 and known.out_of_range(fresh.inputs)[off].mean() < 0.5
@@ -229,7 +230,7 @@ def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
     plain = made_samples(seed=5)
     sure = ~taught.out_of_range(plain.inputs)
     error = np.abs(taught.predict(plain.inputs)[0] - plain.wrenches)[:, :3].max(axis=1)
-    assert sure.mean() > 0.75 and (error[sure] < 1.0).mean() > 0.95  # a few paths teach coarsely
+    assert sure.mean() > 0.75 and (error[sure] < 1.0).mean() > 0.95
 
 
 def test_an_answer_with_a_wide_interval_is_none(data):

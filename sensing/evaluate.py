@@ -119,8 +119,7 @@ def evaluate(
         fix = "make test frames of the endcap that the weights are for"
         made_for = None if network is None else network.identity
         require_same(folder, "test frames", LabelledSet(folder).identity, made_for, fix, MUST_AGREE)
-        radial = None if network is None else network.radial
-        test = read_views([Path(folder)], released, markers=False, shape=live.shape, radial=radial)
+        test = read_views([Path(folder)], released, markers=False, shape=live.shape, radial=live.radial)
         _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
         tables |= {f"{name}, {Path(folder).name}": cells(given, range_n) for name, given in ours.items()}

@@ -30,7 +30,7 @@ from cad.whole_file import make_folder, replace_file, require_place
 from sensing.arguments import number
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
-from sensing.learning.radial import radial_of, radial_tensors
+from sensing.learning.radial import radial_tensors
 from sensing.learning.samples import MARKERS, SHAPE, Samples
 from sensing.records_labelled import LabelledSet
 
@@ -69,7 +69,8 @@ def _run(options: argparse.Namespace) -> int:
 def _trained(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights from folders of labelled frames."""
     from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are refused before
-    from sensing.wrench.model import RADIAL, load_wrench_model
+    from sensing.wrench.model import load_wrench_model
+    from sensing.wrench.tensors import radial_of
 
     shape = (options.cells, options.cells)
     start = None
@@ -77,16 +78,16 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
         given = None if str(options.start) == DEFAULT else options.start
         design = LabelledSet(options.data[0]).params
         start = load_wrench_model(design, given, silicone=None)  # fine-tuning fits another stiffness
-    known = {} if start is None else {name: start.weights[name] for name in RADIAL if name in start.weights}
-    known = known or radial_tensors(options.data, shape)
-    samples, pictures, others = _read(options, shape, radial_of(known))
+    radial = None if start is None else start.radial
+    learnt = radial_tensors(options.data, shape) if radial is None else {}
+    samples, pictures, others = _read(options, shape, radial_of(learnt) if radial is None else radial)
 
     def progress(part: str, spent: float, error: float) -> None:
         transient(f"{part}: {spent:.0f} s, {error:.4f}")
 
     kept = options.out.with_name(f".{options.out.name}.checkpoint")
     model = fit(samples, config, start, progress, kept, pictures, others)
-    model = replace(model, weights=model.weights | known)
+    model = replace(model, weights=model.weights | learnt)
     if options.intervals:
         from sensing.evaluation.intervals import with_intervals
 

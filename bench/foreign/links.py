@@ -33,7 +33,6 @@ from sensing.simulator.shown import shown_mm
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.surface import OUTLINE_POINTS, outline_directions, ring_directions
 from sensing.tracking.model_input import model_input
-from sensing.wrench.model import WrenchModel
 
 GEOMETRY = shell_geometry(130, 8)
 CENTRE = np.array(GEOMETRY.centre_mm)
@@ -75,8 +74,7 @@ class SeenDots:
     """
 
     def __init__(self, item: LabelledFrame, camera: MountedCamera, model: LiveModel, data: LabelledSet) -> None:
-        radial = model.estimator.radial if isinstance(model.estimator, WrenchModel) else None
-        self.seen = model_input(item.reference, model.shape, data.params, camera, radial)
+        self.seen = model_input(item.reference, model.shape, data.params, camera, model.radial)
         self.tracks = self.seen.track(self.seen.decode(item.frame), item.frame.time_s)
         self._camera, self._model = camera, model
         self._azimuth = float(item.labels["azimuth_deg"])

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import disc_cells, moved_inputs
-from sensing.wrench.model import WrenchModel, pattern_of
+from sensing.wrench.model import WrenchModel
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
+from sensing.wrench.tensors import pattern_of
 
 Array = NDArray[np.float64]
 RANGE_MARGIN = 1.3  # E: over what training shows

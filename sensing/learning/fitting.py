@@ -35,9 +35,10 @@ from sensing.learning.provenance import provenance
 from sensing.learning.ridge import UNITS
 from sensing.learning.samples import MARKERS, Samples
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
-from sensing.wrench.model import PATTERN, RADIAL, WrenchModel, tolerance
+from sensing.wrench.model import WrenchModel, tolerance
 from sensing.wrench.range import NORMAL_95
 from sensing.wrench.simulation_spread import SIMULATED
+from sensing.wrench.tensors import BESIDE, RADIAL
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
@@ -100,7 +101,7 @@ def fit(
         "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
     }
     weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
-    weights |= {} if start is None else {name: start.weights[name] for name in RADIAL if name in start.weights}
+    weights |= {} if start is None else {name: value for name, value in start.weights.items() if name in RADIAL}
     weights |= pattern_tensor(weights["principal"], train, start.weights if start else None)
     covered = covered_range(weights, rest, config, height, start)
     model = WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
@@ -109,9 +110,7 @@ def fit(
 
 def as_net(model: WrenchModel) -> WrenchNet:
     """The torch twin of a model, for training and export."""
-    weights = {
-        name: torch.from_numpy(value.copy()) for name, value in model.weights.items() if name not in {*PATTERN, *RADIAL}
-    }
+    weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items() if name not in BESIDE}
     components, inputs = model.weights["principal"].shape
     widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
     net = WrenchNet(inputs, components, *widths, len(model.layers))

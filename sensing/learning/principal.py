@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import COUNT, symmetric_gram
-from sensing.wrench.model import PATTERN
+from sensing.wrench.tensors import PATTERN
 
 Array = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float32]]

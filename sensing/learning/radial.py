@@ -68,13 +68,6 @@ def radial_tensors(folders: Sequence[str | Path], shape: tuple[int, int]) -> Wei
     return _ranked(symmetric_gram(gram, shape[0]), symmetric_cell_moments(moment, shape[0]))
 
 
-def radial_of(tensors: Weights) -> Array | None:
-    """(H W, 2 H W) map of the tensors; None without them."""
-    if not tensors:
-        return None
-    return np.asarray(tensors["radial.cells"].astype(float) @ tensors["radial.parts"].astype(float))
-
-
 class _Skin:
     """Radial displacement in the cells, of the dots of a design.
 

@@ -30,6 +30,7 @@ from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import answer_many, answer_one
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
+from sensing.wrench.tensors import OPTIONAL, SHAPES, pattern_of, radial_of
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
 Array = NDArray[np.float64]
@@ -39,16 +40,6 @@ LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
 MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
-SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M and S hidden
-    "linear": ("6", "D"), "principal": ("K", "D"), "units": ("6",), "calibration": ("6",),
-    "mean.first.weight": ("M", "K"), "mean.first.bias": ("M",), "mean.second.weight": ("M", "M"),
-    "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("S", "K"), "spread.0.bias": ("S",),
-    "spread.2.weight": ("S", "S"), "spread.2.bias": ("S",), "spread.4.weight": ("21", "S"), "spread.4.bias": ("21",),
-}  # fmt: skip
-THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.third.bias": ("M",)}  # of deeper weights
-PATTERN: dict[str, tuple[str, ...]] = {"pattern": ("D", "K")}  # fields that principal parts stand for; not in all
-RADIAL: dict[str, tuple[str, ...]] = {"radial.parts": ("R", "D"), "radial.cells": ("C", "R")}  # mm; not in all
-OPTIONAL = (THIRD, PATTERN, RADIAL)
 LAYERS = ("first", "second", "third")
 
 
@@ -57,7 +48,7 @@ class WrenchModel:
     """A trained network, its design and its provenance.
 
     Attributes:
-        weights: tensors by name (:data:`SHAPES`, and of :data:`OPTIONAL` what there is), float32.
+        weights: tensors by name (:mod:`sensing.wrench.tensors`), float32.
         design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
         range: what training covered. about: provenance and metrics (plain JSON).
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
@@ -148,9 +139,7 @@ class WrenchModel:
         """(H W, 2 H W) radial displacement of the skin in the cells by the field, mm by px of the 200 x 200 crop,
         outward positive (:mod:`sensing.learning.radial`); None of weights that do not say it.
         """
-        if "radial.parts" not in self.weights:
-            return None
-        return np.asarray(self._doubles["radial.cells"] @ self._doubles["radial.parts"])
+        return radial_of(self.weights)
 
     @cached_property
     def slope(self) -> Array:
@@ -249,17 +238,6 @@ def load_wrench_model(
         fix = f"make them with {made}; of another silicone, weigh it (docs/weigh.md)"
         require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
     return model
-
-
-def pattern_of(weights: dict[str, NDArray[np.float32]]) -> Array:
-    """(D, K) fields that principal parts stand for; of weights that do not say it, the smallest fields with them.
-
-    Args:
-        weights: tensors by name.
-    """
-    if "pattern" in weights:
-        return weights["pattern"].astype(np.float64)
-    return np.asarray(np.linalg.pinv(weights["principal"].astype(np.float64)))
 
 
 def tolerance(force: Any) -> Any:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cad import plugins
 from cad.errors import FileError, ParameterError
@@ -46,6 +47,13 @@ class LiveModel:
     shape: tuple[int, int]
     estimator: WrenchEstimator
     rest_n: float
+
+    @property
+    def radial(self) -> NDArray[np.float64] | None:
+        """Of trained weights, :attr:`sensing.wrench.model.WrenchModel.radial`; None of other estimators."""
+        from sensing.wrench.model import WrenchModel
+
+        return self.estimator.radial if isinstance(self.estimator, WrenchModel) else None
 
     def threshold(self, on_n: float = 0.0, off_n: float = 0.0) -> ContactThreshold:
         """Contact threshold: the one given, or for 0 a force above the model's own answer at rest."""

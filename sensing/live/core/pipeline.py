@@ -28,7 +28,6 @@ from sensing.records import Frame
 from sensing.tracking.methods import FieldMethod, field_method
 from sensing.tracking.model_input import ModelInput, model_input
 from sensing.tracking.zero import Zero
-from sensing.wrench.model import WrenchModel
 
 ZERO_FRAMES = 10  # averaged for a reference
 JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, are a clock that was set
@@ -192,9 +191,7 @@ class EndcapPipeline:
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
-            estimator = self.model.estimator
-            radial = estimator.radial if isinstance(estimator, WrenchModel) else None
-            method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera, radial)
+            method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera, self.model.radial)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
             _ = method.tracker.wide  # nor is it made when dots are first lost

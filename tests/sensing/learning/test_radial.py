@@ -13,6 +13,7 @@ from sensing.records_labelled import LabelledSet, read_shard
 from sensing.simulator.similarity.labelled import library_source, shell_of, with_azimuths, write_labelled
 from sensing.simulator.similarity.paths import library_paths
 from sensing.wrench.model import load_wrench_model
+from sensing.wrench.tensors import radial_of
 
 PARAMS, SHAPE = EndcapParams(130, 8), (16, 16)
 
@@ -34,18 +35,18 @@ def test_a_linear_map_of_low_rank_is_found_again():
     rng = np.random.default_rng(1)
     truth = rng.standard_normal((40, 20)) @ rng.standard_normal((20, 80))
     fields = rng.standard_normal((5000, 80))
-    found = radial.radial_of(radial._ranked(fields.T @ fields, fields.T @ (fields @ truth.T)))
+    found = radial_of(radial._ranked(fields.T @ fields, fields.T @ (fields @ truth.T)))
     assert np.abs(found - truth).max() < 0.01 * np.abs(truth).max()
-    assert radial._ranked(np.zeros((80, 80)), np.zeros((80, 40))) == {} and radial.radial_of({}) is None
+    assert radial._ranked(np.zeros((80, 80)), np.zeros((80, 40))) == {} and radial_of({}) is None
 
 
 def test_a_set_says_how_its_skin_moves(tmp_path):
-    """Of a shell that moves along its axis, which the set's dots do, outward at the tip."""
+    """Both tensors, in the field's shape."""
     tensors = radial.radial_tensors([write_set(tmp_path / "set", 6, 1)], SHAPE)
     assert {name: value.shape for name, value in tensors.items()} == {
         "radial.parts": (32, 512), "radial.cells": (256, 32)
     }  # fmt: skip
-    assert np.isfinite(radial.radial_of(tensors)).all()
+    assert np.isfinite(radial_of(tensors)).all()
 
 
 def test_the_weights_that_ship_see_how_far_dots_move_toward_the_camera(tmp_path):

@@ -8,8 +8,9 @@ import pytest
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.records import ShearField
-from sensing.wrench.model import SHAPES, THIRD, WrenchModel
+from sensing.wrench.model import WrenchModel
 from sensing.wrench.range import Range
+from sensing.wrench.tensors import SHAPES, THIRD
 
 pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")

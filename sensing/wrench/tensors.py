@@ -1,0 +1,44 @@
+"""The tensors of weights: names and shapes, and what those beside the network stand for.
+
+Letters of the shapes: H W = C cells, D = 2 H W inputs, K components, M and S hidden, R directions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K components, M and S hidden
+    "linear": ("6", "D"), "principal": ("K", "D"), "units": ("6",), "calibration": ("6",),
+    "mean.first.weight": ("M", "K"), "mean.first.bias": ("M",), "mean.second.weight": ("M", "M"),
+    "mean.second.bias": ("M",), "mean.last.weight": ("6", "M"), "spread.0.weight": ("S", "K"), "spread.0.bias": ("S",),
+    "spread.2.weight": ("S", "S"), "spread.2.bias": ("S",), "spread.4.weight": ("21", "S"), "spread.4.bias": ("21",),
+}  # fmt: skip
+THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.third.bias": ("M",)}  # of deeper weights
+PATTERN: dict[str, tuple[str, ...]] = {"pattern": ("D", "K")}  # fields that principal parts stand for; not in all
+RADIAL: dict[str, tuple[str, ...]] = {"radial.parts": ("R", "D"), "radial.cells": ("C", "R")}  # mm; not in all
+OPTIONAL = (THIRD, PATTERN, RADIAL)
+BESIDE = frozenset({*PATTERN, *RADIAL})  # no parts of the network
+
+
+def pattern_of(weights: dict[str, NDArray[np.float32]]) -> Array:
+    """(D, K) fields that principal parts stand for; of weights that do not say it, the smallest fields with them.
+
+    Args:
+        weights: tensors by name.
+    """
+    if "pattern" in weights:
+        return weights["pattern"].astype(np.float64)
+    return np.asarray(np.linalg.pinv(weights["principal"].astype(np.float64)))
+
+
+def radial_of(weights: dict[str, NDArray[np.float32]]) -> Array | None:
+    """(H W, 2 H W) radial displacement of the skin in the cells by the field, mm; None of weights that do not say it.
+
+    Args:
+        weights: tensors by name.
+    """
+    if "radial.parts" not in weights:
+        return None
+    return np.asarray(weights["radial.cells"].astype(np.float64) @ weights["radial.parts"].astype(np.float64))

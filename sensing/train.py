@@ -124,8 +124,9 @@ def _rescaled(options: argparse.Namespace) -> int:
     model = with_intervals(load_wrench_model(design, given, silicone=None), options.intervals, options.tilt_to)
     model.save(options.out)
     found = model.about["intervals"]
-    said = ", ".join(f"{scale:.3g}" for scale in found["scale"])
-    print(f"{options.out}: intervals of {options.start} scaled by {said} on {len(found['paths'])} paths")
+    paths = len(found["paths"])
+    said, more = (", ".join(f"{value:.3g}" for value in found[name]) for name in ("scale", "tracking"))
+    print(f"{options.out}: intervals of {options.start} scaled by {said} on {paths} paths; tracking adds {more}")
     return 0
 
 

@@ -24,7 +24,8 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.messages import LOG
 from cad.whole_file import replace_file
-from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model
+from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, ONSET, WrenchModel, load_wrench_model
+from sensing.wrench.tensors import tracking_of
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -161,7 +162,22 @@ def _covariance(draft: _Draft, model: WrenchModel) -> None:
     root = draft.op("Mul", mix, draft.op("Reshape", spread, column))
     scale = draft.constant("scale", (w["calibration"] * w["units"])[:, None])
     scaled = draft.op("Mul", root, scale)
-    draft.op("MatMul", scaled, draft.op("Transpose", scaled, perm=[0, 2, 1]), out="covariance")
+    own = draft.op("MatMul", scaled, draft.op("Transpose", scaled, perm=[0, 2, 1]))
+    draft.op("Add", own, _tracking(draft, model), out="covariance")
+
+
+def _tracking(draft: _Draft, model: WrenchModel) -> str:
+    """What tracking adds to the covariance: see :mod:`sensing.learning.net`."""
+    of_force = draft.constant("of force", np.eye(6, 3, dtype=np.float32).sum(axis=1, keepdims=True))
+    force = draft.op("Sqrt", draft.op("MatMul", draft.op("Mul", "wrench", "wrench"), of_force))
+    onset = draft.constant("onset", np.full(1, ONSET * model.weights["units"][2], np.float32))
+    share = draft.op("Div", force, draft.op("Add", force, onset))
+    square = draft.op(
+        "Reshape", draft.op("Mul", share, share), draft.constant("number", np.array([-1, 1, 1], np.int64))
+    )
+    return draft.op(
+        "Mul", square, draft.constant("tracking", np.diag(tracking_of(model.weights) ** 2).astype(np.float32))
+    )
 
 
 if __name__ == "__main__":

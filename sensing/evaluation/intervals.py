@@ -3,10 +3,15 @@
     model = with_intervals(model, ["exports/interval_71", "exports/interval_72"])
 
 Notes:
-    On a calibration frame in contact and without a flag, with error e of an axis, variance M that the model gives and C
-    that the camera adds, the interval 1.96 sqrt(s^2 M + C) covers e from s = sqrt(max(e^2 / 1.96^2 - C, 0) / M) on.
-    Frames of one path are not independent, paths are: each has the same weight, and s is the 0.95 quantile under these
-    weights. This estimates the level; the guarantee of conformal prediction on groups (Dunn, Wasserman, Ramdas 2023,
+    On a calibration frame in contact and without a flag, with error e of an axis, variance M that the network gives and
+    C that the camera adds, the interval is 1.96 sqrt(s^2 M + g^2 t^2 + C) with g = |F| / (F0 + |F|): t is what tracking
+    adds from a light touch on. Dots that have moved by a third of a pixel are off by as much as dots that have moved by
+    three, and of small motions that is most of the answer's error; a network that learnt less for them is too sure
+    there, and no single factor can be right for light and heavy loads. So s is the smallest that covers 95 % of the
+    frames from LIGHT_N on, t the smallest that covers 95 % of those below, and each is found with the other given,
+    in turn, until both stand: more of one never needs more of the other, so from t = 0 the s fall and the t rise.
+    Frames of one path are not independent, paths are: each has the same weight in both quantiles. That estimates the
+    level; the guarantee of conformal prediction on groups (Dunn, Wasserman, Ramdas 2023,
     doi:10.1080/01621459.2022.2060112) takes the 0.95 (n + 1) / n quantile of n paths, far too wide for tens of paths.
     Motions and sensors must be none that training or the choice of a setting has seen; one motion seen by several
     sensors counts as several, though it is not quite.
@@ -29,13 +34,16 @@ from sensing.learning.found_camera import camera_of_set
 from sensing.learning.path_quantile import path_quantile
 from sensing.live.core.model import live_model
 from sensing.records_labelled import LabelledSet
-from sensing.wrench.model import WrenchModel
+from sensing.wrench.model import ONSET, WrenchModel
 from sensing.wrench.range import NORMAL_95
 from sensing.wrench.simulation_spread import SIMULATED
+from sensing.wrench.tensors import TRACKING
 
 Array = NDArray[np.float64]
 LEVEL = 0.95
-SCALES = 1e-3, 1e3  # the covariance stays positive
+SCALES = 1e-6, 1e6  # squares of factors: the covariance stays positive
+LIGHT_N = 5.0  # E: below it what tracking adds is most of an error, well above it is none of it
+ROUNDS = 50
 FEWEST_PATHS = 19  # fewer say nothing of one path in twenty
 
 
@@ -68,31 +76,61 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
             name="intervals",
             value=count,
         )
-    factor = np.concatenate([needed(a) for a in answers])
-    scale = np.clip(path_quantile(factor, path, LEVEL), *SCALES)
-    weights = {**model.weights, "calibration": (model.weights["calibration"] * scale).astype(np.float32)}
+    scale, tracking = widths(_joined(answers, path), float(ONSET * model.weights["units"][2]))
+    weights = {
+        **model.weights,
+        "calibration": (model.weights["calibration"] * scale).astype(np.float32),
+        "tracking": (tracking / model.weights["units"]).astype(np.float32),
+    }
     record = {
         "paths": names,
         "sensors": len(answers),
         "tilt_to_deg": tilt_to_deg,
         "scale": [round(float(s), 4) for s in scale],
+        "tracking": [round(float(t), 5) for t in tracking],
     }
-    return replace(model, weights=weights, about={**model.about, "intervals": record})
+    # The limit belongs to the network's own spread: what was flagged under the scale of before stays flagged.
+    limits = replace(model.range, interval_n=model.range.interval_n * float(scale[:3].min()))
+    return replace(model, weights=weights, range=limits, about={**model.about, "intervals": record})
 
 
-def needed(answers: LiveAnswers) -> Array:
-    """(N, 6) factor on the model's standard deviations from which each error is covered."""
-    error = answers.value - answers.truth
+def widths(answers: LiveAnswers, onset_n: float) -> tuple[Array, Array]:
+    """(6,) factors s on the network's standard deviations, and (6,) standard deviations t, N and N m, beside them.
+
+    Args:
+        answers: of a model without t; ``path`` says which frames belong together.
+        onset_n: F0, N, force by which half of t is there.
+    """
+    error, path = (answers.value - answers.truth) / NORMAL_95, answers.path
     own, total = (np.diagonal(c, axis1=1, axis2=2) for c in (answers.model_covariance, answers.covariance))
-    return np.sqrt(np.maximum((error / NORMAL_95) ** 2 - (total - own), 0.0) / own)
+    left, force = error**2 - (total - own), np.linalg.norm(answers.value[:, :3], axis=1)
+    light, share = force < LIGHT_N, ((force / (force + onset_n)) ** 2)[:, None]
+    if not light.any() or light.all():  # one kind of load alone: one factor
+        return np.sqrt(np.clip(path_quantile(np.maximum(left, 0.0) / own, path, LEVEL), *SCALES)), np.zeros(6)
+    tracking = np.zeros(6)  # squares, as scale is
+    for _ in range(ROUNDS):
+        needed = np.maximum(left - share * tracking, 0.0) / own
+        scale = np.clip(path_quantile(needed[~light], path[~light], LEVEL), *SCALES)
+        before, needed = tracking, np.maximum(left - scale * own, 0.0) / share
+        tracking = path_quantile(needed[light], path[light], LEVEL)
+        if np.allclose(tracking, before, rtol=1e-6, atol=0.0):
+            break
+    return np.sqrt(scale), np.sqrt(tracking)
+
+
+def _joined(answers: Sequence[LiveAnswers], path: NDArray[np.str_]) -> LiveAnswers:
+    """All answers as one, under names of paths that differ from sensor to sensor."""
+    columns = {name: np.concatenate([getattr(a, name) for a in answers]) for name in LiveAnswers.__dataclass_fields__}
+    return LiveAnswers(**{**columns, "path": path})
 
 
 def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
     """Answers in contact for which the model vouches, however wide their intervals are before they are scaled, and
     without what is added for all that simulated frames do not show."""
     data.require_whole()
+    weights = {name: value for name, value in model.weights.items() if name not in TRACKING}
     limits = replace(model.range, interval_n=math.inf)
-    model = replace(model, range=limits, about={**model.about, SIMULATED: False})
+    model = replace(model, weights=weights, range=limits, about={**model.about, SIMULATED: False})
     live = live_model("calibrated", model, model.shape)
     camera = camera_of_set(data)
     with tempfile.TemporaryDirectory() as folder:

@@ -114,7 +114,7 @@ def as_net(model: WrenchModel) -> WrenchNet:
     components, inputs = model.weights["principal"].shape
     widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
     net = WrenchNet(inputs, components, *widths, len(model.layers))
-    net.load_state_dict(weights)
+    net.load_state_dict({"tracking": net.tracking, **weights})
     return net.eval()
 
 
@@ -152,6 +152,7 @@ def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet
         )
     net = as_net(start)
     net.calibration.fill_(1.0)
+    net.tracking.fill_(0.0)
     gain = torch.from_numpy(_gain(start, samples).astype(np.float32))
     with torch.no_grad():
         net.linear.copy_(gain @ net.linear)

@@ -1,12 +1,14 @@
 """Our network, for training: linear part plus a small network on principal fields, exactly zero at zero shear.
 
-    f(x) = W x + units * g(z),   z = P x,   g(0) = 0,   covariance C = S L L' S
+    f(x) = W x + units * g(z),   z = P x,   g(0) = 0,   covariance C = S L L' S + diag(t)^2 (|F| / (F0 + |F|))^2
 
 x: (2 H W) field in pixels of the 200 x 200 crop, W: ridge regression, P: leading principal fields of the training data
 (not centred, so that zero stays zero), g: a perceptron whose activations are silu(a + b) - silu(b), which is zero at
 a = 0 whatever b, L: lower triangular from a second perceptron (a spread
-of each axis times a unit triangle), S: calibration of each axis. Wrenches on the endcap
-about the sphere's centre, N and N m. :mod:`sensing.wrench.model` computes the same without torch.
+of each axis times a unit triangle), S: calibration of each axis. t: standard deviations that tracking adds from a light
+touch on, |F| the force of the answer, F0 = ONSET units of it (:mod:`sensing.evaluation.intervals` finds S and t).
+Wrenches on the endcap about the sphere's centre, N and N m. :mod:`sensing.wrench.model` computes the same without
+torch.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, silu, softplus
 
-from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD
+from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD, ONSET
 
 OUTPUTS = 6
 FACTOR = 21  # of a lower triangle
@@ -35,6 +37,7 @@ class WrenchNet(nn.Module):
         self.principal = nn.Parameter(torch.zeros(components, inputs), requires_grad=False)
         self.units = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
         self.calibration = nn.Parameter(torch.ones(OUTPUTS), requires_grad=False)
+        self.tracking = nn.Parameter(torch.zeros(OUTPUTS), requires_grad=False)
         self.mean = Anchored(components, hidden, depth)
         self.spread = nn.Sequential(
             nn.Linear(components, doubting),
@@ -46,9 +49,12 @@ class WrenchNet(nn.Module):
         nn.init.zeros_(self.spread[-1].weight)  # type: ignore[arg-type]  # training starts from a constant covariance
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, 2 H W) to wrenches (B, 6) and factors (B, 6, 6) of their covariances C = F F'."""
+        """(B, 2 H W) to wrenches (B, 6) and factors (B, 6, 12) of their covariances C = F F'."""
         z = x @ self.principal.T
-        return x @ self.linear.T + self.mean(z) * self.units, self.factor(z) * (self.calibration * self.units)[:, None]
+        value, scaled = x @ self.linear.T + self.mean(z) * self.units, (self.calibration * self.units)[:, None]
+        force = value[:, :3].norm(dim=1, keepdim=True)
+        tracking = torch.diag_embed(force / (force + ONSET * self.units[2]) * (self.tracking * self.units))
+        return value, torch.cat([self.factor(z) * scaled, tracking], dim=2)
 
     def factor(self, z: Tensor) -> Tensor:
         """(B, 6, 6) lower triangular, in units, before calibration, from principal parts (B, components)."""

@@ -20,7 +20,7 @@ _KERNEL, _HELPER = SHORT | {"fastmath": EXACT}, HELPER | {"fastmath": EXACT}
 
 
 @numba.njit(**_KERNEL)
-def answer_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, limits):
+def answer_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
     """Answer of the network of :mod:`sensing.learning.net` for one field, and how unlike those of training it is.
 
     Args:
@@ -30,31 +30,33 @@ def answer_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, 
         mean: layers of the perceptron that bends the answer: first (M, K) and (M,), those after it (L, M, M) and
             (L, M), float32, the last (6, M) float64, in N and N m.
         spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
+        tracking: (7,) float64: standard deviations that tracking adds, and force by which half of them is there, N.
         limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
 
     Returns:
         Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and of what it leaves (px).
     """
-    return _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, limits)
+    return _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits)
 
 
 @numba.njit(**KERNEL | {"fastmath": EXACT})
-def answer_many(inputs, cells, linear, principal, pattern, gram, mean, spread, scale, limits):
+def answer_many(inputs, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
     """Wrenches (N, 6) and covariances (N, 6, 6) for fields (N, D); the rest as of :func:`answer_one`.
 
     Args:
-        inputs: (N, D) float64, finite. cells, linear, principal, pattern, gram, mean, spread, scale, limits: see there.
+        inputs: (N, D) float64, finite.
+        cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits: see there.
     """
     value, covariance = np.empty((len(inputs), 6)), np.empty((len(inputs), 6, 6))
     for n in range(len(inputs)):
         value[n], covariance[n], _, _ = _answer(
-            inputs[n], cells, linear, principal, pattern, gram, mean, spread, scale, limits
+            inputs[n], cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits
         )
     return value, covariance
 
 
 @numba.njit(**_HELPER)
-def _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, limits):
+def _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
     count = len(principal)
     z, seen, along = np.zeros(count), np.zeros(count), np.zeros(count)
     for k in range(count):
@@ -72,7 +74,11 @@ def _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, lim
     for k in range(21):
         raw[k] = _product(spread[4][k], h) + spread[5][k]
     distance, left = _range(seen, along, gram, square)
-    return value, _covariance(raw, scale, limits), distance, left
+    covariance = _covariance(raw, scale, limits)
+    force = math.sqrt(value[0] ** 2 + value[1] ** 2 + value[2] ** 2)
+    for k in range(6):
+        covariance[k, k] += (tracking[k] * force / (force + tracking[6])) ** 2
+    return value, covariance, distance, left
 
 
 @numba.njit(**_HELPER)

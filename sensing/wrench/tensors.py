@@ -18,7 +18,8 @@ SHAPES: dict[str, tuple[str, ...]] = {  # of every tensor: D = 2 H W inputs, K c
 THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.third.bias": ("M",)}  # of deeper weights
 PATTERN: dict[str, tuple[str, ...]] = {"pattern": ("D", "K")}  # fields that principal parts stand for; not in all
 RADIAL: dict[str, tuple[str, ...]] = {"radial.parts": ("R", "D"), "radial.cells": ("C", "R")}  # mm; not in all
-OPTIONAL = (THIRD, PATTERN, RADIAL)
+TRACKING: dict[str, tuple[str, ...]] = {"tracking": ("6",)}  # what tracking adds to the spread, in units; not in all
+OPTIONAL = (THIRD, PATTERN, RADIAL, TRACKING)
 BESIDE = frozenset({*PATTERN, *RADIAL})  # no parts of the network
 
 
@@ -31,6 +32,15 @@ def pattern_of(weights: dict[str, NDArray[np.float32]]) -> Array:
     if "pattern" in weights:
         return weights["pattern"].astype(np.float64)
     return np.asarray(np.linalg.pinv(weights["principal"].astype(np.float64)))
+
+
+def tracking_of(weights: dict[str, NDArray[np.float32]]) -> Array:
+    """(6,) standard deviations, N and N m, that tracking adds to answers under load; 0 of weights that do not say it.
+
+    Args:
+        weights: tensors by name.
+    """
+    return np.asarray(weights.get("tracking", np.zeros(6)) * weights["units"].astype(np.float64))
 
 
 def radial_of(weights: dict[str, NDArray[np.float32]]) -> Array | None:

@@ -13,10 +13,13 @@ from cad.errors import ParameterError
 from sensing.evaluation import intervals
 from sensing.evaluation.live_answers import LiveAnswers
 from sensing.learning.path_quantile import path_quantile
-from sensing.wrench.model import load_wrench_model
+from sensing.wrench.model import ONSET, load_wrench_model
+from sensing.wrench.tensors import tracking_of
 
 PATHS, FRAMES = 60, 30
 CAMERA = 0.3  # variance that the camera adds
+OWN, ONSET_N = 0.1, 0.25  # variance that the network gives; force by which half of what tracking adds is there
+TRUE_SCALE, TRUE_TRACKING = 1.8, 0.7
 
 
 def made_answers(rng: np.random.Generator, paths: int = PATHS, name: str = "p") -> LiveAnswers:
@@ -26,41 +29,70 @@ def made_answers(rng: np.random.Generator, paths: int = PATHS, name: str = "p") 
     spread = np.repeat(np.where(np.arange(paths) % 3 == 0, 2.0, 1.0), frames)
     bias = np.repeat(rng.standard_normal((paths, 6)), frames, axis=0)
     error = spread[:, None] * (0.8 * bias + 0.6 * rng.standard_normal(bias.shape))
-    count, eye = len(path), np.eye(6)
-    own = np.tile(0.1 * eye, (count, 1, 1))
+    return _answers(error, np.full(len(path), OWN), rng.uniform(0.0, 10.0, len(path)), path)
+
+
+def tracked_answers(rng: np.random.Generator) -> LiveAnswers:
+    """Independent errors of which the network knows a part that grows with the load, and not what tracking adds."""
+    path = np.repeat([f"t-{k}" for k in range(400)], FRAMES)
+    load = rng.uniform(0.5, 10.0, len(path))
+    own, added = OWN * (load / 5.0) ** 2, TRUE_TRACKING * load / (load + ONSET_N)
+    error = np.sqrt(TRUE_SCALE**2 * own + added**2 + CAMERA)[:, None] * rng.standard_normal((len(path), 6))
+    return _answers(error, own, load, path)
+
+
+def _answers(error: np.ndarray, own: np.ndarray, load: np.ndarray, path: np.ndarray) -> LiveAnswers:
+    """Answers (N, 6) of ``load`` newtons along z that are off by ``error``, with the variance ``own`` of every axis."""
+    count, value = len(path), np.zeros_like(error)
+    value[:, 2] = load
+    own = own[:, None, None] * np.eye(6)
     return LiveAnswers(
-        error, np.zeros((count, 6)), own + CAMERA * eye, own, np.zeros(count, bool), np.zeros(count),
+        value, value - error, own + CAMERA * np.eye(6), own, np.zeros(count, bool), np.zeros(count),
         np.full((count, 4), np.nan), np.ones(count, bool), path,
     )  # fmt: skip
 
 
-def covered(answers: LiveAnswers, scale: np.ndarray) -> float:
-    """Fraction of the axes covered, every path with the same weight."""
-    sigma = np.sqrt(scale**2 * 0.1 + CAMERA)
-    inside = (np.abs(answers.value) <= intervals.NORMAL_95 * sigma).mean(axis=1)
-    names = np.unique(answers.path)
-    return float(np.mean([inside[answers.path == name].mean() for name in names]))
+def covered(answers: LiveAnswers, scale: np.ndarray, tracking: np.ndarray, rows: np.ndarray) -> float:
+    """Fraction of the axes covered on some rows, every path with the same weight."""
+    force = np.linalg.norm(answers.value[:, :3], axis=1)
+    added = (force / (force + ONSET_N))[:, None] * tracking
+    own = np.diagonal(answers.model_covariance, axis1=1, axis2=2)
+    sigma = np.sqrt(scale**2 * own + added**2 + CAMERA)
+    inside = (np.abs(answers.value - answers.truth) <= intervals.NORMAL_95 * sigma).mean(axis=1)[rows]
+    path = answers.path[rows]
+    return float(np.mean([inside[path == name].mean() for name in np.unique(path)]))
 
 
-def test_the_scale_covers_new_paths_at_the_level_and_counting_frames_does_not() -> None:
-    by_path, by_frame, rng = [], [], np.random.default_rng(0)
+def test_the_widths_cover_new_paths_at_the_level_under_light_and_heavy_loads() -> None:
+    found, rng = {"light": [], "heavy": []}, np.random.default_rng(0)
     for _ in range(12):
         known, fresh = made_answers(rng), made_answers(rng, 300)
-        factor = intervals.needed(known)
-        by_path.append(covered(fresh, path_quantile(factor, known.path, 0.95)))
-        alone = known.take(np.char.find(known.path, "-") > 0)
-        by_frame.append(covered(fresh, np.quantile(intervals.needed(alone), 0.95, axis=0)))
-    assert 0.925 < np.mean(by_path) < 0.965
-    assert np.mean(by_frame) > np.mean(by_path) + 0.005  # long, bad paths count three times
+        widths = intervals.widths(known, ONSET_N)
+        light = np.linalg.norm(fresh.value[:, :3], axis=1) < intervals.LIGHT_N
+        for name, rows in (("light", light), ("heavy", ~light)):
+            found[name].append(covered(fresh, *widths, rows))
+    assert 0.925 < np.mean(found["light"]) < 0.97 and 0.925 < np.mean(found["heavy"]) < 0.965
 
 
-def test_needed_factor_is_the_one_from_which_the_error_is_inside() -> None:
-    answers = made_answers(np.random.default_rng(1), 4)
-    factor = intervals.needed(answers)
-    edge = intervals.NORMAL_95 * np.sqrt(factor**2 * 0.1 + CAMERA)
-    inside = np.abs(answers.value) < intervals.NORMAL_95 * np.sqrt(CAMERA)
-    assert inside.any() and (factor[inside] == 0).all() and (~inside).any()
-    assert np.allclose(edge[~inside], np.abs(answers.value)[~inside])
+def test_what_tracking_adds_is_found_where_no_factor_alone_is_right() -> None:
+    known, fresh = (tracked_answers(np.random.default_rng(seed)) for seed in (1, 2))
+    scale, tracking = intervals.widths(known, ONSET_N)
+    assert np.allclose(scale, TRUE_SCALE, rtol=0.1) and np.allclose(tracking, TRUE_TRACKING, rtol=0.1)
+    light = fresh.value[:, 2] < intervals.LIGHT_N
+    alone = intervals.widths(known.take(known.value[:, 2] >= intervals.LIGHT_N), ONSET_N)
+    for rows in (light, ~light):
+        assert covered(fresh, scale, tracking, rows) == pytest.approx(0.95, abs=0.006)
+    assert covered(fresh, *alone, light) < 0.93
+
+
+def test_light_or_heavy_loads_alone_are_scaled_by_one_factor() -> None:
+    answers = made_answers(np.random.default_rng(2), 30)
+    light = np.linalg.norm(answers.value[:, :3], axis=1) < intervals.LIGHT_N
+    for rows in (light, ~light):
+        scale, tracking = intervals.widths(answers.take(rows), ONSET_N)
+        error = (answers.value - answers.truth)[rows] / intervals.NORMAL_95
+        needed = np.sqrt(np.maximum(error**2 - CAMERA, 0.0) / OWN)
+        assert np.allclose(scale, path_quantile(needed, answers.path[rows], 0.95)) and not tracking.any()
 
 
 def test_quantile_of_equal_paths_is_that_of_their_rows() -> None:
@@ -80,9 +112,14 @@ def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(intervals, "_judged", lambda model, data: known[data.folder.name])
     model = load_wrench_model()
     scaled = intervals.with_intervals(model, [tmp_path / name for name in known])
-    ratio = scaled.weights["calibration"] / model.weights["calibration"]
-    factor, path = (np.concatenate([f(a) for a in known.values()]) for f in (intervals.needed, lambda a: a.path))
-    assert np.allclose(ratio, path_quantile(factor, path, 0.95), rtol=1e-6)
+    path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(known.values())])
+    onset_n = float(ONSET * model.weights["units"][2])
+    scale, tracking = intervals.widths(intervals._joined(list(known.values()), path), onset_n)
+    assert np.allclose(scaled.weights["calibration"] / model.weights["calibration"], scale, rtol=1e-6)
+    assert np.allclose(tracking_of(scaled.weights), tracking, rtol=1e-6) and tracking.any()
+    fields = rng.standard_normal((200, model.weights["linear"].shape[1])) * rng.uniform(0, 0.3, (200, 1))
+    before, after = (m.range.is_too_wide(m.predict(fields)[1]) for m in (model, scaled))
+    assert before.any() and not before.all() and (after | ~before).all()  # what was flagged stays flagged
     assert len(scaled.about["intervals"]["paths"]) == 40 and scaled.about["intervals"]["sensors"] == 2
     scaled.save(tmp_path / "w")
     assert load_wrench_model(path=tmp_path / "w").about["intervals"] == scaled.about["intervals"]

@@ -10,7 +10,7 @@ from cad.params import EndcapParams
 from sensing.records import ShearField
 from sensing.wrench.model import WrenchModel
 from sensing.wrench.range import Range
-from sensing.wrench.tensors import SHAPES, THIRD
+from sensing.wrench.tensors import SHAPES, THIRD, TRACKING
 
 pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
@@ -20,7 +20,7 @@ from sensing import wrench_onnx  # noqa: E402
 SIDE, COMPONENTS, HIDDEN, DOUBTING = 8, 10, 16, 12
 
 
-@pytest.fixture(scope="module", params=[SHAPES, SHAPES | THIRD], ids=["two layers", "three"])
+@pytest.fixture(scope="module", params=[SHAPES, SHAPES | THIRD | TRACKING], ids=["two layers", "three"])
 def model(request):
     """Weights drawn at random, of the sizes that trained ones have."""
     rng = np.random.default_rng(0)

@@ -106,9 +106,9 @@ class Problem:
         width = np.where(known, self.sigma, 1.0)
 
         def residual(values: Array) -> Array:
-            vector = np.broadcast_to(start, (*values.shape[:-1], len(start))).copy()
-            vector[..., free] = values
-            error = np.einsum("nab,...nb->...na", whiten, self.project(vector, points) - pixels)
+            vector = np.empty((*values.shape[:-1], len(start)))
+            vector[...], vector[..., free] = start, values
+            error = (whiten @ (self.project(vector, points) - pixels)[..., None])[..., 0]
             far = ((vector - self.mean) / width)[..., known]
             return np.concatenate([error.reshape(*values.shape[:-1], -1), far], axis=-1)
 
@@ -157,13 +157,14 @@ class Problem:
         """
         camera = self.start.camera
         there = (points - vector[..., None, 8:11]) @ np.swapaxes(rotation_of(vector), -1, -2)
-        x, y, z = np.moveaxis(there, -1, 0)
+        x, y, z = there[..., 0], there[..., 1], there[..., 2]
         rho = np.hypot(x, y)
-        k = np.stack(np.broadcast_arrays(vector[..., 3], vector[..., 4], *camera.k[2:]))
-        r = radial(np.arctan2(rho, z), k[..., None])[0]
-        scale = vector[..., :1] * r / np.maximum(rho, 1e-12)
-        across, down = vector[..., 1:2], vector[..., 2:3]
-        return np.stack([scale * x + across, camera.fy_px / camera.fx_px * scale * y + down], -1)
+        k = vector[..., 3:4], vector[..., 4:5], camera.k[2], camera.k[3]
+        scale = vector[..., :1] * radial(np.arctan2(rho, z), k)[0] / np.maximum(rho, 1e-12)
+        seen = np.empty((*rho.shape, 2))
+        seen[..., 0] = scale * x + vector[..., 1:2]
+        seen[..., 1] = camera.fy_px / camera.fx_px * scale * y + vector[..., 2:3]
+        return seen
 
 
 def minimise(

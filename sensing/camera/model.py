@@ -191,8 +191,8 @@ class FisheyeCamera:
         return FisheyeCamera(**{**asdict(self), "width_px": width_px, "height_px": height_px, **changes})
 
 
-def radial(theta: Array, k: Array) -> tuple[Array, Array]:
-    """The module's r(theta) and its derivative, both in the shape of ``theta``."""
+def radial(theta: Array, k: Array | tuple[Array | float, ...]) -> tuple[Array, Array]:
+    """The module's r(theta) and its derivative, both in the shape of ``theta``; k: k1 to k4."""
     square = theta * theta
     k1, k2, k3, k4 = k
     r = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))

@@ -67,16 +67,12 @@ def rotation_of(vector: Array) -> Array:
     x, y, azimuth = vector[..., 5], vector[..., 6], vector[..., 7]
     angle = np.hypot(x, y)
     sine, cosine = np.sinc(angle / np.pi), 0.5 * np.sinc(0.5 * angle / np.pi) ** 2  # over angle, one less over angle^2
-    tilt = [
-        [1 - cosine * y * y, cosine * x * y, sine * y],
-        [cosine * x * y, 1 - cosine * x * x, -sine * x],
-        [-sine * y, sine * x, 1 - cosine * angle * angle],
-    ]
-    c, s, none = np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)
-    turn = [[c, -s, none], [s, c, none], [none, none, none + 1]]
-    return np.asarray(_stacked(tilt) @ _stacked(turn))
-
-
-def _stacked(rows: list[list[Array]]) -> Array:
-    """(..., 3, 3) of three rows of three numbers (...) each."""
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    mixed, c, s = cosine * x * y, np.cos(azimuth), np.sin(azimuth)
+    tilt = (1 - cosine * y * y, mixed), (mixed, 1 - cosine * x * x), (-sine * y, sine * x)
+    turned = np.empty((*x.shape, 3, 3))
+    for row, (first, second) in enumerate(tilt):  # tilt times turn, whose third axis stays
+        turned[..., row, 0] = first * c + second * s
+        turned[..., row, 1] = second * c - first * s
+    turned[..., 0, 2], turned[..., 1, 2] = sine * y, -sine * x
+    turned[..., 2, 2] = 1 - cosine * angle * angle
+    return turned

@@ -186,18 +186,9 @@ class FirstShape:
             loads *= weight / max(carried, weight / 4)
         known = loads.copy()
         known[:, 2] -= layout.mass_kg * GRAVITY_M_S2
-        pulls = np.zeros((len(cables), len(poses), 6))
-        lengths = np.empty(len(cables))
-        for pull, cable, number in zip(pulls, cables, range(len(cables)), strict=True):
-            first, second = (layout.robot.bar_number(name) for name in cable.bars)
-            one, two = (
-                poses[bar, :3, :3] @ point + poses[bar, :3, 3]
-                for bar, point in zip((first, second), cable.points_m, strict=True)
-            )
-            lengths[number] = np.linalg.norm(two - one)
-            along = (two - one) / lengths[number]
-            pull[first] += np.concatenate([along, cross(one - centre[first], along)])
-            pull[second] -= np.concatenate([along, cross(two - centre[second], along)])
+        lengths, jacobian = cable_lengths(layout.robot, poses)
+        pulls = -jacobian.reshape(len(cables), len(poses), 6)  # a cable pulls against what makes it longer
+        pulls[..., 3:] += np.cross(poses[:, :3, 3] - centre, pulls[..., :3])
         stiffness = np.array([cable.stiffness_n_m for cable in cables])
         stated = stiffness * np.maximum(0.0, lengths - [cable.rest_m for cable in cables])
         sds = stiffness * REST_SD_M

@@ -127,17 +127,20 @@ def cable_lengths(
     """
     chosen = robot.cables if cables is None else cables
     number = {bar.name: place for place, bar in enumerate(robot.bars)}
-    length, jacobian = np.zeros(len(chosen)), np.zeros((len(chosen), 6 * len(robot.bars)))
-    for row, cable in enumerate(chosen):
-        places = [number[name] for name in cable.bars]
-        levers = [T_world_bar[place, :3, :3] @ point for place, point in zip(places, cable.points_m, strict=True)]
-        along = T_world_bar[places[1], :3, 3] + levers[1] - T_world_bar[places[0], :3, 3] - levers[0]
-        length[row] = np.linalg.norm(along)
-        along = along / max(length[row], 1e-12)
-        for place, lever, sign in zip(places, levers, (-1.0, 1.0), strict=True):
-            jacobian[row, 6 * place : 6 * place + 3] += sign * along
-            jacobian[row, 6 * place + 3 : 6 * place + 6] += sign * cross(lever, along)
-    return length, jacobian
+    places = np.array([[number[name] for name in cable.bars] for cable in chosen], int).reshape(-1, 2)
+    points = np.array([cable.points_m for cable in chosen], float).reshape(-1, 2, 3)
+    poses = T_world_bar[places, :3]  # (C, 2, 3, 4)
+    levers = (poses[..., :3] @ points[..., None])[..., 0]
+    ends = poses[..., 3] + levers
+    along = ends[:, 1] - ends[:, 0]
+    length = np.sqrt((along**2).sum(axis=1))
+    along = along / np.maximum(length, 1e-12)[:, None]
+    jacobian, rows = np.zeros((len(chosen), len(robot.bars), 6)), np.arange(len(chosen))
+    for end, sign in enumerate((-1.0, 1.0)):
+        (x, y, z), (a, b, c) = levers[:, end].T, along.T
+        turned = np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)  # lever times direction
+        jacobian[rows, places[:, end]] += sign * np.concatenate([along, turned], axis=1)
+    return length, jacobian.reshape(len(chosen), 6 * len(robot.bars))
 
 
 def _descend(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -59,8 +60,13 @@ def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome 
 
 def sphere_centre_m(endcap: MountedEndcap) -> Array:
     """(3,) centre of the untouched sphere in the frame of its bar."""
-    height = EndcapParams(endcap.diameter_mm, endcap.wall_mm).centre_height_mm / 1000
+    height = _centre_height_m(endcap.diameter_mm, endcap.wall_mm)
     return np.asarray(endcap.T_bar_endcap[:3, 3] + height * endcap.T_bar_endcap[:3, 2])
+
+
+@lru_cache(maxsize=64)
+def _centre_height_m(diameter_mm: float, wall_mm: float) -> float:
+    return EndcapParams(diameter_mm, wall_mm).centre_height_mm / 1000
 
 
 def _bar(robot: TensegrityRobot, bar: Bar, pose: Array, dome: Dome) -> str:

@@ -7,7 +7,7 @@ OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
 FAB := molds molds-help slice sheet ring coupons design
-GOALS := help setup $(FAB) endcap robot-model study data train evaluate live test quick check docs bench clean clean-all
+GOALS := help setup $(FAB) endcap robot-model study data train evaluate live test test-long quick check docs bench clean clean-all
 .PHONY: $(GOALS)
 
 # Everything on the command line is read or refused: a word that is no target, a variable that no target here takes.
@@ -102,9 +102,13 @@ coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and thei
 	@$(BIN)/python -m fab.coupons $(ASKED)
 
 # Three processes on two cores: a third of the time tests wait for cameras, browsers and processes.
-test: $(VENV)/all.stamp ## all tests
+test: $(VENV)/all.stamp ## the tests, but for those marked long: under ten minutes on two quiet cores
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
-	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m 'not long'
+
+test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines
+	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
+	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m long
 
 # Quick: what makes no CAD solids, renders nothing and presses nothing. 80 s of processor time with warm caches.
 QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.py test_extras.py test_makefile.py \

@@ -19,7 +19,12 @@ from cad.led_ring import led_ring_part
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
 
-DESIGNS = [(98.86, 6.5), (100.0, 6.5), (121.0, 8.0), (130.0, 8.0), (180.0, 10.0), (250.0, 25.0)]
+DESIGNS = [
+    (98.86, 6.5),
+    (130.0, 8.0),
+    (250.0, 25.0),
+    *(pytest.param(size, marks=pytest.mark.long) for size in ((100.0, 6.5), (121.0, 8.0), (180.0, 10.0))),
+]
 FACT_MM = 0.05  # agreement with the released base
 
 

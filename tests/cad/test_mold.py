@@ -21,7 +21,11 @@ from cad.shell import shell_part
 from cad.solids import drill, one_solid, revolved
 
 CORNERS = [(98.86, 6.5), (99.0, 8.1), (130.0, 8.0), (130.0, 13.0), (250.0, 6.5), (250.0, 25.0)]
-CUT = [(98.86, 6.5), (250.0, 25.0), (155.0, 8.0)]  # corners whose pieces are made; a bowl that needs a steeper skirt
+CUT = [  # corners whose pieces are made; a bowl that needs a steeper skirt
+    (98.86, 6.5),
+    pytest.param((250.0, 25.0), marks=pytest.mark.long),
+    pytest.param((155.0, 8.0), marks=pytest.mark.long),
+]
 KERNEL_RATIO = 1e-6  # OCCT's own integrals
 
 

@@ -213,6 +213,7 @@ def test_one_closed_face_is_seen(printed: trimesh.Trimesh) -> None:
     assert gyroid_checks.trapped_void_mm3(PARAMS, cast) < 1e-2 * zone_volume_mm3(PARAMS)  # still open inward
 
 
+@pytest.mark.long
 def test_a_zone_closed_all_round_traps_both_labyrinths(printed: trimesh.Trimesh) -> None:
     cast = gyroid_checks.cast_space(PARAMS, closed_faces(printed, all_of_them=True))
     trapped = gyroid_checks.trapped_void_mm3(PARAMS, cast)

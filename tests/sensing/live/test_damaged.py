@@ -244,6 +244,7 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
             read_config(path)
 
 
+@pytest.mark.long
 def test_random_damage_is_borne():
     """A sample of ``python bench/bench_robust_files.py``, in a process of its own: it forks."""
     bench = Path(__file__).resolve().parents[3] / "bench"

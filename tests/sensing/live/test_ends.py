@@ -236,6 +236,7 @@ def test_the_index_of_a_recording_does_not_grow_in_memory(tmp_path):
     assert sum(1 for _ in read_records(recorder.path)) >= 150
 
 
+@pytest.mark.long
 def test_random_ends_are_clean():
     """A sample of ``python bench/bench_robust_ends.py``, in a process of its own: it forks."""
     bench = Path(__file__).resolve().parents[3] / "bench"

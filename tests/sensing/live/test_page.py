@@ -200,6 +200,7 @@ def memory_mb() -> float:
     return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
 
 
+@pytest.mark.long
 def test_a_short_soak_with_viewer_and_recordings_keeps_memory_flat(site):
     """What an hour would show by hundreds of MB shows here by some: pictures, readings or messages that are kept."""
 

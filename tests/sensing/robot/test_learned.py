@@ -39,7 +39,7 @@ def test_creep_is_learned_from_contacts_that_pull_apart():
     assert true > 3 * spread and abs(state.creep[0] - true) < 3 * spread
 
 
-@pytest.mark.parametrize("compliance", [0.8, 1.0, 1.25])
+@pytest.mark.parametrize("compliance", [0.8, 1.25, pytest.param(1.0, marks=pytest.mark.long)])
 def test_the_domes_softness_is_learned_from_contacts_that_are_loaded_and_unloaded(compliance):
     """Domes of 4 N/mm in the simulation; the settings say something else."""
     walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)

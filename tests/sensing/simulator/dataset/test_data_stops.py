@@ -117,6 +117,7 @@ def test_two_processes_give_the_same_shards(small_set: Path, tmp_path: Path) -> 
     assert same(tmp_path, small_set)
 
 
+@pytest.mark.long
 def test_a_dask_cluster_gives_the_same_shards(small_set: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

@@ -52,6 +52,7 @@ def test_a_node_is_given_back_and_a_linear_law_is_exact_between_nodes():
     assert weights @ np.arccos(library.ratios[:, 1]) == pytest.approx(np.arccos(0.5))
 
 
+@pytest.mark.long
 def test_a_node_comes_out_of_the_library_as_its_own_states():
     library = load_library()
     for number in (1, int(library.ratios[:, 0].argmin())):  # the second has some of the paths only

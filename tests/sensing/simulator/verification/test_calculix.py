@@ -23,6 +23,7 @@ def test_the_twenty_nodes_are_corners_and_edges_in_its_order() -> None:
     assert np.array_equal(twenty[16:], (twenty[:4] + twenty[4:8]) / 2)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 def test_calculix_finds_the_same_press_and_pull() -> None:
     found = verify_calculix.compare(MeshDensity(4, 7, 2), 3.0, 1.5, tilt_deg=20.0, friction=0.4, increments=2)

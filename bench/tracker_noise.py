@@ -15,12 +15,13 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import nnls
 
+from sensing.learning.marker_fields import KNEE_PX
 from sensing.records_labelled import LabelledSet
 from sensing.tracking.tracker import DotTracker
 
 Array = np.ndarray
 NEAR_PX = 12.0  # a found dot is the labelled one within this distance
-FAR_PX = (0.0, 0.3, 1.0, 3.0, 6.0, 12.0, 40.0)  # displacements between which errors are counted together
+FAR_PX = (0.0, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0, 6.0, 12.0, 40.0)  # displacements between which errors are counted together
 APART_PX = (0.0, 55.0, 80.0, 110.0, 150.0, 200.0, 300.0)  # and distances between dots
 LARGEST = 5.0  # an error counts as at most so many median-based deviations
 FEWEST = 50  # errors between two displacements
@@ -31,7 +32,7 @@ class Noise:
     """The tracker's error: standard deviation of a dot that has moved, and how two dots go together.
 
     Attributes:
-        still_px, moving_px, share: sd^2 = still^2 + (moving far / (1 + far))^2 + (share far)^2.
+        still_px, moving_px, share: sd^2 = still^2 + (moving far / (KNEE_PX + far))^2 + (share far)^2.
         alike, length_px: correlation of one axis of two dots, alike exp(-distance / length).
     """
 
@@ -43,7 +44,8 @@ class Noise:
 
     def sd(self, far_px: Array) -> Array:
         """Standard deviation of one axis at displacements, px."""
-        parts = (self.still_px**2, (self.moving_px * far_px / (1 + far_px)) ** 2, (self.share * far_px) ** 2)
+        moving = self.moving_px * far_px / (KNEE_PX + far_px)
+        parts = (self.still_px**2, moving**2, (self.share * far_px) ** 2)
         return np.sqrt(sum(parts))
 
     def covariance(self, at_px: Array, far_px: Array) -> Array:
@@ -68,7 +70,7 @@ def measured_noise(data: LabelledSet) -> Noise:
             binned.append((middle, np.sqrt((np.clip(part, -top, top) ** 2).mean()), len(part)))
     middle, sd, count = np.array(binned).T
     print("displacement px, rms error px, dots:", *(f"{m:.2f} {s:.4f} {n:.0f};" for m, s, n in binned))
-    terms = np.column_stack([np.ones_like(middle), (middle / (1 + middle)) ** 2, middle**2])
+    terms = np.column_stack([np.ones_like(middle), (middle / (KNEE_PX + middle)) ** 2, middle**2])
     weight = np.sqrt(count) / sd**2
     share = nnls(terms * weight[:, None], weight * sd**2)[0]
     law = Noise(*np.sqrt(share), 0.0, 1.0)

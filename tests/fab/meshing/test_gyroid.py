@@ -182,6 +182,7 @@ def test_all_checks_of_the_printed_mesh_hold(printed: trimesh.Trimesh) -> None:
     assert [check for check in checks if not check.ok] == []
 
 
+@pytest.mark.long
 def test_the_zones_inner_cylinder_is_no_wall_of_the_sheet() -> None:
     """A thick wall clips the zone at a cylinder, whose facets have TPU of any depth behind them."""
     thick = EndcapParams(130, 13)

@@ -76,6 +76,7 @@ def test_fields_of_nothing_are_refused():
         leading(np.zeros((8, 8)), np.zeros((8, 8)), 3)
 
 
+@pytest.mark.long
 def test_calibrations_err_by_as_much_as_is_drawn_for_training():
     """Squared errors of found cameras over the covariance of :func:`left_by_calibration`."""
     design, rng = EndcapParams(130, 8), np.random.default_rng(5)

@@ -99,6 +99,7 @@ def first_squares(walk, seed: int, silent: str = "") -> tuple[np.ndarray, float,
     return np.array(squares), estimate.time_s, estimate.health.notes
 
 
+@pytest.mark.long
 def test_the_first_shape_is_as_sure_as_it_says():
     """Squared errors over their covariance, bar by bar over eight starts, are neither large nor tiny."""
     found = []

@@ -95,6 +95,7 @@ def test_the_states_push_as_the_contacts_do(states, episode):
     assert not states.surface_mm[2].any() and not states.clamped.any()
 
 
+@pytest.mark.long
 def test_what_is_not_solved_is_that_of_a_contact_near_it_and_is_said(simulator, episode, monkeypatch):
     """Beyond the range the range's end; where the simulator refuses, less tilt and pull."""
     monkeypatch.setattr(pressed, "MOST_N", 6.0)

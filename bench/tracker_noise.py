@@ -21,7 +21,7 @@ from sensing.tracking.tracker import DotTracker
 
 Array = np.ndarray
 NEAR_PX = 12.0  # a found dot is the labelled one within this distance
-FAR_PX = (0.0, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0, 6.0, 12.0, 40.0)  # displacements between which errors are counted together
+FAR_PX = (0.0, 0.03, 0.1, 0.2, 0.4, 1.0, 3.0, 6.0, 12.0, 40.0)  # errors between two of these count together
 APART_PX = (0.0, 55.0, 80.0, 110.0, 150.0, 200.0, 300.0)  # and distances between dots
 LARGEST = 5.0  # an error counts as at most so many median-based deviations
 FEWEST = 50  # errors between two displacements

@@ -47,6 +47,7 @@ def test_a_field_on_the_half_is_seen_on_the_whole(mesh):
     assert surface.rest[:, 1].min() < -50 and len(np.unique(surface.rest.round(3), axis=0)) == len(surface.rest)
 
 
+@pytest.mark.long
 def test_a_dot_lies_where_the_map_says():
     direction = np.array([[np.sin(1.2) * np.cos(2.0), np.sin(1.2) * np.sin(2.0), np.cos(1.2)]])
     _, ink = texture(direction, 57.0, Hand(beside_mm=0, missing=0, ragged=0, radius_sd=0), 0)

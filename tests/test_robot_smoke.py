@@ -23,7 +23,7 @@ from sensing.tensegrity.robot_file import load_robot
 ROBOT, SEED = load_robot(), 201
 
 
-@pytest.mark.parametrize("terrain", [Terrain.STAIRS, Terrain.SLOPE])
+@pytest.mark.parametrize("terrain", [pytest.param(Terrain.STAIRS, marks=pytest.mark.long), Terrain.SLOPE])
 def test_a_robot_with_slow_inertial_sensors_is_followed_where_the_ground_is_not_level(terrain):
     walk = simulate_walk(ROBOT, terrain, held_out_gait(SEED), SEED, 8.0)
     assert walk.path_m() > 0.4  # else it would look at a robot that stands

@@ -80,6 +80,7 @@ def test_a_data_set(folder):
     assert float(names["wrench"][2]) == pytest.approx(float(frames.samples().wrenches[0, 2]))
 
 
+@pytest.mark.long
 def test_an_own_model_is_evaluated_and_runs_live(folder):
     write_set(folder / "exports" / "data", 1, 1)
     photos = folder / "exports" / "photos"

@@ -113,7 +113,8 @@ def test_interruption_leaves_nothing(stub, tmp_path, capsys):
     assert left_in(tmp_path) == []
 
 
-@pytest.mark.parametrize("wait_s", [2.0, 8.0])  # while the CAD kernel is loaded, and while parts are made
+# While the CAD kernel is loaded, and while parts are made.
+@pytest.mark.parametrize("wait_s", [pytest.param(2.0, marks=pytest.mark.long), 8.0])
 def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, wait_s):
     process = start(*SMALL, f"exports={tmp_path}")
     time.sleep(wait_s)

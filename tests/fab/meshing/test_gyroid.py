@@ -208,6 +208,7 @@ def closed_faces(printed: trimesh.Trimesh, all_of_them: bool) -> trimesh.Trimesh
     return from_manifold(body)
 
 
+@pytest.mark.long
 def test_one_closed_face_is_seen(printed: trimesh.Trimesh) -> None:
     cast = gyroid_checks.cast_space(PARAMS, closed_faces(printed, all_of_them=False))
     assert gyroid_checks.closed_face_share(PARAMS, cast) > 0.9

@@ -78,6 +78,7 @@ def test_weights_lie_where_live_finds_them_and_those_of_another_endcap_do_not(mo
         load_wrench_model(DESIGN, path)
 
 
+@pytest.mark.long
 def test_other_dots_have_weights_of_their_own(home):
     own = EndcapParams(150, 12, (1, 6, 10, 12, 16, 18, 20, 22), 3.5)
     model = design_weights(replace(QUICK, params=own), CONFIG)

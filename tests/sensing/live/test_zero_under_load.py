@@ -84,6 +84,7 @@ def test_a_new_reference_of_the_untouched_endcap_is_taken(press):
     assert pipe.zero is not first and pipe.undoable and not pipe.confirmable
 
 
+@pytest.mark.long
 def test_pressed_at_the_very_start_is_seen_against_the_design():
     """On the simulator's pictures: a camera of the design, 41 N on the endcap when the run begins."""
     from sensing.live.demo.scene import scene_film

@@ -78,7 +78,7 @@ def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
         assert ends(run)
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("how", [signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.long)])
 def test_workers_go_with_a_command_that_is_ended(tmp_path: Path, how: signal.Signals) -> None:
     """It cannot end them itself then, and nobody stops them."""
     with running(tmp_path) as run:

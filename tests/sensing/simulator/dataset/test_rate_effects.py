@@ -73,6 +73,7 @@ def test_a_set_with_rate_effects_differs_as_it_should_and_says_so(tmp_path: Path
     assert relaxing.column("depth_mm")[clear] == pytest.approx(elastic.column("depth_mm")[clear], abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_set_with_rate_effects_grows_to_the_same_bytes_and_is_never_mixed(tmp_path: Path) -> None:
     whole, grown, still = (tmp_path / name for name in ("whole", "grown", "still"))
     assert write_dataset(request(), whole) == 2

@@ -215,6 +215,7 @@ def test_what_the_model_does_not_cover_is_refused(half: ShellModel) -> None:
         Press(half, Indenter(kind="edge", axis_deg=45), 0.5)
 
 
+@pytest.mark.long
 def test_a_thin_shell_that_snaps_under_force_is_refused_not_answered() -> None:
     thin = shell_model(shell_geometry(130, 3), LAW, "draft", half=True)
     press = Press(thin, Indenter(), 0.0)

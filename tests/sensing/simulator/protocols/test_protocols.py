@@ -129,6 +129,7 @@ def test_the_prism_keeps_its_bars() -> None:
     )
 
 
+@pytest.mark.long
 def test_solved_endcaps_carry_the_robots_weight() -> None:
     """The labels of a whole scene, in the world: what the residuals of the solved contacts leave, and no more.
 

@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from cad import threads
 
 Result = TypeVar("Result")
+LOOK_S = 0.2  # between looks for a Ctrl-C
 
 
 def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], workers: int) -> Iterator[Result]:
@@ -34,22 +35,42 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
     """
     waiting, running = iter(arguments), set[Future[Result]]()
     others = set(multiprocessing.active_children())
-    with _one_thread_each():
+    with _one_thread_each(), _interrupted_between() as interrupted:
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
             while True:
                 running |= {pool.submit(job, *each) for each in islice(waiting, 2 * workers - len(running))}
                 if not running:
                     break
-                done, running = wait(running, return_when=FIRST_COMPLETED)
+                done, running = wait(running, LOOK_S, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield future.result()
+                if interrupted:
+                    raise KeyboardInterrupt
         except BaseException:
             for child in set(multiprocessing.active_children()) - others:
                 child.kill()
             raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _interrupted_between() -> Iterator[list[int]]:
+    """A list that is filled by Ctrl-C, instead of an exception in the middle of anything.
+
+    One that is raised while futures are locked, to wait for them or to submit another, leaves them locked, and the
+    pool then waits for ever for its own thread.
+    """
+    seen: list[int] = []
+    if threading.current_thread() is not threading.main_thread():  # Ctrl-C does not come here
+        yield seen
+        return
+    before = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
+    try:
+        yield seen
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _follow_parent() -> None:

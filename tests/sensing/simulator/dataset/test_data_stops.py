@@ -11,12 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from small_data import command, environment, group_lives, same, small_request
 
 from cad.errors import FileError, ParameterError
 from sensing.records_labelled import LabelledSet
+from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset import writer as dataset
 from sensing.simulator.dataset.writer import shard_path, write_dataset
 
@@ -76,6 +78,21 @@ def test_ctrl_c_is_one_line_and_leaves_no_mess(tmp_path: Path) -> None:
         assert errors == "sensing.simulator: stopped; run the same command again to go on\n"
         assert list(LabelledSet(tmp_path).frames()) and not list(tmp_path.rglob("*.part"))
         assert ends(run)
+
+
+def test_ctrl_c_is_no_exception_while_futures_are_locked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One in the middle of `wait` leaves them locked, and the pool's end then waits for ever."""
+    plain, whole, before = local_workers.wait, [], signal.getsignal(signal.SIGINT)
+
+    def interrupted(*arguments: Any, **options: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        whole.append(True)
+        return plain(*arguments, **options)
+
+    monkeypatch.setattr(local_workers, "wait", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        list(local_workers.results(abs, [(-1,)], 1))
+    assert whole and signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.long)])

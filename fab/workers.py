@@ -18,6 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
 from cad.errors import EndcapError
+from cad.pools import let_a_cut_result_end
 from fab.exports.whole_folder import ENDING_SIGNALS
 
 PR_SET_PDEATHSIG = 1  # S: linux/prctl.h
@@ -44,7 +45,7 @@ def worker_pool(count: int) -> Iterator[Executor]:
     with ProcessPoolExecutor(count, context, _start_worker, (os.getpid(),)) as pool:
         for _ in range(count):
             pool.submit(os.getpid)
-        _let_a_cut_result_end(pool)
+        let_a_cut_result_end(pool)
         try:
             yield pool
         except BaseException as error:
@@ -57,15 +58,6 @@ def worker_pool(count: int) -> Iterator[Executor]:
                     "again"
                 ) from error
             raise
-
-
-def _let_a_cut_result_end(pool: ProcessPoolExecutor) -> None:
-    """Close this process's end for writing of the pipe of results, which only workers write to.
-
-    A worker that is killed while it writes a result leaves half of one, and the pool's thread waits for the rest for as
-    long as any process holds that end: for ever, where this process does. Workers have been forked with theirs.
-    """
-    pool._result_queue._writer.close()  # type: ignore[attr-defined]  # the pool has no public way to
 
 
 def end_with_parent(parent: int) -> None:

@@ -6,13 +6,17 @@ import io
 import os
 import resource
 import signal
+import struct
 import sys
+import threading
+import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import FileError
 from sensing.simulator.__main__ import main
+from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset import request as data_request
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.writer import shard_path, write_dataset
@@ -104,6 +108,31 @@ def write_long(folder: str) -> int:
     return main(["data", "--frames", "3000", "--workers", "2", "--out", folder, *plain])
 
 
+def begin_a_result(mark: str) -> None:
+    """A worker's job that is in the middle of writing its result for ever."""
+    pipe = sys._getframe(1).f_locals["result_queue"]._writer
+    os.write(pipe.fileno(), struct.pack("!i", 1000) + b"the first bytes of a thousand")
+    Path(mark).touch()
+    time.sleep(600)
+
+
+def cut_result(mark: str) -> int:
+    """Ctrl-C while a worker writes its result."""
+
+    def interrupt() -> None:
+        while not Path(mark).exists():
+            time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    try:
+        list(local_workers.results(begin_a_result, [(mark,)], 2))
+    except KeyboardInterrupt:
+        return 0
+    return 1
+
+
 if __name__ == "__main__":
     mode, where = sys.argv[1:]
-    sys.exit({"kill": kill_in_second_shard, "full": fill_disk_in_second_shard, "long": write_long}[mode](where))
+    runs = {"kill": kill_in_second_shard, "full": fill_disk_in_second_shard, "long": write_long, "cut": cut_result}
+    sys.exit(runs[mode](where))

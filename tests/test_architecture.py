@@ -33,6 +33,7 @@ BOTTOM = {
         "plugins",
         "messages",
         "threads",
+        "pools",
         "options",
         "design_arguments",
         "pattern",

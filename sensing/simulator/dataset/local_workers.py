@@ -18,6 +18,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from cad import threads
+from cad.pools import let_a_cut_result_end
 
 Result = TypeVar("Result")
 LOOK_S = 0.2  # between looks for a Ctrl-C
@@ -38,6 +39,9 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
     with _one_thread_each(), _interrupted_between() as interrupted:
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
+            for _ in range(workers):  # nobody is idle yet: each starts one
+                pool.submit(os.getpid)
+            let_a_cut_result_end(pool)
             while True:
                 running |= {pool.submit(job, *each) for each in islice(waiting, 2 * workers - len(running))}
                 if not running:

@@ -95,6 +95,10 @@ def test_ctrl_c_is_no_exception_while_futures_are_locked(monkeypatch: pytest.Mon
     assert whole and signal.getsignal(signal.SIGINT) is before
 
 
+def test_ctrl_c_while_a_worker_writes_its_result_ends(tmp_path: Path) -> None:
+    assert subprocess.run(command("cut", tmp_path / "begun"), env=environment(), timeout=60).returncode == 0
+
+
 @pytest.mark.parametrize("how", [signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.long)])
 def test_workers_go_with_a_command_that_is_ended(tmp_path: Path, how: signal.Signals) -> None:
     """It cannot end them itself then, and nobody stops them."""

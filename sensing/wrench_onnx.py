@@ -24,8 +24,8 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.messages import LOG
 from cad.whole_file import replace_file
-from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, ONSET, WrenchModel, load_wrench_model
-from sensing.wrench.tensors import tracking_of
+from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model
+from sensing.wrench.tensors import onset_n_of, tracking_of
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -170,7 +170,7 @@ def _tracking(draft: _Draft, model: WrenchModel) -> str:
     """What tracking adds to the covariance: see :mod:`sensing.learning.net`."""
     of_force = draft.constant("of force", np.eye(6, 3, dtype=np.float32).sum(axis=1, keepdims=True))
     force = draft.op("Sqrt", draft.op("MatMul", draft.op("Mul", "wrench", "wrench"), of_force))
-    onset = draft.constant("onset", np.full(1, ONSET * model.weights["units"][2], np.float32))
+    onset = draft.constant("onset", np.full(1, onset_n_of(model.weights), np.float32))
     share = draft.op("Div", force, draft.op("Add", force, onset))
     square = draft.op(
         "Reshape", draft.op("Mul", share, share), draft.constant("number", np.array([-1, 1, 1], np.int64))

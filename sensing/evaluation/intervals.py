@@ -34,10 +34,10 @@ from sensing.learning.found_camera import camera_of_set
 from sensing.learning.path_quantile import path_quantile
 from sensing.live.core.model import live_model
 from sensing.records_labelled import LabelledSet
-from sensing.wrench.model import ONSET, WrenchModel
+from sensing.wrench.model import WrenchModel
 from sensing.wrench.range import NORMAL_95
 from sensing.wrench.simulation_spread import SIMULATED
-from sensing.wrench.tensors import TRACKING
+from sensing.wrench.tensors import TRACKING, onset_n_of
 
 Array = NDArray[np.float64]
 LEVEL = 0.95
@@ -76,7 +76,7 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
             name="intervals",
             value=count,
         )
-    scale, tracking = widths(_joined(answers, path), float(ONSET * model.weights["units"][2]))
+    scale, tracking = widths(_joined(answers, path), onset_n_of(model.weights))
     weights = {
         **model.weights,
         "calibration": (model.weights["calibration"] * scale).astype(np.float32),

@@ -17,7 +17,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, silu, softplus
 
-from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD, ONSET
+from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD
+from sensing.wrench.tensors import ONSET
 
 OUTPUTS = 6
 FACTOR = 21  # of a lower triangle

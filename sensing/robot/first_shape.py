@@ -53,7 +53,7 @@ class FirstShape:
         heard = [k for k, c in contacts.items() if c.touching is False or np.isfinite(c.force_n).all()]
         self.silent = sorted(set(range(layout.endcaps)) - set(heard))  # each may carry what balances the others
         self.lengths = lengths
-        self.cables = [cable for cable in layout.robot.cables if cable.measured]
+        self.measured = [row for row, cable in enumerate(layout.robot.cables) if cable.measured]
         self.length_sd = max(settings.length_sd_m / MEANS, settings.length_error_m)
         self.force_sd = settings.force_bias_sd / GRAVITY_M_S2
         self.up = force / np.linalg.norm(force) if np.isfinite(force).all() else None
@@ -139,7 +139,7 @@ class FirstShape:
 
     def _open_motion(self, poses: Array) -> Array:
         """(6 B,) motion by a metre that changes the cables least: lengths curve along it, and have two solutions."""
-        jacobian = cable_lengths(self.layout.robot, poses, self.cables)[1]
+        jacobian = cable_lengths(self.layout.robot, poses)[1][self.measured]
         first = 6 * self.layout.leader
         others = [k for k in range(jacobian.shape[1]) if not first <= k < first + 6]
         rows = np.array(jacobian[:, others])
@@ -156,15 +156,15 @@ class FirstShape:
     def residuals(self, step: Array) -> Array:
         """(M,) at poses that lie a step from the guess."""
         poses = moved(self.guess, step)
-        length = cable_lengths(self.layout.robot, poses, self.cables)[0]
-        parts = [np.nan_to_num((length - self.lengths) / self.length_sd)]
+        cables = cable_lengths(self.layout.robot, poses)
+        parts = [np.nan_to_num((cables[0][self.measured] - self.lengths) / self.length_sd)]
         parts += [self._near_guess(step)]
         if self.up is not None:
             parts.append((poses[self.layout.leader, :3, :3] @ self.up)[:2] / self.force_sd)
         if self.contacts:
             parts.append(self._level_ground(poses))
         if self.contacts:
-            parts.append(self._balance(poses))
+            parts.append(self._balance(poses, *cables))
         return np.concatenate(parts)
 
     def _near_guess(self, step: Array) -> Array:
@@ -176,7 +176,7 @@ class FirstShape:
         steps[leader] = step[6 * leader : 6 * leader + 6] / [FIXED_SD, FIXED_SD, FIXED_SD, GUESS_SD, GUESS_SD, FIXED_SD]
         return np.asarray(steps.ravel())
 
-    def _balance(self, poses: Array) -> Array:
+    def _balance(self, poses: Array, lengths: Array, jacobian: Array) -> Array:
         """(6 B + C,) of the forces on each bar and their torques about its centre of mass, at the best tensions."""
         layout, cables = self.layout, self.layout.robot.cables
         centre = poses[:, :3, 3] + np.einsum("bij,bj->bi", poses[:, :3, :3], layout.reference_m + layout.mass_lever)
@@ -186,7 +186,6 @@ class FirstShape:
             loads *= weight / max(carried, weight / 4)
         known = loads.copy()
         known[:, 2] -= layout.mass_kg * GRAVITY_M_S2
-        lengths, jacobian = cable_lengths(layout.robot, poses)
         pulls = -jacobian.reshape(len(cables), len(poses), 6)  # a cable pulls against what makes it longer
         pulls[..., 3:] += np.cross(poses[:, :3, 3] - centre, pulls[..., :3])
         stiffness = np.array([cable.stiffness_n_m for cable in cables])

@@ -30,7 +30,7 @@ from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import answer_many, answer_one
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
-from sensing.wrench.tensors import OPTIONAL, SHAPES, pattern_of, radial_of, tracking_of
+from sensing.wrench.tensors import OPTIONAL, SHAPES, onset_n_of, pattern_of, radial_of, tracking_of
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
 Array = NDArray[np.float64]
@@ -39,7 +39,6 @@ TWICE_N = 20.0  # E: force at which an error may be twice that of a light touch 
 LARGEST_PX = 1e6  # a field beyond it is no measurement
 SLOPE_SAMPLES = 64
 MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
-ONSET = 1.7  # E: units of force by which half of what tracking adds is there: 0.25 N at D=130 T=8
 MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
 LAYERS = ("first", "second", "third")
 
@@ -198,7 +197,7 @@ class WrenchModel:
             np.ascontiguousarray(back.T), back.T @ back,
             (w["mean.first.weight"], w["mean.first.bias"], *deeper, last),
             tuple(w[name] for name in spread), self._doubles["calibration"] * self._doubles["units"],
-            np.append(tracking_of(self.weights), ONSET * self._doubles["units"][2]), (MIN_SPREAD, MAX_SPREAD, MAX_MIX),
+            np.append(tracking_of(self.weights), onset_n_of(self.weights)), (MIN_SPREAD, MAX_SPREAD, MAX_MIX),
         )  # fmt: skip
 
     @cached_property

@@ -19,6 +19,7 @@ THIRD: dict[str, tuple[str, ...]] = {"mean.third.weight": ("M", "M"), "mean.thir
 PATTERN: dict[str, tuple[str, ...]] = {"pattern": ("D", "K")}  # fields that principal parts stand for; not in all
 RADIAL: dict[str, tuple[str, ...]] = {"radial.parts": ("R", "D"), "radial.cells": ("C", "R")}  # mm; not in all
 TRACKING: dict[str, tuple[str, ...]] = {"tracking": ("6",)}  # what tracking adds to the spread, in units; not in all
+ONSET = 1.7  # E: units of force by which half of what tracking adds is there
 OPTIONAL = (THIRD, PATTERN, RADIAL, TRACKING)
 BESIDE = frozenset({*PATTERN, *RADIAL})  # no parts of the network
 
@@ -32,6 +33,15 @@ def pattern_of(weights: dict[str, NDArray[np.float32]]) -> Array:
     if "pattern" in weights:
         return weights["pattern"].astype(np.float64)
     return np.asarray(np.linalg.pinv(weights["principal"].astype(np.float64)))
+
+
+def onset_n_of(weights: dict[str, NDArray[np.float32]]) -> float:
+    """Force by which half of what tracking adds is there, N: 0.25 N at D=130 T=8, larger where forces are.
+
+    Args:
+        weights: tensors by name.
+    """
+    return ONSET * float(weights["units"][2])
 
 
 def tracking_of(weights: dict[str, NDArray[np.float32]]) -> Array:

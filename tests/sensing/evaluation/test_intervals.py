@@ -13,8 +13,8 @@ from cad.errors import ParameterError
 from sensing.evaluation import intervals
 from sensing.evaluation.live_answers import LiveAnswers
 from sensing.learning.path_quantile import path_quantile
-from sensing.wrench.model import ONSET, load_wrench_model
-from sensing.wrench.tensors import tracking_of
+from sensing.wrench.model import load_wrench_model
+from sensing.wrench.tensors import onset_n_of, tracking_of
 
 PATHS, FRAMES = 60, 30
 CAMERA = 0.3  # variance that the camera adds
@@ -63,14 +63,17 @@ def covered(answers: LiveAnswers, scale: np.ndarray, tracking: np.ndarray, rows:
     return float(np.mean([inside[path == name].mean() for name in np.unique(path)]))
 
 
-def test_the_widths_cover_new_paths_at_the_level_under_light_and_heavy_loads() -> None:
-    found, rng = {"light": [], "heavy": []}, np.random.default_rng(0)
+def test_the_widths_cover_new_paths_at_the_level_and_counting_frames_does_not() -> None:
+    found, by_frame, rng = {"light": [], "heavy": []}, [], np.random.default_rng(0)
     for _ in range(12):
         known, fresh = made_answers(rng), made_answers(rng, 300)
         widths = intervals.widths(known, ONSET_N)
         light = np.linalg.norm(fresh.value[:, :3], axis=1) < intervals.LIGHT_N
         for name, rows in (("light", light), ("heavy", ~light)):
             found[name].append(covered(fresh, *widths, rows))
+        alone = replace(known, path=np.arange(len(known.path)).astype(str))  # every frame a path of its own
+        by_frame.append(covered(fresh, *intervals.widths(alone, ONSET_N), ~light))
+    assert np.mean(by_frame) > np.mean(found["heavy"]) + 0.005  # long, bad paths count three times
     assert 0.925 < np.mean(found["light"]) < 0.97 and 0.925 < np.mean(found["heavy"]) < 0.965
 
 
@@ -93,6 +96,10 @@ def test_light_or_heavy_loads_alone_are_scaled_by_one_factor() -> None:
         error = (answers.value - answers.truth)[rows] / intervals.NORMAL_95
         needed = np.sqrt(np.maximum(error**2 - CAMERA, 0.0) / OWN)
         assert np.allclose(scale, path_quantile(needed, answers.path[rows], 0.95)) and not tracking.any()
+        inside = np.abs(error) < np.sqrt(CAMERA)  # of what the camera alone covers the network needs nothing
+        assert inside.any() and (needed[inside] == 0).all() and (~inside).any()
+        edge = np.sqrt(needed**2 * OWN + CAMERA)
+        assert np.allclose(edge[~inside], np.abs(error)[~inside])
 
 
 def test_quantile_of_equal_paths_is_that_of_their_rows() -> None:
@@ -113,8 +120,7 @@ def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPat
     model = load_wrench_model()
     scaled = intervals.with_intervals(model, [tmp_path / name for name in known])
     path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(known.values())])
-    onset_n = float(ONSET * model.weights["units"][2])
-    scale, tracking = intervals.widths(intervals._joined(list(known.values()), path), onset_n)
+    scale, tracking = intervals.widths(intervals._joined(list(known.values()), path), onset_n_of(model.weights))
     assert np.allclose(scaled.weights["calibration"] / model.weights["calibration"], scale, rtol=1e-6)
     assert np.allclose(tracking_of(scaled.weights), tracking, rtol=1e-6) and tracking.any()
     fields = rng.standard_normal((200, model.weights["linear"].shape[1])) * rng.uniform(0, 0.3, (200, 1))

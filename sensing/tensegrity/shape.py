@@ -12,13 +12,12 @@ Notes:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cad.errors import ParameterError
-from sensing.tensegrity.description import Array, Cable, TensegrityRobot
+from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.vectors import cross
 
 STEPS = 2000
@@ -117,30 +116,27 @@ def moved(T_world_bar: Array, step: Array) -> Array:
     return poses
 
 
-def cable_lengths(
-    robot: TensegrityRobot, T_world_bar: Array, cables: Sequence[Cable] | None = None
-) -> tuple[Array, Array]:
+def cable_lengths(robot: TensegrityRobot, T_world_bar: Array) -> tuple[Array, Array]:
     """((C,) m, (C, 6 B) derivative after the steps of :func:`moved`).
 
     Args:
-        robot: its bars. T_world_bar: (B, 4, 4) m. cables: which; None for all of the robot.
+        robot: its bars and cables. T_world_bar: (B, 4, 4) m.
     """
-    chosen = robot.cables if cables is None else cables
     number = {bar.name: place for place, bar in enumerate(robot.bars)}
-    places = np.array([[number[name] for name in cable.bars] for cable in chosen], int).reshape(-1, 2)
-    points = np.array([cable.points_m for cable in chosen], float).reshape(-1, 2, 3)
+    places = np.array([[number[name] for name in cable.bars] for cable in robot.cables], int).reshape(-1, 2)
+    points = np.array([cable.points_m for cable in robot.cables], float).reshape(-1, 2, 3)
     poses = T_world_bar[places, :3]  # (C, 2, 3, 4)
     levers = (poses[..., :3] @ points[..., None])[..., 0]
     ends = poses[..., 3] + levers
     along = ends[:, 1] - ends[:, 0]
     length = np.sqrt((along**2).sum(axis=1))
     along = along / np.maximum(length, 1e-12)[:, None]
-    jacobian, rows = np.zeros((len(chosen), len(robot.bars), 6)), np.arange(len(chosen))
+    jacobian, rows = np.zeros((len(places), len(robot.bars), 6)), np.arange(len(places))
     for end, sign in enumerate((-1.0, 1.0)):
         (x, y, z), (a, b, c) = levers[:, end].T, along.T
         turned = np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)  # lever times direction
         jacobian[rows, places[:, end]] += sign * np.concatenate([along, turned], axis=1)
-    return length, jacobian.reshape(len(chosen), 6 * len(robot.bars))
+    return length, jacobian.reshape(len(places), 6 * len(robot.bars))
 
 
 def _descend(

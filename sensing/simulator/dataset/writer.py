@@ -106,7 +106,7 @@ def _made(work: list[Work], workers: int, scheduler: str | None) -> Iterator[tup
         yield from (_job(*each) for each in work)
         return
     if scheduler is None:
-        yield from local_workers.results(_job, work, workers)
+        yield from local_workers.results(_job, work, min(workers, len(work)))
         return
     with _cluster(scheduler):
         pool = joblib.Parallel(n_jobs=-1, return_as="generator_unordered", pre_dispatch="2*n_jobs")

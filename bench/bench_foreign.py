@@ -119,12 +119,12 @@ def _summed(name: str, found: list[Link]) -> list[dict[str, Any]]:
 
 
 def _answered(name: str, data: LabelledSet, weights: Path | None) -> list[dict[str, Any]]:
-    """Errors with the camera that calibration finds, without a calibration, and with the true one."""
+    """Errors with the camera that calibration finds, without a file of it, and with the true one."""
     model = load_model("default", data.params, weights)
     with tempfile.TemporaryDirectory() as folder:
         found = Path(folder) / "camera.json"
         found_camera(data).save(found)
-        cameras = {"calibrated": found, "not calibrated": None, "true camera": data.folder / "camera.json"}
+        cameras = {"calibrated": found, "no camera file": None, "true camera": data.folder / "camera.json"}
         return [
             row
             for camera, file in cameras.items()

@@ -20,14 +20,12 @@ from cad.errors import EndcapError
 from cad.extras import program
 from cad.identity import identity
 from cad.messages import LOG
-from cad.params import EndcapParams
 from cad.whole_file import require_place
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
-from sensing.calibration.from_dots import Calibration, calibrate_from_dots
-from sensing.calibration.other_design import BEYOND, design_fit, matched_pixels, rivals
+from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.other_design import require_design
 from sensing.calibration.picture import draw_fit, read_image, write_image
-from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
 
@@ -83,30 +81,14 @@ def _from_dots(options: argparse.Namespace) -> int:
         )
     result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
     if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
-        _check_design(result, params, radii, size, options)
+        alike = require_design(result, radii, params, size, options.azimuth_hint, options.trust_design)
+        if alike:
+            LOG.warning(f"sensing.calibrate: {alike}")
     result.mounted.save(options.out, identity(params))
     if options.picture:
         write_image(options.picture, draw_fit(image, result, params))
     print(result.report())
     return 0
-
-
-def _check_design(
-    result: Calibration, params: EndcapParams, radii: Array, size: tuple[int, int], options: argparse.Namespace
-) -> None:
-    """Warns where another diameter fits alike.
-
-    Raises:
-        CalibrationError: another one fits clearly better, and the design given is not to be trusted.
-    """
-    given = design_fit(result, radii, params, matched_pixels(result, params))
-    for other in rivals(given, radii, size, options.azimuth_hint)[:1]:
-        if other.log_evidence > given.log_evidence + BEYOND and not options.trust_design:
-            raise CalibrationError(
-                f"another design fits this photo better: {other.line()}; against {given.line()}: give its --diameter, "
-                "or --trust-design if the one given is right"
-            )
-        LOG.warning(f"sensing.calibrate: another design fits alike: {other.line()}; kept {given.line()}")
 
 
 def _from_board(options: argparse.Namespace) -> int:

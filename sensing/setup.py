@@ -6,7 +6,8 @@
 
 Every camera is zeroed while nothing touches. Then each endcap is touched in turn, in the order in which they are to be
 named, and the camera that sees it gets the name. The rest after each touch gives its contact threshold: the force that
-an untouched endcap passes once in a thousand frames (:func:`sensing.wrench.contact.threshold_from_rest`). N, mm, s.
+an untouched endcap passes once in a thousand frames (:func:`sensing.wrench.contact.threshold_from_rest`). A camera that
+is not mounted as the design has it gets a file of its own (:mod:`sensing.calibration.rest_camera`). N, mm, s.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import numpy as np
 from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
+from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
@@ -201,7 +203,24 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
     on = max(LEAST_ON_N, MARGIN * threshold.on_n)
     off = min(on, max(0.6 * on, threshold.off_n))
     say(f"{name}: {path}, contact from {on:.2f} N, over below {off:.2f} N")
-    return replace(endcap.pipeline.endcap, name=name, zero=path, contact_on_n=round(on, 3), contact_off_n=round(off, 3))
+    camera = _camera_kept(endcap, out.parent / f"{name}.json", say)
+    return replace(
+        endcap.pipeline.endcap, name=name, zero=path, camera=camera, contact_on_n=round(on, 3),
+        contact_off_n=round(off, 3),
+    )  # fmt: skip
+
+
+def _camera_kept(endcap: LiveEndcap, path: Path, say: Ask) -> Path | None:
+    """File of the camera that the reference shows, where that is not the nominal one; one that is there stays."""
+    rest = endcap.pipeline.rest_camera
+    if rest is None or not rest.found or rest.camera is None:
+        return endcap.pipeline.endcap.camera
+    if path.exists():
+        say(f"{path}: is there already, left as it is; live takes the camera from the reference ({rest.misfit.reason})")
+        return None
+    rest.camera.save(path, identity(endcap.pipeline.endcap.params))
+    say(f"{path}: the camera, from the same picture ({rest.misfit.reason})")
+    return path
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

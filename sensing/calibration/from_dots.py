@@ -64,6 +64,11 @@ class Calibration:
         """Median distance of predicted and found dots."""
         return float(np.median(np.linalg.norm(self.residual_px, axis=1)))
 
+    @property
+    def most_px(self) -> float:
+        """Distance of predicted and found dots that nine of ten keep."""
+        return float(np.quantile(np.linalg.norm(self.residual_px, axis=1), 0.9))
+
     def report(self) -> str:
         """One line a parameter: value, deviation, and whether the photo or the prior decided it."""
         lines = [f"dots matched {len(self.residual_px)} of {len(self.found_px)} found"]

@@ -94,6 +94,35 @@ def rivals(
     return sorted(close, key=lambda fit: -fit.log_evidence)
 
 
+def require_design(
+    calibration: Calibration,
+    radius_px: Array,
+    params: EndcapParams,
+    size_px: tuple[int, int],
+    azimuth_hint_deg: float = 0.0,
+    trusted: bool = False,
+) -> str:
+    """Warning where another diameter fits a photo alike, one line; empty where none does.
+
+    Args:
+        calibration: of the photo under ``params``. radius_px: (m,) of all found dots. params: the design given.
+        size_px: (width, height). azimuth_hint_deg: as of :func:`rivals`. trusted: warn also where the other one fits
+            clearly better.
+
+    Raises:
+        CalibrationError: another diameter fits clearly better, and the design given is not to be trusted.
+    """
+    given = design_fit(calibration, radius_px, params, matched_pixels(calibration, params))
+    for other in rivals(given, radius_px, size_px, azimuth_hint_deg)[:1]:
+        if other.log_evidence > given.log_evidence + BEYOND and not trusted:
+            raise CalibrationError(
+                f"another design fits this photo better: {other.line()}; against {given.line()}: give its --diameter, "
+                "or --trust-design if the one given is right"
+            )
+        return f"another design fits alike: {other.line()}; kept {given.line()}"
+    return ""
+
+
 def matched_pixels(calibration: Calibration, params: EndcapParams) -> Array:
     """(n, 2) the found dots that a calibration matched, in the order of its residuals."""
     points = pattern_points(params)[0][calibration.pattern_index]

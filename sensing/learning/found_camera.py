@@ -13,10 +13,12 @@ from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.rest_camera import rest_camera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
 from sensing.records_labelled import LabelledSet
+from sensing.tracking.tracker import DotTracker
 
 RECORDED = "recorded"  # protocol of sets that sensing.record wrote
 FRAME_PX = (640, 480)
@@ -24,7 +26,12 @@ PAINT_PX = 1.2  # of a painted dot from its place, along each axis (M: docs/opti
 
 
 def camera_of_set(data: LabelledSet) -> MountedCamera | None:
-    """The calibrated camera that lies beside a recording, if one does; of simulated frames what a user would find.
+    """The camera that live would use: the one that lies beside a recording, else that of the first reference picture.
+
+    Of simulated frames always the latter, for theirs is the true one.
+
+    Returns:
+        None for the nominal one.
 
     Raises:
         FileError: no such camera file, or a set without frames. CalibrationError: see :func:`found_camera`.
@@ -32,7 +39,11 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
     if data.manifest["request"]["protocol"] != RECORDED:
         return found_camera(data)
     beside = data.folder / "camera.json"
-    return MountedCamera.load(beside) if beside.exists() else None
+    if beside.exists():
+        return MountedCamera.load(beside)
+    for item in data.frames():
+        return rest_camera(item.reference, DotTracker(item.reference).reference_px, data.params).camera
+    raise _without_frames(data)
 
 
 def found_camera(data: LabelledSet) -> MountedCamera:
@@ -45,7 +56,11 @@ def found_camera(data: LabelledSet) -> MountedCamera:
         image = decode_bgr(item.reference)
         size = (image.shape[1], image.shape[0])
         return calibrate_from_dots(find_dots(image), data.params, size).mounted
-    raise FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
+    raise _without_frames(data)
+
+
+def _without_frames(data: LabelledSet) -> FileError:
+    return FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
 
 
 def left_by_calibration(design: EndcapParams) -> NDArray[np.float64]:

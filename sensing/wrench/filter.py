@@ -19,7 +19,7 @@ Notes:
     are mixed as autonomous multiple models (ibid., sec. 11.6.2) whose past fades. Of the lag behind a ramp well over
     the noise 0.3 % is left, of that behind a sine of frequency w an order (w lag)^2; a force that turns too fast to be
     predicted is held by the motions without a rate. ``at`` gives the mean of that mixture, ``now`` weights its rate by
-    what came of it lately (:mod:`sensing.wrench.trend`). The arithmetic is in :mod:`sensing.wrench.kernels`.
+    what came of it lately (:mod:`sensing.wrench.trend`). The arithmetic is in :mod:`sensing.wrench.filter_kernels`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
-from sensing.wrench.kernels import correct, mixture, mode_probabilities, predict
+from sensing.wrench.filter_kernels import correct, mixture, mode_probabilities, predict
 from sensing.wrench.quantiles import chi_square_quantile
 from sensing.wrench.trend import Trend, row_for
 

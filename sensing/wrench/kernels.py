@@ -1,6 +1,6 @@
-"""Compiled loops of :mod:`sensing.wrench.model` and :mod:`sensing.wrench.filter` for one field at a time.
+"""Compiled loops of :mod:`sensing.wrench.model` and :mod:`sensing.wrench.range` for one field at a time.
 
-A field's wrench is a hundred small steps: in numpy their calls cost five times what they compute. N, N m, px, s.
+A field's wrench is a hundred small steps: in numpy their calls cost five times what they compute. N, N m, px.
 The network's authority is :mod:`sensing.learning.net`, which is trained; tests/sensing/wrench/test_onnx.py holds what
 is written here, and the ONNX graph, to it on random weights.
 """
@@ -146,6 +146,28 @@ def _range(seen, along, gram, square):
 
 
 @numba.njit(**_KERNEL)
+def input_of(channels, valid, cells):
+    """What the network reads of a field.
+
+    Args:
+        channels: (2, H, W) float32 shear, px. valid: (H, W) bool. cells: (H, W) bool, those that count.
+
+    Returns:
+        (2 H W,) float64 with zero for what is not finite, its largest size, the number of valid cells, and of those
+        among them that count.
+    """
+    flat, x, largest = channels.ravel(), np.empty(channels.size), 0.0
+    for d in range(x.size):
+        x[d] = flat[d] if np.isfinite(flat[d]) else 0.0
+        largest = max(largest, abs(x[d]))
+    seen, counting, of_valid, of_cells = 0, 0, valid.ravel(), cells.ravel()
+    for c in range(of_valid.size):
+        seen += of_valid[c]
+        counting += of_valid[c] and of_cells[c]
+    return x, largest, seen, counting
+
+
+@numba.njit(**_KERNEL)
 def contact_angles(wrenches, radius_mm, least_n):
     """Answer of :func:`sensing.wrench.range.contact_angle_deg`.
 
@@ -154,116 +176,38 @@ def contact_angles(wrenches, radius_mm, least_n):
     """
     angle = np.zeros(len(wrenches))
     for n in range(len(wrenches)):
-        size = math.sqrt(wrenches[n, 0] ** 2 + wrenches[n, 1] ** 2 + wrenches[n, 2] ** 2)
-        if not size >= least_n:
-            continue
-        x, y, z = wrenches[n, 0] / size, wrenches[n, 1] / size, wrenches[n, 2] / size
-        p, q, r = 1000 * wrenches[n, 3] / size, 1000 * wrenches[n, 4] / size, 1000 * wrenches[n, 5] / size
-        a, b, c = y * r - z * q, z * p - x * r, x * q - y * p  # point of the line nearest to the centre
-        height = c - z * math.sqrt(max(radius_mm**2 - (a * a + b * b + c * c), 0.0))
-        angle[n] = math.degrees(math.acos(min(max(height / radius_mm, -1.0), 1.0)))
+        angle[n] = _contact_angle(wrenches[n], radius_mm, least_n)
     return angle
 
 
 @numba.njit(**_KERNEL)
-def predict(state, covariance, step, walk, density):
-    """States and covariances of M motions after a ``step``.
+def beyond(wrenches, covariances, radius_mm, least_n, limits):
+    """Answer of :meth:`sensing.wrench.range.Range.is_beyond`.
 
     Args:
-        state: (M, 2, 6) values and rates. covariance: (M, 3, 6) of values, with rates, of rates. step: s.
-        walk: (M, 6) noise density of the value, N^2/s. density: (M, 6) of the rate, N^2/s^3 (torques: N m for N).
+        wrenches: (N, 6) contiguous float64, N and N m. covariances: (N, 6, 6) contiguous.
+        radius_mm: of the sphere. least_n: with less force the contact's angle is 0.
+        limits: largest force in N, angle in degrees, and standard deviation of a force in N.
     """
-    value, spread = state.copy(), covariance.copy()
-    for m in range(len(state)):
-        for k in range(6):
-            vv, vr, rr, q = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], density[m, k]
-            value[m, 0, k] += step * state[m, 1, k]
-            spread[m, 0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3 + walk[m, k] * step
-            spread[m, 1, k] = vr + step * rr + q * step**2 / 2
-            spread[m, 2, k] = rr + q * step
-    return value, spread
+    force_n, tilt_deg, spread_n = limits
+    result = np.empty(len(wrenches), np.bool_)
+    for n in range(len(wrenches)):
+        w = wrenches[n]
+        strange = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2) > force_n
+        strange = strange or _contact_angle(w, radius_mm, least_n) > tilt_deg
+        for k in range(3):
+            strange = strange or not math.sqrt(covariances[n, k, k]) <= spread_n
+        result[n] = strange
+    return result
 
 
-@numba.njit(**_KERNEL)
-def mode_probabilities(weight, state, covariance, measured, noise, memory, least):
-    """Weights (M, 6) after a measurement, before it is taken in: Bayes' rule with a fading past, none at zero.
-
-    Args:
-        weight: (M, 6) before. state: (M, 2, 6). covariance: (M, 3, 6). measured: (6,).
-        noise: (M, 6) variances that a motion counts on. memory: part of the logarithm of a weight that lasts.
-        least: least weight, before they are scaled to sum 1.
-    """
-    count, probability = len(weight), np.empty(weight.shape)
-    for k in range(6):
-        best, total, kept = -math.inf, 0.0, 0.0
-        for m in range(count):
-            spread = covariance[m, 0, k] + noise[m, k]
-            innovation = measured[k] - state[m, 0, k]
-            probability[m, k] = memory * math.log(weight[m, k]) - 0.5 * (
-                innovation * innovation / spread + math.log(spread)
-            )
-            best = max(best, probability[m, k])
-        for m in range(count):
-            probability[m, k] = math.exp(probability[m, k] - best)
-            total += probability[m, k]
-        for m in range(count):
-            probability[m, k] = max(probability[m, k] / total, least)
-            kept += probability[m, k]
-        for m in range(count):
-            probability[m, k] /= kept
-    return probability
-
-
-@numba.njit(**_KERNEL)
-def correct(state, covariance, measured, noise, surprise, rates, limit):
-    """Takes a measurement into ``state`` and ``covariance`` of every motion.
-
-    Where its normalised square is beyond ``surprise`` for all of them, values are widened by the innovation and rates
-    by ``rates`` first; where that of an axis is beyond a motion's own ``limit``, this value of this motion is.
-
-    Args:
-        state: (M, 2, 6). covariance: (M, 3, 6). measured: (6,). noise: (M, 6) variances that a motion counts on.
-        surprise: limit of the normalised square.
-        rates: (M, 6) variances that the rates are widened by.
-        limit: (M,) limits of the normalised square of one axis.
-    """
-    least = math.inf
-    for m in range(len(state)):
-        square = 0.0
-        for k in range(6):
-            square += (measured[k] - state[m, 0, k]) ** 2 / (covariance[m, 0, k] + noise[m, k])
-        least = min(least, square)
-    for m in range(len(state)):
-        for k in range(6):
-            innovation = measured[k] - state[m, 0, k]
-            if least > surprise:
-                covariance[m, 0, k] += innovation**2
-                covariance[m, 2, k] += rates[m, k]
-            elif innovation**2 > limit[m] * (covariance[m, 0, k] + noise[m, k]):
-                covariance[m, 0, k] += innovation**2
-            vv, vr, rr, own = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], noise[m, k]
-            keep, g, h = own / (vv + own), vv / (vv + own), vr / (vv + own)
-            state[m, 0, k] += g * innovation
-            state[m, 1, k] += h * innovation
-            covariance[m, 0, k] = keep * vv * keep + g * own * g
-            covariance[m, 1, k] = keep * (vr - h * vv) + g * own * h
-            covariance[m, 2, k] = rr - 2 * h * vr + h * vv * h + h * own * h
-
-
-@numba.njit(**_KERNEL)
-def mixture(weight, state, covariance, common):
-    """Value (6,) and variance (6,) of all motions together, how far they are apart included.
-
-    Args:
-        weight: (M, 6). state: (M, 2, 6). covariance: (M, 3, 6).
-        common: (M, 6) variances of values beside those of ``covariance``, such as what repeats from frame to frame.
-    """
-    value, variance = np.zeros(6), np.zeros(6)
-    for m in range(len(weight)):
-        for k in range(6):
-            value[k] += weight[m, k] * state[m, 0, k]
-    for m in range(len(weight)):
-        for k in range(6):
-            off = state[m, 0, k] - value[k]
-            variance[k] += weight[m, k] * (covariance[m, 0, k] + common[m, k] + off * off)
-    return value, variance
+@numba.njit(**_HELPER)
+def _contact_angle(wrench, radius_mm, least_n):
+    size = math.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2)
+    if not size >= least_n:
+        return 0.0
+    x, y, z = wrench[0] / size, wrench[1] / size, wrench[2] / size
+    p, q, r = 1000 * wrench[3] / size, 1000 * wrench[4] / size, 1000 * wrench[5] / size
+    a, b, c = y * r - z * q, z * p - x * r, x * q - y * p  # point of the line nearest to the centre
+    height = c - z * math.sqrt(max(radius_mm**2 - (a * a + b * b + c * c), 0.0))
+    return math.degrees(math.acos(min(max(height / radius_mm, -1.0), 1.0)))

@@ -28,8 +28,8 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.wrench.kernels import answer_many, answer_one
-from sensing.wrench.range import Range, contact_angle_deg, range_measures
+from sensing.wrench.kernels import answer_many, answer_one, input_of
+from sensing.wrench.range import Range, range_measures
 from sensing.wrench.tensors import OPTIONAL, SHAPES, onset_n_of, pattern_of, radial_of, tracking_of
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
@@ -100,16 +100,15 @@ class WrenchModel:
                 name="field",
                 value=field.channels.shape,
             )
-        x = np.where(np.isfinite(field.channels), field.channels, 0.0).ravel().astype(np.float64)
-        if not field.valid.any() or not np.abs(x).max() < LARGEST_PX:
-            flags = frozenset({"missing", "out_of_range" if field.valid.any() else "dots_lost"})
+        x, largest, valid, counting = input_of(field.channels, field.valid, self.range.cells)
+        if not valid or not largest < LARGEST_PX:
+            flags = frozenset({"missing", "out_of_range" if valid else "dots_lost"})
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
         value, covariance, distance, rest = answer_one(x, *self._packed)
-        strange = self.range.leaves_too_much(rest, math.sqrt(float(value[:3] @ value[:3])))
-        strange = strange or bool(self._beyond_contacts(value[None], covariance[None])[0])
-        beyond = distance > self.range.distance or strange
+        beyond = distance > self.range.distance or self.range.leaves_too_much(rest, math.hypot(*value[:3]))
+        beyond = beyond or self._is_beyond(value[None], covariance[None])[0]
         flags = frozenset({"out_of_range"} if beyond else ())
-        if np.count_nonzero(field.valid & self.range.cells) < LEAST_VALID * np.count_nonzero(self.range.cells):
+        if counting < LEAST_VALID * self._counting:
             flags |= {"dots_lost"}
         return Wrench(field.time_s, value[:3], value[3:], "sphere", covariance, flags)
 
@@ -123,16 +122,15 @@ class WrenchModel:
         distance, rest = range_measures(self._doubles["principal"], self._back, seen)
         value, covariance = self.predict(inputs)
         strange = self.range.leaves_too_much(rest, np.linalg.norm(value[:, :3], axis=1))
-        return (distance > self.range.distance) | strange | self._beyond_contacts(value, covariance)
+        return (distance > self.range.distance) | strange | self._is_beyond(value, covariance)
 
-    def _beyond_contacts(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
-        """(N,) True where estimated wrenches (N, 6) are larger or further from the tip than those of training,
-        or have covariances (N, 6, 6) that leave a force too uncertain.
-        """
-        beyond = np.linalg.norm(value[:, :3], axis=1) > self.range.force_n
-        tilt_deg = contact_angle_deg(value, self.design.outer_radius_mm)
-        beyond |= self.range.is_too_wide(covariance)
-        return np.asarray(beyond | (tilt_deg > self.range.tilt_deg))
+    def _is_beyond(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
+        return self.range.is_beyond(value, covariance, self.design.outer_radius_mm)
+
+    @cached_property
+    def _counting(self) -> int:
+        """Number of the cells that count."""
+        return int(np.count_nonzero(self.range.cells))
 
     @cached_property
     def radial(self) -> Array | None:

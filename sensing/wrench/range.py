@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.wrench.kernels import contact_angles
+from sensing.wrench.kernels import beyond, contact_angles
 
 Array = NDArray[np.float64]
 LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
@@ -37,10 +37,15 @@ class Range:
     rest_px_per_n: float = 0.0
     interval_n: float = math.inf
 
-    def is_too_wide(self, covariance: Array) -> NDArray[np.bool_]:
-        """(N,) whether a force's interval under covariances (N, 6, 6) is too wide, or no number."""
-        variance = np.diagonal(covariance, axis1=1, axis2=2)[:, :3].max(axis=1)
-        return np.asarray(~(NORMAL_95 * np.sqrt(variance) <= self.interval_n))
+    def is_beyond(self, wrenches: Array, covariances: Array, radius_mm: float) -> NDArray[np.bool_]:
+        """(N,) whether answers are larger or further from the tip than those of training, or too uncertain.
+
+        Args:
+            wrenches: (N, 6) on the endcap about the sphere's centre, N and N m. covariances: (N, 6, 6).
+            radius_mm: of the sphere.
+        """
+        limits = self.force_n, self.tilt_deg, self.interval_n / NORMAL_95
+        return np.asarray(beyond(wrenches, covariances, radius_mm, LEAST_FORCE_N, limits))
 
     def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
         """Whether the principal fields leave more of a field than of those of training under such a force."""

@@ -97,9 +97,11 @@ class RateFilter:
 
     def step(self, wrench: Wrench) -> RateStep:
         """The corrected wrench; one that is not finite, flagged "missing" or no newer than the last stays as it is."""
+        if not len(self._tau):
+            return RateStep(wrench, wrench.time_s, None, self._overstress)
         value = np.concatenate([wrench.force_n, wrench.torque_nm])
         usable = bool(np.isfinite(value).all()) and math.isfinite(wrench.time_s) and "missing" not in wrench.flags
-        if not len(self._tau) or not usable:
+        if not usable:
             return RateStep(wrench, wrench.time_s, None, self._overstress)
         overstress = self._overstress
         if self._long_term is not None:

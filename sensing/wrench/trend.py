@@ -14,11 +14,10 @@ Notes:
 
 from __future__ import annotations
 
-import math
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
+
+from sensing.wrench.filter_kernels import came_true
 
 Array = NDArray[np.float64]
 HORIZONS_S = (0.025, 0.05, 0.1, 0.15)  # delays at which predictions are compared; a USB camera's is 0.05 (E)
@@ -26,6 +25,8 @@ MEMORY_S = 0.6  # E: over which comparisons fade
 CAUTION = 2.0  # deviations by which a factor is lowered
 LEAST = 4.0  # pseudo-count of changes of one deviation that came to nothing
 NOISE = 2.0  # variance of y - x over the measurement's where the motion is steady: of two measurements
+ROOM = 256  # predictions that are kept: enough for the longest delay at 1,700 frames/s
+_LAW = (MEMORY_S, CAUTION, LEAST, NOISE)
 
 
 class Trend:
@@ -36,14 +37,16 @@ class Trend:
     """
 
     def __init__(self) -> None:
+        self._horizons_s = np.array(HORIZONS_S)
+        self._past_s, self._past = np.zeros(ROOM), np.zeros((ROOM, 2, 6))  # times; values and rates
+        self._sums = np.zeros((2, len(HORIZONS_S), 2))  # of x y and of x x, forces and torques
         self.restart()
 
     def restart(self) -> None:
         """Forget everything: the last value is held until something is known."""
         self.factors: Array = np.zeros((len(HORIZONS_S), 6))
-        self._past: deque[tuple[float, Array, Array]] = deque()
-        self._xy, self._xx = np.zeros((len(HORIZONS_S), 2)), np.zeros((len(HORIZONS_S), 2))
-        self._last_s: float | None = None
+        self._sums[:] = 0.0
+        self._first, self._next = 0, 0  # of the predictions kept, counted since the restart
 
     def update(self, time_s: float, measured: Array, variance: Array, value: Array, rate: Array) -> None:
         """Compare, then remember what is predicted from here.
@@ -51,22 +54,14 @@ class Trend:
         Args:
             time_s: of the measurement. measured, variance: (6,) of it. value, rate: (6,) of the filter after it.
         """
-        if self._last_s is not None:
-            fading = math.exp(-(time_s - self._last_s) / MEMORY_S)
-            self._xy *= fading
-            self._xx *= fading
-        self._last_s = time_s
-        while len(self._past) > 1 and time_s - self._past[1][0] >= HORIZONS_S[-1]:
-            self._past.popleft()
-        for number, horizon_s in enumerate(HORIZONS_S):
-            old = next((entry for entry in reversed(self._past) if time_s - entry[0] >= horizon_s), None)
-            if old is not None:
-                x, y = old[2] * (time_s - old[0]), measured - old[1]
-                self._xy[number] += (x * y / variance).reshape(2, 3).sum(axis=1)
-                self._xx[number] += (x * x / variance).reshape(2, 3).sum(axis=1)
-        self._past.append((time_s, value, rate))
-        careful = (self._xy - CAUTION * np.sqrt(NOISE * self._xx)) / (self._xx + LEAST)
-        self.factors = np.repeat(np.clip(careful, 0.0, 1.0), 3, axis=1)
+        self.factors, first = came_true(
+            self._past_s, self._past, self._first, self._next, time_s, measured, variance, self._horizons_s,
+            self._sums, _LAW,
+        )  # fmt: skip
+        place = self._next % ROOM
+        self._past_s[place], self._past[place, 0], self._past[place, 1] = time_s, value, rate
+        self._next += 1
+        self._first = max(first, self._next - ROOM)
 
 
 def row_for(delay_s: float) -> int:

@@ -1,7 +1,9 @@
-"""Whether the camera that is assumed fits the rest picture, and what its uncertainty does to the wrench.
+"""Which camera the pictures of an endcap are read with, and what its uncertainty does to the wrench.
 
-Looked at once a reference: a camera that does not fit is named with the command that calibrates it, its wrenches carry
-the flag ``camera_misfit``, and their covariance grows by what the camera that does fit would change.
+Looked at once a reference. An endcap without a calibration file is read with the camera that its rest picture shows
+(:mod:`sensing.calibration.rest_camera`), and the command that keeps it is named. Where no camera can be found, or the
+calibrated one does not fit any more, wrenches carry the flag ``camera_misfit``, and their covariance grows by what the
+camera that does fit would change.
 """
 
 from __future__ import annotations
@@ -10,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensing.calibration.misfit import Misfit, camera_misfit
+from sensing.calibration.misfit import Misfit
+from sensing.calibration.rest_camera import RestCamera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_vector
@@ -28,22 +31,22 @@ class CameraCheck:
     """Verdict on the camera of one sensor and reference.
 
     Args:
-        endcap: its name and design. seen: the path from its pictures. estimator: reads the fields.
-        camera: the calibrated one; None where the nominal one is assumed.
+        endcap: its name and design. rest: the camera in use, and how well the other one fits.
+        seen: the path from pictures taken with it. estimator: reads the fields.
 
     Attributes:
-        message: what is off and what to do, one line; empty where the camera fits.
-        misfit: outcome of the test. flags: of its wrenches, ``camera_misfit`` or none.
+        rest: as given. message: what is off and what to do, one line; empty where the camera fits.
+        flags: of its wrenches, ``camera_misfit`` or none.
     """
 
-    def __init__(
-        self, endcap: EndcapConfig, seen: ModelInput, estimator: WrenchEstimator, camera: MountedCamera | None
-    ) -> None:
-        tracker = seen.tracker
-        self.misfit = camera_misfit(tracker.reference_px, tracker.size, endcap.params, camera)
-        self.message = "" if self.misfit.fits else _advice(endcap, self.misfit, camera is not None)
-        self.flags: frozenset[str] = frozenset() if self.misfit.fits else frozenset({FLAG})
-        uncertain = _with_misfit(camera or nominal_mount(endcap.params, *tracker.size), self.misfit)
+    def __init__(self, endcap: EndcapConfig, rest: RestCamera, seen: ModelInput, estimator: WrenchEstimator) -> None:
+        self.rest = rest
+        self.message = "" if rest.misfit.fits else _advice(endcap, rest)
+        fits = rest.misfit.fits or rest.found
+        self.flags: frozenset[str] = frozenset() if fits else frozenset({FLAG})
+        uncertain = rest.camera or nominal_mount(endcap.params, *seen.tracker.size)
+        if not fits:
+            uncertain = _with_misfit(uncertain, rest.misfit)
         self._spread = (
             CameraSpread(seen, estimator, uncertain)
             if isinstance(estimator, WrenchModel) and uncertain.covariance is not None
@@ -68,11 +71,15 @@ def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:
     return replace(assumed, covariance=covariance)
 
 
-def _advice(endcap: EndcapConfig, misfit: Misfit, calibrated: bool) -> str:
+def _advice(endcap: EndcapConfig, rest: RestCamera) -> str:
     """The largest difference and the command; docs/live.md has the rest."""
+    calibrated = rest.camera is not None and not rest.found
     whose = f"{endcap.camera} does not fit this picture" if calibrated else "camera not calibrated"
-    largest = misfit.reason.split("; ")[0].split(" (")[0]
+    largest = rest.misfit.reason.split("; ")[0].split(" (")[0]
     usual = endcap.diameter_mm == EndcapConfig.diameter_mm and endcap.wall_mm == EndcapConfig.wall_mm
     design = "" if usual else f" --diameter {endcap.diameter_mm:g} --wall {endcap.wall_mm:g}"
     zero = endcap.zero or f"{endcap.name}.npz"
-    return f"{whose} ({largest}): run python -m sensing.calibrate --zero {zero}{design} --out {endcap.name}.json"
+    command = f"python -m sensing.calibrate --zero {zero}{design} --out {endcap.name}.json"
+    if rest.found:
+        return f"{whose} ({largest}): taken from this picture; to keep it, run {command}"
+    return f"{whose} ({largest}): {rest.doubt or f'run {command}'}"

@@ -20,14 +20,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.live.core.gate_kernels import best_tear, block_means
 from sensing.live.core.state import Event
 from sensing.records import DotTracks, Frame, Image, Wrench
 
-SMALL = (40, 30)  # pixels in which pictures are compared as a whole
+SMALL = (30, 40)  # rows and columns in which pictures are compared as a whole
 LEAST_SIDE_PX = 120
 LEAST_LIKENESS = 0.5  # E: correlation of the small pictures; 0.95 under 52 N, 0 of a black one
 LEAST_SEEN = 0.5  # fraction of the dots under which the rest is guesswork
@@ -119,33 +119,15 @@ def torn_row(tracks: DotTracks) -> float:
     A tear between the dots leaves every window whole. Two rows' means explain all of such displacements, and at most
     0.8 of any press of the simulated robot.
     """
-    seen = ~tracks.lost
-    rows = tracks.reference_px[seen, 1]
-    order = np.argsort(rows)
-    moved = (tracks.position_px[seen] - tracks.reference_px[seen])[order]
-    above = np.arange(TORN_SIDE, len(moved) - TORN_SIDE + 1)
-    energy = float((moved**2).sum())
-    if len(above) == 0 or energy <= 0:
-        return 0.0
-    upper = np.cumsum(moved, axis=0)[above - 1]
-    below = moved.sum(axis=0) - upper
-    count = len(moved) - above
-    explained = (upper**2).sum(axis=1) / above + (below**2).sum(axis=1) / count
-    best = int(explained.argmax())
-    step = np.abs(below[best] / count[best] - upper[best] / above[best])
-    torn = explained[best] > TORN * energy and step[0] > TORN_PX * tracks.size[1] / 480 and step[1] < 0.1 * step[0]
-    return float(rows[order][above[best]]) if torn else 0.0
+    row, explained, step_x, step_y = best_tear(tracks.reference_px, tracks.position_px, tracks.lost, TORN_SIDE)
+    torn = explained > TORN and step_x > TORN_PX * tracks.size[1] / 480 and step_y < 0.1 * step_x
+    return float(row) if torn else 0.0
 
 
 def small_picture(gray: Image) -> NDArray[np.float32]:
     """(1200,) the picture in few pixels, without its mean."""
     step = max(1, min(gray.shape) // LEAST_SIDE_PX)  # every pixel would cost ten times as much
-    small = (
-        cv2.resize(np.ascontiguousarray(gray[::step, ::step]), SMALL, interpolation=cv2.INTER_AREA)
-        .astype(np.float32)
-        .ravel()
-    )
-    return small - small.mean()
+    return block_means(gray, step, *SMALL)
 
 
 def likeness(small: NDArray[np.float32], reference: NDArray[np.float32]) -> float:

@@ -21,7 +21,7 @@ from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import EndcapReading, without_numbers
+from sensing.live.core.reading import NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
 from sensing.live.core.seen import SeenFrame
 from sensing.live.core.state import Event
@@ -79,27 +79,28 @@ class Measurement:
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
-        watch, used = _Watch(), self._used
-        blank = without_numbers(
-            self._endcap.name, self._number, frame, self._model.shape, used.zero, self._epoch, captured_s, self._drift
-        )
+        watch = _Watch()
         look = self._recorded(frame, watch) if isinstance(frame, SeenFrame) else self._look(frame, watch)
-        if isinstance(look, Verdict):
-            return replace(
-                blank, event=look.event, reason=look.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
-                wrench=replace(blank.wrench, flags=look.flags), estimate=replace(blank.estimate, flags=look.flags),
-            )  # fmt: skip
-        return self._measured(blank, look, watch)
+        if not isinstance(look, Verdict):
+            return self._measured(frame, captured_s, look, watch)
+        blank = without_numbers(
+            self._endcap.name, self._number, frame, self._model.shape, self._used.zero, self._epoch, captured_s,
+            self._drift,
+        )  # fmt: skip
+        return replace(
+            blank, event=look.event, reason=look.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+            wrench=replace(blank.wrench, flags=look.flags), estimate=replace(blank.estimate, flags=look.flags),
+        )  # fmt: skip
 
-    def _measured(self, blank: EndcapReading, look: _Look, watch: _Watch) -> EndcapReading:
+    def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch) -> EndcapReading:
         """The reading of a picture that was decoded."""
         tracks, field, gray = look.tracks, look.field, look.gray
         estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
         if self._check is not None and tracks is not None:
             estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
-        if self._simulated:
-            estimate = replace(estimate, covariance=estimate.covariance + simulation_spread(estimate.force_n))
-        estimate = self._stiffness.applied(replace(estimate, flags=estimate.flags | self._foreign))
+        unknown = simulation_spread(estimate.force_n) if self._simulated else 0.0
+        estimate = replace(estimate, covariance=estimate.covariance + unknown, flags=estimate.flags | self._foreign)
+        estimate = self._stiffness.applied(estimate)
         watch.lap("wrench")
         alike = look.likeness if gray is None else likeness(small_picture(gray), self._alike_to)
         rated = self._rate.step(estimate)
@@ -119,16 +120,17 @@ class Measurement:
         place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")
         if self._count % DRIFT_EVERY == 0 and tracks is not None and gray is not None:
-            self._drift = measure_drift(self._used.zero, blank.frame, tracks, gray)
+            self._drift = measure_drift(self._used.zero, frame, tracks, gray)
             watch.lap("drift")
         self._count += 1
         flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
-        return replace(
-            blank, tracks=tracks, field=field, contact=contact, centre=centre, place=place, drift=self._drift,
-            event=verdict.event, estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
-            wrench=self._at_origin(smooth, flags, seen),
-            trend=self._filter.trend @ self._to_endcap.T if used else blank.trend,
-            reason=verdict.reason, ready_s=time.monotonic(), stage_ms=watch.stages, likeness=alike,
+        return EndcapReading(
+            self._endcap.name, self._number, frame, tracks, field,
+            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            wrench=self._at_origin(smooth, flags, seen), contact=contact, centre=centre, drift=self._drift,
+            zero=self._used.zero, epoch=self._epoch, captured_s=captured_s, ready_s=time.monotonic(),
+            stage_ms=watch.stages, event=verdict.event, reason=verdict.reason,
+            trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
         )  # fmt: skip
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:

@@ -15,6 +15,7 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from cad.errors import EndcapError
+from sensing.calibration.rest_camera import RestCamera, rest_camera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.live.core.camera_check import CameraCheck
@@ -26,10 +27,12 @@ from sensing.live.core.reference import Reference, ReferenceTaker
 from sensing.live.core.state import NOTE_S, Event
 from sensing.records import Frame
 from sensing.tracking.methods import FieldMethod, field_method
-from sensing.tracking.model_input import ModelInput, model_input
+from sensing.tracking.model_input import ModelInput
+from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import Zero
 
 ZERO_FRAMES = 10  # averaged for a reference
+KEPT_CAMERAS = 2  # of earlier references: the last one, and the one before that an undo goes back to
 JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, are a clock that was set
 FORWARD_S = 60.0
 
@@ -62,6 +65,7 @@ class EndcapPipeline:
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera, endcap.identity)
         most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n).on_n
         self._taker = ReferenceTaker(endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n)
+        self._cameras: dict[str, RestCamera] = {}
         self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
         self._check: CameraCheck | None = None
         self._used: Reference | None = None
@@ -82,10 +86,16 @@ class EndcapPipeline:
         return None if self._used is None else self._used.zero
 
     def camera(self, width_px: int, height_px: int) -> MountedCamera:
-        """The camera that is assumed, for pictures of a size: the calibrated one, or that of the design."""
-        if self._camera is None:
+        """The camera in use, for pictures of a size: the calibrated one, that of the reference, or of the design."""
+        camera = self._camera if self._check is None else self._check.rest.camera
+        if camera is None:
             return nominal_mount(self.endcap.params, width_px, height_px)
-        return replace(self._camera, camera=self._camera.camera.resized(width_px, height_px))
+        return replace(camera, camera=camera.camera.resized(width_px, height_px))
+
+    @property
+    def rest_camera(self) -> RestCamera | None:
+        """What the reference in use says of the camera; None before it, and for methods without dots."""
+        return None if self._check is None else self._check.rest
 
     @property
     def note(self) -> str:
@@ -191,13 +201,22 @@ class EndcapPipeline:
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
-            method = model_input(zero.frame(), self.model.shape, self.endcap.params, self._camera, self.model.radial)
+            tracker = DotTracker(zero.frame())
+            rest = self._rest_camera(zero, tracker)
+            method = ModelInput(tracker, self.model.shape, self.endcap.params, rest.camera, self.model.radial)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
             _ = method.tracker.wide  # nor is it made when dots are first lost
-            self._checks[method] = CameraCheck(self.endcap, method, self.model.estimator, self._camera)
+            self._checks[method] = CameraCheck(self.endcap, rest, method, self.model.estimator)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
+
+    def _rest_camera(self, zero: Zero, tracker: DotTracker) -> RestCamera:
+        """Looked for once a picture: a reference is set up again to be compared with the next."""
+        if zero.digest not in self._cameras:
+            found = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
+            self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {zero.digest: found}
+        return self._cameras[zero.digest]
 
     def _use(self, reference: Reference) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)

@@ -21,6 +21,9 @@ from sensing.wrench.contact_place import PressureCentre
 from sensing.wrench.plane_contact import NO_CONTACT, PlaneContact
 from sensing.wrench.trend import HORIZONS_S, row_for
 
+NO_TREND = np.zeros((len(HORIZONS_S), 6))  # holding the last value
+NO_TREND.flags.writeable = False
+
 
 @dataclass(frozen=True)
 class EndcapReading:
@@ -59,7 +62,7 @@ class EndcapReading:
     stage_ms: Mapping[str, float]
     event: Event
     reason: str
-    trend: NDArray[np.float64] = with_default(default_factory=lambda: np.zeros((len(HORIZONS_S), 6)))
+    trend: NDArray[np.float64] = with_default(default_factory=lambda: NO_TREND)
     place: PlaneContact = NO_CONTACT
     likeness: float = float("nan")
 

@@ -20,6 +20,9 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.params import EndcapParams
+from sensing.calibration.dots import CalibrationError
+from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.rest_camera import MISPLACED_PX
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
@@ -28,7 +31,6 @@ from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.zero import Zero, ZeroError, measure_drift, single_zero, take_zero, without_mounting
 
-MISPLACED_PX = 3.1  # E: at 480: nine dots of ten lie nearer to the fitted design; the released photos 2.4 to 2.6
 _ONE_AT_A_TIME = threading.Lock()  # or all endcaps would be slow together
 
 
@@ -169,13 +171,8 @@ def press_n(before: ModelInput, last: Zero, new: Zero, estimator: WrenchEstimato
 def misplaced_px(zero: Zero, params: EndcapParams) -> float:
     """How far the dots lie from the design's, at 480 lines, in the 90 % quantile; 0 where they cannot be compared.
 
-    That is where they cannot be assigned to those of the design, and on computers without SciPy.
+    That is where they cannot be assigned to those of the design.
     """
-    try:
-        from sensing.calibration.dots import CalibrationError
-        from sensing.calibration.from_dots import calibrate_from_dots
-    except ImportError:
-        return 0.0
     gray = decode_gray(zero.frame())
     size = gray.shape[1], gray.shape[0]
     dots = find_dots(gray)
@@ -183,7 +180,7 @@ def misplaced_px(zero: Zero, params: EndcapParams) -> float:
         fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, try_in_place=True)
     except CalibrationError:
         return 0.0
-    return float(np.quantile(np.linalg.norm(fitted.residual_px, axis=1), 0.9)) * 480.0 / min(size)
+    return fitted.most_px * 480.0 / min(size)
 
 
 def _require_unpressed(force_n: float, most_n: float) -> None:

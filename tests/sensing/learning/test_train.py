@@ -106,7 +106,7 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
     assert "RMSE of fz N, tilt" in said and "15 to 25 deg" in said
     found = list(csv.DictReader(by_cell.open()))
     assert sum(int(row["frames"]) for row in found) == 18
-    assert {row["name"] for row in found} == {"ours, test", "ours, not calibrated, test"}
+    assert {row["name"] for row in found} == {"ours, test", "ours, no camera file, test"}
     rows = {row["name"]: row for row in csv.DictReader(out.open())}
     assert float(rows["ours, test"]["rmse_fx_n"]) < 1.0 < float(rows["paper, test"]["rmse_fx_n"])
     assert float(rows["ours, test"]["rest_n"]) < 0.3

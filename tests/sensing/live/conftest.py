@@ -8,7 +8,7 @@ import pytest
 from live_stage import Stage
 from live_stand_in import Shown
 
-from sensing.live.core import camera_check
+from sensing.calibration import rest_camera
 from sensing.live.core.warm_up import warm_up
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "scripts"))
@@ -23,7 +23,7 @@ def compiled() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def fitted_once():
     """All drawn references are the same picture: the camera is fitted to it once, half a second, not once a test."""
-    fit, known = camera_check.camera_misfit, {}
+    fit, known = rest_camera.camera_misfit, {}
 
     def remembered(dots_px, size, params, camera=None):
         key = (np.asarray(dots_px).tobytes(), tuple(size), params)
@@ -34,7 +34,7 @@ def fitted_once():
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(camera_check, "camera_misfit", remembered)
+        patch.setattr(rest_camera, "camera_misfit", remembered)
         yield
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
+from cad.identity import identity
 from cad.params import EndcapParams
 from sensing.calibrate import main as calibrate
 from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.rest_camera import rest_camera
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
@@ -19,6 +23,7 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Frame
+from sensing.setup import _camera_kept
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
 from sensing.tracking.model_input import model_input
@@ -53,23 +58,69 @@ def reading(frames: tuple[Frame, Frame], camera=None):
     return pipeline, pipeline.update(frames[1])
 
 
-def test_a_turned_camera_is_named_and_its_wrench_flagged_until_it_is_calibrated(frames, tmp_path) -> None:
+def test_without_a_calibration_the_camera_is_the_one_that_calibration_finds_on_the_rest_picture(
+    frames, tmp_path
+) -> None:
     good, reported = reading(frames["nominal"])
-    assert good.note == "" and FLAG not in reported.estimate.flags
+    assert good.note == "" and not reported.estimate.flags
     pipeline, uncalibrated = reading(frames["turned"])
     assert "camera turned by 1.4 degrees" in pipeline.note and "sensing.calibrate --zero" in pipeline.note
-    assert FLAG in uncalibrated.estimate.flags
     zero, out = tmp_path / "endcap_0.npz", tmp_path / "endcap_0.json"
     save_zero(single_zero(frames["turned"][0]), zero)
     assert calibrate(["--zero", str(zero), "--out", str(out)]) == 0
-    pipeline, calibrated = reading(frames["turned"], out)
-    assert pipeline.note == "" and not calibrated.estimate.flags
-    widths = [np.sqrt(np.diag(r.estimate.covariance)) for r in (reported, calibrated, uncalibrated)]
-    assert (widths[2][:3] > widths[1][:3]).all() and widths[1][2] < 1.5 * widths[0][2]
-    off = uncalibrated.estimate.force_n - calibrated.estimate.force_n
-    assert (np.abs(off) < 3 * widths[2][:3]).all()
-    pipeline, _ = reading(frames["nominal"], out)
-    assert f"{out} does not fit this picture" in pipeline.note
+    kept, calibrated = reading(frames["turned"], out)
+    assert kept.note == "" and not calibrated.estimate.flags and not uncalibrated.estimate.flags
+    for one, other in ((uncalibrated.estimate, calibrated.estimate), (uncalibrated.wrench, calibrated.wrench)):
+        assert np.array_equal(one.force_n, other.force_n) and np.array_equal(one.covariance, other.covariance)
+    shown, filed = pipeline.camera(1280, 960), MountedCamera.load(out)
+    assert np.array_equal(shown.T_camera_endcap, filed.T_camera_endcap)
+    assert shown.camera == filed.camera.resized(1280, 960)
+    size = np.sqrt(np.diag(reported.estimate.covariance)), np.sqrt(np.diag(calibrated.estimate.covariance))
+    assert size[1][2] < 1.5 * size[0][2]
+
+
+def test_setup_keeps_the_camera_that_it_found_and_no_other(frames, tmp_path) -> None:
+    """A camera as designed gets no file, and a file that is there is not overwritten."""
+    said: list[str] = []
+
+    def kept(pipeline) -> Path | None:
+        return _camera_kept(SimpleNamespace(pipeline=pipeline), tmp_path / "endcap_0.json", said.append)
+
+    assert kept(reading(frames["nominal"])[0]) is None and not said
+    turned, without = reading(frames["turned"])
+    path = kept(turned)
+    assert path == tmp_path / "endcap_0.json" and "turned by 1.4 degrees" in said[-1]
+    again, filed = reading(frames["turned"], path)
+    assert again.note == "" and np.array_equal(filed.estimate.force_n, without.estimate.force_n)
+    path.write_text("mine")
+    assert kept(turned) is None and path.read_text() == "mine" and "left as it is" in said[-1]
+
+
+def test_a_calibration_that_does_not_fit_any_more_is_named_and_its_wrench_flagged_and_widened(frames, tmp_path) -> None:
+    out = tmp_path / "endcap_0.json"
+    zero = single_zero(frames["turned"][0])
+    found = rest_camera(zero.frame(), model_input(zero.frame(), (16, 16), PARAMS).tracker.reference_px, PARAMS)
+    assert found.found and found.camera is not None
+    found.camera.save(out, identity(PARAMS))
+    pipeline, moved = reading(frames["nominal"], out)
+    assert f"{out} does not fit this picture" in pipeline.note and "sensing.calibrate --zero" in pipeline.note
+    assert FLAG in moved.estimate.flags
+    _, right = reading(frames["nominal"])
+    width = np.sqrt(np.diag(moved.estimate.covariance))[:3]
+    assert (width > np.sqrt(np.diag(right.estimate.covariance))[:3]).all()
+    assert (np.abs(moved.estimate.force_n - right.estimate.force_n) < 3 * width).all()
+
+
+def test_no_camera_is_taken_from_the_picture_of_another_diameter_or_of_a_pressed_dome(frames) -> None:
+    large = EndcapParams(150, 8)
+    renderer = DomeRenderer(large, nominal_mount(large), RenderSettings(seed=3).at_level("draft"))
+    other = Frame(0.0, 0, "large", jpeg=renderer.render().jpeg)
+    pipeline, wrong = reading((other, replace(other, time_s=0.1)))
+    assert FLAG in wrong.estimate.flags and "D=150 T=8" in pipeline.note
+    renderer = DomeRenderer(PARAMS, TURNED, RenderSettings(seed=31).at_level("draft"))
+    deep = Frame(0.0, 0, "deep", jpeg=renderer.render(pressed(renderer.surface_mm, 25.0)).jpeg)
+    pipeline, wrong = reading((deep, replace(deep, time_s=0.1)))
+    assert FLAG in wrong.estimate.flags and "is it pressed?" in pipeline.note
 
 
 @pytest.mark.parametrize("parallax", [False, True], ids=["parallax left in", "parallax taken out"])

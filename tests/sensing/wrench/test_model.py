@@ -247,7 +247,8 @@ def test_an_answer_with_a_wide_interval_is_none(data):
         field = ShearField(0.0, channels, valid=np.ones(model.shape, dtype=bool))
         assert ("out_of_range" in asked.estimate(field).flags) is strange
     covariance[7, 4, 4], covariance[8, 2, 2] = np.inf, np.nan  # a torque, and a force that is no number
-    assert model.range.is_too_wide(covariance).nonzero()[0].tolist() == [8]
+    still = np.zeros((len(covariance), 6))
+    assert model.range.is_beyond(still, covariance, 65.0).nonzero()[0].tolist() == [8]
 
 
 def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():

@@ -81,7 +81,7 @@ class RosTopics(QueuedSink):
         self._health, self._beat = health, Beat(BEAT_S, self._look)
         self._domain = domain_id(domain)
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)
-        self._cameras: dict[tuple[str, tuple[int, int]], Any] = {}
+        self._cameras: dict[str, tuple[Any, tuple[int, int], Any]] = {}  # reference, size, camera
         self._writers: dict[str, dict[str, Any]] = {}
         self._diagnostics: Any = None
         self._transforms: Any = None
@@ -113,7 +113,7 @@ class RosTopics(QueuedSink):
         self._participant, self._owner = None, None
 
     def _open(self) -> None:
-        """Writers of all topics; transforms do not change and are written once."""
+        """Writers of all topics; transforms are written once, and when a reference shows another camera."""
         self._writers = {
             endcap: {name: dds.publisher(self._participant, f"{endcap}/{name}", kind) for name, kind in TOPICS.items()}
             for endcap in self._pipelines
@@ -121,8 +121,7 @@ class RosTopics(QueuedSink):
         self._looked_at = dict.fromkeys(self._pipelines, False)
         self._diagnostics = dds.publisher(self._participant, "diagnostics", ros.DIAGNOSTICS)
         self._transforms = dds.publisher(self._participant, "tf_static", messages.TRANSFORMS, latched=True)
-        children = transforms_of(list(self._pipelines.values()))
-        self._transforms.write(dds.encoded(messages.TRANSFORMS, messages.transforms(children, time.time_ns())))
+        self._write_transforms()
         self._services = ZeroServices(self._participant, list(self._pipelines.values()))
 
     def _encoded(self, reading: EndcapReading, stamp: int) -> Iterator[tuple[str, bytes]]:
@@ -144,9 +143,21 @@ class RosTopics(QueuedSink):
             yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, camera_frame(name))
         height, width = reading.zero.image.shape[:2]
         size = reading.frame.size or (width, height)
-        if (name, size) not in self._cameras:
-            self._cameras[name, size] = self._pipelines[name].camera(*size)
-        yield "camera_info", messages.camera_info(self._cameras[name, size], stamp, camera_frame(name))
+        yield "camera_info", messages.camera_info(self._camera(reading, size), stamp, camera_frame(name))
+
+    def _camera(self, reading: EndcapReading, size: tuple[int, int]) -> Any:
+        """The camera of a reading; a new reference may show another one, which moves its frame, too."""
+        name = reading.endcap
+        zero, of_size, camera = self._cameras.get(name, (None, size, None))
+        if camera is None or zero is not reading.zero or of_size != size:
+            camera = self._pipelines[name].camera(*size)
+            self._cameras[name] = reading.zero, size, camera
+            self._write_transforms()
+        return camera
+
+    def _write_transforms(self) -> None:
+        children = transforms_of(list(self._pipelines.values()))
+        self._transforms.write(dds.encoded(messages.TRANSFORMS, messages.transforms(children, time.time_ns())))
 
     def _look(self) -> None:
         """The state of all endcaps, also while no frame comes; and whether somebody looks at the pictures."""

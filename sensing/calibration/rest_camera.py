@@ -1,0 +1,72 @@
+"""The camera of an endcap that nobody has calibrated, as its rest picture shows it.
+
+    rest = rest_camera(reference, tracker.reference_px, params)
+    seen = ModelInput(tracker, shape, params, rest.camera, radial)        # camera None: it sits as the design has it
+
+Live and the training on recordings take the camera from here. A camera that fits the picture is left alone. One that
+does not is replaced by the one that ``python -m sensing.calibrate`` finds on the same picture, unless that is in doubt:
+a diameter that fits clearly better, or dots that lie too far from where the found camera sees them, as those of a
+pressed dome do. A calibration file is never overruled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cad.params import EndcapParams
+from sensing.calibration.dots import CalibrationError, find_blobs
+from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.misfit import Misfit, camera_misfit
+from sensing.calibration.other_design import require_design
+from sensing.camera.model import Array
+from sensing.camera.mount import MountedCamera
+from sensing.decode import decode_bgr
+from sensing.records import Frame
+
+MISPLACED_PX = 3.1  # E: at 480: nine dots of ten lie nearer to the fitted design; the released photos 2.4 to 2.6
+
+
+@dataclass(frozen=True)
+class RestCamera:
+    """Outcome.
+
+    Attributes:
+        camera: to be used; None for the nominal one.
+        misfit: of the camera that was given, or of the nominal one.
+        found: whether the camera comes from this picture.
+        doubt: why none is taken from it although the nominal one does not fit, one line; else empty.
+    """
+
+    camera: MountedCamera | None
+    misfit: Misfit
+    found: bool = False
+    doubt: str = ""
+
+
+def rest_camera(
+    reference: Frame, dots_px: Array, params: EndcapParams, given: MountedCamera | None = None
+) -> RestCamera:
+    """The camera to be used for an endcap whose untouched picture is this one.
+
+    Args:
+        reference: the picture. dots_px: (n, 2) of the tracker in it. params: the endcap.
+        given: the calibrated camera; None where there is none.
+
+    Raises:
+        FrameError: a picture that cannot be decoded.
+    """
+    image_bgr = decode_bgr(reference)
+    size_px = image_bgr.shape[1], image_bgr.shape[0]
+    misfit = camera_misfit(dots_px, size_px, params, given)
+    if misfit.fits or given is not None:
+        return RestCamera(given, misfit)
+    try:
+        centres, radii = find_blobs(image_bgr)
+        found = calibrate_from_dots(centres, params, size_px)
+        require_design(found, radii, params, size_px)
+    except CalibrationError as error:
+        return RestCamera(None, misfit, doubt=str(error))
+    away_px = found.most_px * 480.0 / min(size_px)
+    if away_px > MISPLACED_PX:
+        return RestCamera(None, misfit, doubt=f"the dots lie up to {away_px:.1f} px from the design's: is it pressed?")
+    return RestCamera(found.mounted, misfit, found=True)

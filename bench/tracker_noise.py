@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import nnls
 
-from sensing.learning.marker_fields import KNEE_PX
+from sensing.learning.marker_fields import moved_part
 from sensing.records_labelled import LabelledSet
 from sensing.tracking.tracker import DotTracker
 
@@ -32,7 +32,8 @@ class Noise:
     """The tracker's error: standard deviation of a dot that has moved, and how two dots go together.
 
     Attributes:
-        still_px, moving_px, share: sd^2 = still^2 + (moving far / (KNEE_PX + far))^2 + (share far)^2.
+        still_px, moving_px, share: sd^2 = still^2 + (moving moved_part(far))^2 + (share far)^2, the law of
+            :func:`sensing.learning.marker_fields.moved_part`.
         alike, length_px: correlation of one axis of two dots, alike exp(-distance / length).
     """
 
@@ -44,8 +45,7 @@ class Noise:
 
     def sd(self, far_px: Array) -> Array:
         """Standard deviation of one axis at displacements, px."""
-        moving = self.moving_px * far_px / (KNEE_PX + far_px)
-        parts = (self.still_px**2, moving**2, (self.share * far_px) ** 2)
+        parts = (self.still_px**2, (self.moving_px * moved_part(far_px)) ** 2, (self.share * far_px) ** 2)
         return np.sqrt(sum(parts))
 
     def covariance(self, at_px: Array, far_px: Array) -> Array:
@@ -70,7 +70,7 @@ def measured_noise(data: LabelledSet) -> Noise:
             binned.append((middle, np.sqrt((np.clip(part, -top, top) ** 2).mean()), len(part)))
     middle, sd, count = np.array(binned).T
     print("displacement px, rms error px, dots:", *(f"{m:.2f} {s:.4f} {n:.0f};" for m, s, n in binned))
-    terms = np.column_stack([np.ones_like(middle), (middle / (KNEE_PX + middle)) ** 2, middle**2])
+    terms = np.column_stack([np.ones_like(middle), moved_part(middle) ** 2, middle**2])
     weight = np.sqrt(count) / sd**2
     share = nnls(terms * weight[:, None], weight * sd**2)[0]
     law = Noise(*np.sqrt(share), 0.0, 1.0)

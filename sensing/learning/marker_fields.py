@@ -34,6 +34,11 @@ KNEE_PX = 0.15  # M: displacement by which half of the error of a moved dot is t
 BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, and not tracked
 
 
+def moved_part(far_px: Array) -> Array:
+    """Part of the error of a moved dot that is there at displacements, px: half of it at :data:`KNEE_PX`."""
+    return np.asarray(far_px / (KNEE_PX + far_px))
+
+
 @dataclass(frozen=True)
 class Scatter:
     """How sensors and their tracking differ (standard deviations).
@@ -92,7 +97,7 @@ class MarkerSensor:
         count = len(self._place)
         moved += self._beside[:, :1] * slope[:, :count] + self._beside[:, 1:] * slope[:, count:]
         far, s = np.linalg.norm(moved, axis=2), self._scatter
-        spread = np.sqrt(s.still_px**2 + (s.moving_px * far / (KNEE_PX + far)) ** 2 + (s.share * far) ** 2)
+        spread = np.sqrt(s.still_px**2 + (s.moving_px * moved_part(far)) ** 2 + (s.share * far) ** 2)
         moved += spread[:, :, None] * self._rng.standard_normal(moved.shape)
         cells = np.einsum("ndc,dk->nck", moved, self.operator.to_cells, optimize=True)
         return (cells * (CROP_PX / min(FRAME_PX))).reshape(len(moved), 2, *self.operator.shape).astype(np.float32)

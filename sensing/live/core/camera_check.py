@@ -78,8 +78,8 @@ def _advice(endcap: EndcapConfig, rest: RestCamera) -> str:
     largest = rest.misfit.reason.split("; ")[0].split(" (")[0]
     usual = endcap.diameter_mm == EndcapConfig.diameter_mm and endcap.wall_mm == EndcapConfig.wall_mm
     design = "" if usual else f" --diameter {endcap.diameter_mm:g} --wall {endcap.wall_mm:g}"
-    zero = endcap.zero or f"{endcap.name}.npz"
-    command = f"python -m sensing.calibrate --zero {zero}{design} --out {endcap.name}.json"
+    untouched = "--photo PICTURE" if endcap.zero is None else f"--zero {endcap.zero}"
+    command = f"python -m sensing.calibrate {untouched}{design} --out {endcap.name}.json"
     if rest.found:
         return f"{whose} ({largest}): taken from this picture; to keep it, run {command}"
     return f"{whose} ({largest}): {rest.doubt or f'run {command}'}"

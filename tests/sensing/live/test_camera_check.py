@@ -64,7 +64,7 @@ def test_without_a_calibration_the_camera_is_the_one_that_calibration_finds_on_t
     good, reported = reading(frames["nominal"])
     assert good.note == "" and not reported.estimate.flags
     pipeline, uncalibrated = reading(frames["turned"])
-    assert "camera turned by 1.4 degrees" in pipeline.note and "sensing.calibrate --zero" in pipeline.note
+    assert "camera turned by 1.4 degrees" in pipeline.note and "sensing.calibrate --photo" in pipeline.note
     zero, out = tmp_path / "endcap_0.npz", tmp_path / "endcap_0.json"
     save_zero(single_zero(frames["turned"][0]), zero)
     assert calibrate(["--zero", str(zero), "--out", str(out)]) == 0
@@ -103,7 +103,7 @@ def test_a_calibration_that_does_not_fit_any_more_is_named_and_its_wrench_flagge
     assert found.found and found.camera is not None
     found.camera.save(out, identity(PARAMS))
     pipeline, moved = reading(frames["nominal"], out)
-    assert f"{out} does not fit this picture" in pipeline.note and "sensing.calibrate --zero" in pipeline.note
+    assert f"{out} does not fit this picture" in pipeline.note and "sensing.calibrate --photo" in pipeline.note
     assert FLAG in moved.estimate.flags
     _, right = reading(frames["nominal"])
     width = np.sqrt(np.diag(moved.estimate.covariance))[:3]

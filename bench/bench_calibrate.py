@@ -62,10 +62,8 @@ def ring_rows(name: str, found: np.ndarray, size: tuple[int, int]) -> list[tuple
     result = calibrate_from_dots(found, PARAMS, size)
     rings = pattern_points(PARAMS)[1][result.pattern_index]
     pixels = result.mounted.project(pattern_points(PARAMS)[0][result.pattern_index]) - result.residual_px
-    rays, pupil = result.mounted.rays_endcap(pixels), result.mounted.pupil_endcap_mm
-    offset = pupil - [0, 0, PARAMS.centre_height_mm]
-    along = rays @ offset
-    points = offset + (np.sqrt(along**2 - offset @ offset + PARAMS.inner_radius_mm**2) - along)[:, None] * rays
+    centre = np.array([0.0, 0.0, PARAMS.centre_height_mm])
+    points = result.mounted.on_sphere(pixels, centre, PARAMS.inner_radius_mm) - centre
     polar = np.degrees(np.arccos(points[:, 2] / PARAMS.inner_radius_mm))
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     rows: list[tuple] = []

@@ -78,11 +78,7 @@ class SeenDots:
         self.tracks = self.seen.track(self.seen.decode(item.frame), item.frame.time_s)
         self._camera, self._model = camera, model
         self._azimuth = float(item.labels["azimuth_deg"])
-        rest = self.tracks.reference_px
-        rays, start = camera.rays_endcap(rest), camera.pupil_endcap_mm - CENTRE
-        along = rays @ start
-        reach = np.sqrt(along**2 - start @ start + GEOMETRY.inner_radius_mm**2) - along
-        self._on_sphere = start + reach[:, None] * rays
+        self._on_sphere = camera.on_sphere(self.tracks.reference_px, CENTRE, GEOMETRY.inner_radius_mm) - CENTRE
 
     def moved_px(self, motion: Motion) -> Array:
         """(n, 2) displacement that windows would show of a motion."""

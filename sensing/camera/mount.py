@@ -67,6 +67,13 @@ class MountedCamera:
         """Unit rays (..., 3) of pixels (..., 2) in the endcap frame; they start at :attr:`pupil_endcap_mm`."""
         return self.camera.unproject(pixels) @ self.T_camera_endcap[:3, :3]
 
+    def on_sphere(self, pixels: ArrayLike, centre_mm: ArrayLike, radius_mm: float) -> Array:
+        """(..., 3) where the rays of pixels (..., 2) leave a sphere, mm in the endcap frame; NaN where they miss it."""
+        rays, start = self.rays_endcap(pixels), self.pupil_endcap_mm - np.asarray(centre_mm, float)
+        along = rays @ start
+        root = np.sqrt(along**2 - start @ start + radius_mm**2)
+        return np.asarray(self.pupil_endcap_mm + (root - along)[..., None] * rays)
+
     def save(self, path: str | Path, made_for: Identity | None = None) -> None:
         """Write JSON under a temporary name, then rename.
 

@@ -129,11 +129,8 @@ class ModelInput:
         """
         if self._camera is None:
             return pixels
-        centre = np.array([0.0, 0.0, self._params.centre_height_mm])
-        rays, start = self._camera.rays_endcap(pixels), self._camera.pupil_endcap_mm - centre
-        along = rays @ start
-        root = np.sqrt(along**2 - start @ start + (self._params.inner_radius_mm + raised_mm) ** 2)
-        return self._nominal.project(self._camera.pupil_endcap_mm + (root - along)[:, None] * rays)
+        centre = (0.0, 0.0, self._params.centre_height_mm)
+        return self._nominal.project(self._camera.on_sphere(pixels, centre, self._params.inner_radius_mm + raised_mm))
 
     def _parallax(self) -> Array:
         """(n, 2) sideways shift of the known dots in the nominal view, px by mm outward, that is none of their own."""

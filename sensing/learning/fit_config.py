@@ -25,7 +25,7 @@ class FitConfig:
         ParameterError: a number out of range.
     """
 
-    components: int = 60
+    components: int = 120
     hidden: int = 64
     doubting: int = 64
     depth: int = 2

@@ -102,11 +102,12 @@ def refusals(folder: Path) -> list[str]:
 
 def _made(work: list[Work], workers: int, scheduler: str | None) -> Iterator[tuple[int, bytes]]:
     """Shards as they are finished, in any order."""
-    if scheduler is None and workers == 1:
+    workers = min(workers, len(work))
+    if scheduler is None and workers <= 1:
         yield from (_job(*each) for each in work)
         return
     if scheduler is None:
-        yield from local_workers.results(_job, work, min(workers, len(work)))
+        yield from local_workers.results(_job, work, workers)
         return
     with _cluster(scheduler):
         pool = joblib.Parallel(n_jobs=-1, return_as="generator_unordered", pre_dispatch="2*n_jobs")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -130,6 +131,13 @@ def test_a_corrupt_shard_is_named_and_made_again(
         list(LabelledSet(tmp_path).frames())
     assert write_dataset(small_request(), tmp_path) == 1
     assert "00001.npz: corrupt shard" in capsys.readouterr().err
+    assert same(tmp_path, small_set)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_set_that_is_whole_stays_as_it_is(small_set: Path, tmp_path: Path, workers: int) -> None:
+    shutil.copytree(small_set, tmp_path, dirs_exist_ok=True)
+    assert write_dataset(small_request(), tmp_path, workers) == 0
     assert same(tmp_path, small_set)
 
 

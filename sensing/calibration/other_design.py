@@ -17,7 +17,7 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError, pattern_points
 from sensing.calibration.fit import Problem
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
-from sensing.calibration.prior import OTHER_LENS
+from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
 from sensing.camera.model import Array
 
 STEP_MM, SPAN = 10.0, 1.3  # other diameters are looked at in such steps, up to this factor smaller and larger
@@ -25,6 +25,7 @@ INK_SCALE, INK_SIGMA = 1.12, 0.08  # ink radius over dent radius: M on the photo
 STRAY_LOG, UNSEEN_LOG = -4.0, -0.5  # E: log odds of a found dot that is not of the pattern, and of a dot not found
 INSIDE_PX = 14.0  # a dot this far from the frame's edge, at 480 rows, is seen whole
 MARGIN = 2.0  # log odds under which two designs fit alike
+FEW, FAR_SIGMA = 2, 1.6  # strays or unseen dots, and deviations of the dots' size, that speak for no other design
 BEYOND = 5.0  # and over which the other one is taken for the right one
 
 
@@ -42,6 +43,19 @@ class DesignFit:
     calibration: Calibration
     ink_scale: float
     log_evidence: float
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether anything speaks for another diameter: another lens, dots left over or missing, dots of another size.
+
+        Where nothing does, no other one fitted better by more than 5 in the logarithm (M: domes of 110 to 160 mm seen
+        as one of 130, painted by hand).
+        """
+        c = self.calibration
+        other_lens = next(iter(c.probabilities), "") == HYPOTHESES[-1].name
+        strays = len(c.found_px) - len(c.residual_px)
+        size = abs(self.ink_scale - INK_SCALE) / INK_SIGMA
+        return other_lens or strays > FEW or _unseen(c, self.params) > FEW or size > FAR_SIGMA
 
     def line(self) -> str:
         """Its numbers in one line."""

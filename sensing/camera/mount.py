@@ -68,7 +68,11 @@ class MountedCamera:
         return self.camera.unproject(pixels) @ self.T_camera_endcap[:3, :3]
 
     def on_sphere(self, pixels: ArrayLike, centre_mm: ArrayLike, radius_mm: float) -> Array:
-        """(..., 3) where the rays of pixels (..., 2) leave a sphere, mm in the endcap frame; NaN where they miss it."""
+        """(..., 3) where rays leave a sphere, mm in the endcap frame; NaN where they miss it.
+
+        Args:
+            pixels: (..., 2). centre_mm: (3,) of the sphere, endcap frame. radius_mm: of it.
+        """
         rays, start = self.rays_endcap(pixels), self.pupil_endcap_mm - np.asarray(centre_mm, float)
         along = rays @ start
         root = np.sqrt(along**2 - start @ start + radius_mm**2)

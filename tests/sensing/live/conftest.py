@@ -8,7 +8,7 @@ import pytest
 from live_stage import Stage
 from live_stand_in import Shown
 
-from sensing.calibration import rest_camera
+from sensing.live.core import pipeline
 from sensing.live.core.warm_up import warm_up
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "scripts"))
@@ -21,20 +21,20 @@ def compiled() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def fitted_once():
-    """All drawn references are the same picture: the camera is fitted to it once, half a second, not once a test."""
-    fit, known = rest_camera.camera_misfit, {}
+def looked_for_once():
+    """All drawn references are the same picture: its camera is looked for once, a second, not once a test."""
+    look, known = pipeline.rest_camera, {}
 
-    def remembered(dots_px, size, params, camera=None):
-        key = (np.asarray(dots_px).tobytes(), tuple(size), params)
-        if camera is not None:
-            return fit(dots_px, size, params, camera)
+    def remembered(reference, dots_px, params, given=None):
+        if given is not None:
+            return look(reference, dots_px, params, given)
+        key = (np.asarray(dots_px).tobytes(), params)
         if key not in known:
-            known[key] = fit(dots_px, size, params, camera)
+            known[key] = look(reference, dots_px, params)
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rest_camera, "camera_misfit", remembered)
+        patch.setattr(pipeline, "rest_camera", remembered)
         yield
 
 

@@ -30,7 +30,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench.sizes import Made, Size, code_digest, make, random_sizes, survey
+from bench.sizes import STANDING, Made, Size, code_digest, make, random_sizes, survey
 from cad.errors import EndcapError
 from cad.feasible import diameter_range_mm, wall_range_mm
 
@@ -103,7 +103,8 @@ def _named(text: str) -> Size:
 
 
 def _open_sizes(code: str, only: str | None) -> list[Size]:
-    done = {(row["D_mm"], row["T_mm"], row["clearance_mm"]) for row in _rows() if row["code"] == code}
+    standing = [row for row in _rows() if row["code"] == code or (row["code"] in STANDING and not row["failed"])]
+    done = {(row["D_mm"], row["T_mm"], row["clearance_mm"]) for row in standing}
     return [size for size in survey() if size.key not in done and only in (None, size.kind)]
 
 

@@ -3,7 +3,7 @@
     python bench/floor_summary.py          # reads bench/floor.csv and bench/wrench_cells.csv, prints Markdown
 
 Root mean squares over all frames to 55 degrees of tilt: bound with the loading history known, with it unknown, and with
-what calibration leaves of the camera; error on the same frames (nominal sensor); error on the four other sensors of
+what calibration leaves of the camera; error on the same frames (nominal sensor); error on the eight other sensors of
 docs/wrench.md, each calibrated from its rest picture, and that without the mean error of each sensor in the range of
 load: no gain, and no shift, can take out more. N, N m.
 
@@ -24,7 +24,7 @@ BOUNDS = ("bound_known", "bound_unknown", "bound_camera")
 COLUMNS = (
     "load", "axis", "history known", "unknown", "and camera", "nominal sensor", "other sensors", "without their mean",
 )  # fmt: skip
-OTHERS = tuple(f"ours, sensor{number}" for number in (91, 92, 93, 94))
+OTHERS = tuple(f"ours, sensor{number}" for number in range(91, 99))
 GOAL_N, GOAL_LOAD_N = 0.10, (20.0, 30.0)  # of fz, in every cell
 PATHS = 3  # of a cell
 DRAWS = 20_000

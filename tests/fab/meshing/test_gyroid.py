@@ -225,6 +225,16 @@ def test_a_zone_closed_all_round_traps_both_labyrinths(printed: trimesh.Trimesh)
     assert gap > gyroid_checks.FLOOR_GAP_MM
 
 
+@pytest.mark.long
+def test_a_passage_as_wide_as_the_ball_is_measured_with_finer_voxels() -> None:
+    """Coarse ones close it by chance: D=99.6 T=6.5 can be filled."""
+    params = EndcapParams(99.6, 6.5)
+    mesh = gyroid.gyroid_sheet(params).mesh
+    coarse, _ = gyroid_checks.ball_reach(params, gyroid_checks.cast_space(params, mesh))
+    check = by_name(gyroid_checks.gyroid_checks(params, mesh))["gyroid.ball_covered_share"]
+    assert coarse < gyroid_checks.COVERED_SHARE and check.ok
+
+
 def test_a_double_wall_and_a_scaled_part_are_seen() -> None:
     grid = zone_grid(PARAMS, 0.6)
     fat, _ = gyroid.standing_sheet(grid, grid.points(), 13.9, PARAMS.flange_thickness_mm, 2 * gyroid.WALL_MM)

@@ -34,10 +34,8 @@ Rows = list[dict[str, str]]
 def main() -> None:
     """Print the table."""
     bounds, cells = (_read(HERE / name) for name in ("floor.csv", "wrench_cells.csv"))
-    print(
-        "| load | axis | history known | unknown | and camera | nominal sensor | other sensors | without their mean |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
+    print("|", " | ".join(COLUMNS), "|")
+    print("|---" * len(COLUMNS) + "|")
     for load in sorted({(float(row["load_from_n"]), float(row["load_to_n"])) for row in bounds}):
         for axis in dict.fromkeys(row["axis"] for row in bounds):
             here = [row for row in _of_load(bounds, load) if row["axis"] == axis]

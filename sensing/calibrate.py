@@ -24,7 +24,7 @@ from cad.whole_file import require_place
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
 from sensing.calibration.from_dots import calibrate_from_dots
-from sensing.calibration.other_design import require_design
+from sensing.calibration.other_design import design_fit, require_design
 from sensing.calibration.picture import draw_fit, read_image, write_image
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
@@ -81,7 +81,8 @@ def _from_dots(options: argparse.Namespace) -> int:
         )
     result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
     if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
-        alike = require_design(result, radii, params, size, options.azimuth_hint, options.trust_design)
+        fit = design_fit(result, radii, params)
+        alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)
         if alike:
             LOG.warning(f"sensing.calibrate: {alike}")
     result.mounted.save(options.out, identity(params))

@@ -21,9 +21,7 @@ from fab.meshing.voxels import VoxelBox, inside, within
 
 BALL_DIAMETER_MM = 2.5  # the measure of what 35,000 cP silicone gets through
 VOXEL_MM, FINE_VOXEL_MM = 0.3, 0.15
-MOST_VOXELS = (
-    1.5e8  # fine ones, four gigabytes: up to D = 135; larger domes are not near the limit (bench/gyroid_ball.csv)
-)
+MOST_VOXELS = 1.5e8  # fine ones, three gigabytes: to D = 135; larger domes are not near the limit (gyroid_ball.csv)
 VOXEL_MARGIN = 0.25  # of a voxel, by which the nearest TPU lies nearer than its voxel's centre (bench/gyroid_ball.csv)
 DENSITY_RATIO = 3e-3  # the gate
 WALL_RANGE = (0.40, 0.50)  # E: what a 0.4 mm nozzle lays as one line

@@ -67,14 +67,13 @@ class DesignFit:
         )
 
 
-def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams, matched_px: Array) -> DesignFit:
+def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams) -> DesignFit:
     """Score of a calibration under its design.
 
     Args:
-        calibration: of the photo. radius_px: (m,) of all found dots. params: the design. matched_px: (n, 2) of the
-            found dots that were matched.
+        calibration: of the photo. radius_px: (m,) of all found dots. params: the design.
     """
-    found = calibration.found_px
+    found, matched_px = calibration.found_px, _matched_pixels(calibration, params)
     distance = np.linalg.norm(found[:, None] - matched_px[None], axis=-1)
     radius = radius_px[distance.argmin(axis=0)]
     points = pattern_points(params)[0][calibration.pattern_index]
@@ -103,30 +102,23 @@ def rivals(
             other = calibrate_from_dots(given.calibration.found_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg)
         except (ParameterError, CalibrationError):
             continue
-        found.append(design_fit(other, radius_px, params, matched_pixels(other, params)))
+        found.append(design_fit(other, radius_px, params))
     close = [fit for fit in found if fit.log_evidence > given.log_evidence - MARGIN]
     return sorted(close, key=lambda fit: -fit.log_evidence)
 
 
 def require_design(
-    calibration: Calibration,
-    radius_px: Array,
-    params: EndcapParams,
-    size_px: tuple[int, int],
-    azimuth_hint_deg: float = 0.0,
-    trusted: bool = False,
+    given: DesignFit, radius_px: Array, size_px: tuple[int, int], azimuth_hint_deg: float = 0.0, trusted: bool = False
 ) -> str:
     """Warning where another diameter fits a photo alike, one line; empty where none does.
 
     Args:
-        calibration: of the photo under ``params``. radius_px: (m,) of all found dots. params: the design given.
-        size_px: (width, height). azimuth_hint_deg: as of :func:`rivals`. trusted: warn also where the other one fits
-            clearly better.
+        given, radius_px, size_px, azimuth_hint_deg: as of :func:`rivals`.
+        trusted: warn also where the other one fits clearly better.
 
     Raises:
         CalibrationError: another diameter fits clearly better, and the design given is not to be trusted.
     """
-    given = design_fit(calibration, radius_px, params, matched_pixels(calibration, params))
     for other in rivals(given, radius_px, size_px, azimuth_hint_deg)[:1]:
         if other.log_evidence > given.log_evidence + BEYOND and not trusted:
             raise CalibrationError(
@@ -137,7 +129,7 @@ def require_design(
     return ""
 
 
-def matched_pixels(calibration: Calibration, params: EndcapParams) -> Array:
+def _matched_pixels(calibration: Calibration, params: EndcapParams) -> Array:
     """(n, 2) the found dots that a calibration matched, in the order of its residuals."""
     points = pattern_points(params)[0][calibration.pattern_index]
     return calibration.mounted.project(points) - calibration.residual_px

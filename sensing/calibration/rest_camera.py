@@ -17,7 +17,7 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError, find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.misfit import Misfit, camera_misfit
-from sensing.calibration.other_design import design_fit, matched_pixels, require_design
+from sensing.calibration.other_design import design_fit, require_design
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.decode import decode_bgr
@@ -63,8 +63,9 @@ def rest_camera(
     try:
         centres, radii = find_blobs(image_bgr)
         found = calibrate_from_dots(centres, params, size_px)
-        if design_fit(found, radii, params, matched_pixels(found, params)).is_doubtful:  # else a second is saved
-            require_design(found, radii, params, size_px)
+        fit = design_fit(found, radii, params)
+        if fit.is_doubtful:  # else a second is saved
+            require_design(fit, radii, size_px)
     except CalibrationError as error:
         return RestCamera(None, misfit, doubt=str(error))
     away_px = found.most_px * 480.0 / min(size_px)

@@ -17,6 +17,7 @@ from sensing.calibration.rest_camera import rest_camera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
+from sensing.records import Frame
 from sensing.records_labelled import LabelledSet
 from sensing.tracking.tracker import DotTracker
 
@@ -41,9 +42,8 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
     beside = data.folder / "camera.json"
     if beside.exists():
         return MountedCamera.load(beside)
-    for item in data.frames():
-        return rest_camera(item.reference, DotTracker(item.reference).reference_px, data.params).camera
-    raise _without_frames(data)
+    reference = _first_reference(data)
+    return rest_camera(reference, DotTracker(reference).reference_px, data.params).camera
 
 
 def found_camera(data: LabelledSet) -> MountedCamera:
@@ -52,15 +52,14 @@ def found_camera(data: LabelledSet) -> MountedCamera:
     Raises:
         FileError: a set without frames. CalibrationError: a picture from which no camera can be calibrated.
     """
+    image = decode_bgr(_first_reference(data))
+    return calibrate_from_dots(find_dots(image), data.params, (image.shape[1], image.shape[0])).mounted
+
+
+def _first_reference(data: LabelledSet) -> Frame:
     for item in data.frames():
-        image = decode_bgr(item.reference)
-        size = (image.shape[1], image.shape[0])
-        return calibrate_from_dots(find_dots(image), data.params, size).mounted
-    raise _without_frames(data)
-
-
-def _without_frames(data: LabelledSet) -> FileError:
-    return FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
+        return item.reference
+    raise FileError(f"{data.folder}: a set without frames: let the command that writes it run first")
 
 
 def left_by_calibration(design: EndcapParams) -> NDArray[np.float64]:

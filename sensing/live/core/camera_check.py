@@ -31,7 +31,7 @@ class CameraCheck:
     """Verdict on the camera of one sensor and reference.
 
     Args:
-        endcap: its name and design. rest: the camera in use, and how well the other one fits.
+        endcap: its name and design. rest: the camera in use, and how well the one that was assumed fits.
         seen: the path from pictures taken with it. estimator: reads the fields.
 
     Attributes:

@@ -213,10 +213,11 @@ class EndcapPipeline:
 
     def _rest_camera(self, zero: Zero, tracker: DotTracker) -> RestCamera:
         """Looked for once a picture: a reference is set up again to be compared with the next."""
-        if zero.digest not in self._cameras:
+        digest = zero.digest
+        if digest not in self._cameras:
             found = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
-            self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {zero.digest: found}
-        return self._cameras[zero.digest]
+            self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {digest: found}
+        return self._cameras[digest]
 
     def _use(self, reference: Reference) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)

@@ -3,13 +3,14 @@
     LOG.error(...)     why a command ends       LOG.warning(...)   what a user should look at
     LOG.info(...)      progress, once a line    transient(...)     progress in one place, on a terminal only
 
-Results go to standard output and are no messages. ``endcap --quiet ...`` leaves progress out. A program of yours can
-take the handler off and add another.
+Results are no messages: :func:`show` prints them on standard output. ``endcap --quiet ...`` leaves progress out. A
+program of yours can take the handler off and add another.
 """
 
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from contextlib import suppress
 
@@ -27,6 +28,19 @@ class _StandardError(logging.Handler):
 def set_level(level: int) -> None:
     """What is shown: from ``logging.WARNING`` for ``--quiet``, else from ``logging.INFO``."""
     LOG.setLevel(level)
+
+
+def show(text: str) -> None:
+    """Print a result at once. Where its reader has left (``... | head``) the work goes on, and the rest is not printed.
+
+    Args:
+        text: one line or several.
+    """
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:  # what is still in the buffer would fail again at the end of the process
+        with suppress(OSError, ValueError):  # a stream without a descriptor
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def transient(text: str = "", done: bool = False) -> None:

@@ -17,7 +17,7 @@ from importlib import import_module
 from itertools import takewhile
 from typing import NoReturn
 
-from cad.messages import LOG, set_level
+from cad.messages import LOG, set_level, show
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words[0] == "--version":
         import cad
 
-        print(f"endcap {cad.__version__}")
+        show(f"endcap {cad.__version__}")
         return 0
     if words[0] not in SUBCOMMANDS:
         LOG.error(f"endcap: {words[0]!r} is not a command{_nearest(words[0])}; endcap --help lists them")

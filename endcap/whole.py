@@ -20,7 +20,7 @@ from pathlib import Path
 from cad.design_arguments import design_words
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
 from cad.whole_file import replace_file
 from fab.command import VARIANT_DEFAULTS, parse_variant
@@ -94,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if {"-h", "--help"} & set(words):
-        print(HELP)
+        show(HELP)
         return 0
     try:
         wanted = parsed(words)
@@ -145,7 +145,7 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
             skipped.append(step.title)
     write_page(wanted, folder, skipped)
     left_out = f" (left out: {', '.join(skipped)})" if skipped else ""
-    print(f"{folder / PAGE}: everything of {folder.name}{left_out}")
+    show(f"{folder / PAGE}: everything of {folder.name}{left_out}")
     return 0
 
 

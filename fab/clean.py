@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import FileError
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.whole_file import remove_partial
 from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, sweep
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--exports", type=Path, default=EXPORTS, help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     if options.all and not options.sure:
-        print(f"make clean-all: would delete everything in {options.exports}, also what no command makes again:")
+        show(f"make clean-all: would delete everything in {options.exports}, also what no command makes again:")
         _print_staying(options.exports, "to delete it: make clean-all SURE=yes")
         return 2
     if options.all:
@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     count = remove_made(options.exports)
     Cache().clear()
-    print(f"make clean: {count} files removed from {options.exports}")
+    show(f"make clean: {count} files removed from {options.exports}")
     _print_staying(options.exports, "to delete these too: make clean-all SURE=yes")
     return 0
 
@@ -99,11 +99,11 @@ def _print_staying(exports: Path, remedy: str) -> None:
         files = [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
         size = sum(file.lstat().st_size for file in files) / 1e6
         what = f"{path.name}/ ({len(files)} files)" if path.is_dir() else path.name
-        print(f"  stays: {what}, {size:.1f} MB")
+        show(f"  stays: {what}, {size:.1f} MB")
     if len(entries) > LINES:
-        print(f"  stays: {len(entries) - LINES} more")
+        show(f"  stays: {len(entries) - LINES} more")
     if entries:
-        print(f"  {remedy}")
+        show(f"  {remedy}")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from pathlib import Path
 from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
+from cad.messages import show
 from cad.robot_sides import robot_sides
 from cad.whole_file import probe_folder
 from fab.cache import Cache
@@ -79,7 +80,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 
     require_printer(variant.layout, printer(options["printer"]))
     written = export(variant, exports, options["cache"] == "yes", interrupts)
-    print(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")
+    show(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")
     return 0
 
 

@@ -19,7 +19,7 @@ from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.identity import identity
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.whole_file import require_place
 from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
@@ -88,7 +88,7 @@ def _from_dots(options: argparse.Namespace) -> int:
     result.mounted.save(options.out, identity(params))
     if options.picture:
         write_image(options.picture, draw_fit(image, result, params))
-    print(result.report())
+    show(result.report())
     return 0
 
 
@@ -99,7 +99,7 @@ def _from_board(options: argparse.Namespace) -> int:
         size, views = _photographed(options.board, _pair("--corners", options.corners), options.square)
     result = calibrate_from_board(views, size)
     mount(result.camera, (0.0, 0.0, 0.0)).save(options.out)
-    print(f"{len(views)} views, residual {result.rms_px:.3f} px rms; next: --photo with --lens {options.out}")
+    show(f"{len(views)} views, residual {result.rms_px:.3f} px rms; next: --photo with --lens {options.out}")
     return 0
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.live.core.config import chosen_endcap
 from sensing.live.core.config_entries import change_entries
 from sensing.live.core.endcaps_file import load_config
@@ -67,8 +67,8 @@ def _identify(options: argparse.Namespace) -> None:
     along = _along(found[:, 1:])
     result = fit_dwell(found[:, 0], found[:, 1:] @ along)
     for term in result.terms:
-        print(f"strength {term.strength:.4f} ± {term.sd:.4f} with tau {term.tau_s:.3f} s")
-    print(
+        show(f"strength {term.strength:.4f} ± {term.sd:.4f} with tau {term.tau_s:.3f} s")
+    show(
         f"weight {result.level_n:.2f} N; creep in the dwell and what is left after it: {result.before_n:.3f} N without "
         f"the constants, {result.after_n:.3f} N with them (root mean square)"
     )
@@ -77,7 +77,7 @@ def _identify(options: argparse.Namespace) -> None:
     if not options.dry_run:
         terms = [[float(f"{x:.4g}") for x in (term.strength, term.tau_s, term.sd)] for term in result.terms]
         change_entries(options.config, endcap.name, {"relaxation": terms})
-        print(f"{options.config}: stored for {endcap.name}")
+        show(f"{options.config}: stored for {endcap.name}")
 
 
 def _along(force_n: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.whole_file import replace_file, require_place
 from sensing.evaluation.cells import RANGE_N, Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
@@ -71,9 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 options.test, options.weights, options.train, options.paper_epochs, options.true_camera, model
             )
         scores |= cross_validate(options.train, options.holdout, options.paper_epochs, options.seed)
-        print(table(scores))
+        show(table(scores))
         for name, found in by_cell.items():
-            print(f"\n{name}, by tilt of first contact and true force\n{cell_tables(found)}")
+            show(f"\n{name}, by tilt of first contact and true force\n{cell_tables(found)}")
         if options.csv:
             _write_csv(options.csv, scores)
         if options.cells_csv and by_cell:

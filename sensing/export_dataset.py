@@ -23,7 +23,7 @@ import numpy as np
 
 from cad.errors import EndcapError, FileError
 from cad.extras import program
-from cad.messages import LOG, transient
+from cad.messages import LOG, show, transient
 from cad.whole_file import new_folder
 from sensing.frames import AUTHORS_LABEL_SIGN, T_sphere_endcap, wrench_in
 from sensing.learning.lerobot_dataset import write_lerobot
@@ -87,7 +87,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
     finally:
         signal.signal(signal.SIGTERM, before)
-    print(f"{options.out}: {count} frames")
+    show(f"{options.out}: {count} frames")
     return 0
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
-from cad.messages import LOG, transient
+from cad.messages import LOG, show, transient
 from cad.whole_file import replace_file, require_place
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
@@ -122,7 +122,7 @@ def _run(options: argparse.Namespace) -> None:
         _save(options.out, results, single=options.video is None)
     if options.picture is not None:
         _save_picture(options.picture, results)
-    print(_summary(options.method, results))
+    show(_summary(options.method, results))
 
 
 def _worker(method: str, reference: Frame, shape: tuple[int, int], channels: tuple[str, ...]) -> FieldMethod:

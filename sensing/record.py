@@ -32,7 +32,7 @@ from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.arguments import number
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.ending import leave
@@ -77,12 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         LOG.error("\nsensing.record: stopped; what is written stays, the same command goes on")
         return 130
-    print(
+    show(
         f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "
         f"without a force within {options.slop:g} s, {result.faulty} faulty packets"
     )
     if stream.note:
-        print(stream.note)
+        show(stream.note)
     if not result.written:
         LOG.error(
             f"sensing.record: nothing was written: {options.rest} untouched frames with a force, then those to "

@@ -25,7 +25,7 @@ from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.engine import Engine, LiveEndcap
@@ -235,7 +235,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ParameterError("no camera found: plug one in, or give --url", name="camera")
         for number, name in list_devices():
             if not options.url and str(number) in numbers:
-                print(f"camera {number}: {name}, {lasting_name(number)}")
+                show(f"camera {number}: {name}, {lasting_name(number)}")
         set_up(
             LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight), options.out
         )
@@ -261,7 +261,7 @@ def _endcaps(options: argparse.Namespace, words: Sequence[str]) -> tuple[EndcapC
 
 
 def _say(text: str) -> str:
-    print(printable(text), flush=True)
+    show(printable(text))
     return ""
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
-from cad.messages import LOG, transient
+from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, parse_design, parse_options
 from cad.plain_numbers import plain_number
 from cad.whole_file import make_folder, replace_file
@@ -97,9 +97,9 @@ def _design(options: dict[str, str]) -> int:
     page = report.write(folder)
     width = max(len(line.name) for line in report.figures)
     for line in report.figures:
-        print(f"{line.name:<{width}}  {line.text:>12}  {line.source.value}")
-    print(f"blind: {report.blind}")
-    print(f"{page}: {len(report.figures)} figures of {params.label} in {report.study.silicone}")
+        show(f"{line.name:<{width}}  {line.text:>12}  {line.source.value}")
+    show(f"blind: {report.blind}")
+    show(f"{page}: {len(report.figures)} figures of {params.label} in {report.study.silicone}")
     return 0
 
 
@@ -117,8 +117,8 @@ def _map(options: dict[str, str]) -> int:
     replace_file(folder / "map.csv", as_csv(places).encode())
     replace_file(folder / "map.html", map_page(places, choices, question).encode())
     for choice in choices:
-        print(f"{choice.place.label}: {choice.why}")
-    print(f"{folder / 'map.html'}: {len(places)} designs and silicones, {sum(p.pareto for p in places)} on the front")
+        show(f"{choice.place.label}: {choice.why}")
+    show(f"{folder / 'map.html'}: {len(places)} designs and silicones, {sum(p.pareto for p in places)} on the front")
     return 0
 
 

@@ -25,7 +25,7 @@ from cad.design_arguments import HELP, design_of
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
-from cad.messages import LOG, transient
+from cad.messages import LOG, show, transient
 from cad.whole_file import make_folder, replace_file, require_place
 from sensing.arguments import number
 from sensing.learning.contenders import read_all
@@ -95,7 +95,7 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
     model.save(options.out)
     rmse = model.about["metrics"]["validation_rmse"]
     said = ", ".join(f"{value:.3f}" for value in rmse[:3]), ", ".join(f"{value:.4f}" for value in rmse[3:])
-    print(
+    show(
         f"{options.out}: {samples.design.label}, {len(samples)} frames of {len(set(samples.path))} paths; RMSE on "
         f"paths held out: {said[0]} N, {said[1]} N m"
     )
@@ -126,7 +126,7 @@ def _rescaled(options: argparse.Namespace) -> int:
     found = model.about["intervals"]
     paths = len(found["paths"])
     said, more = (", ".join(f"{value:.3g}" for value in found[name]) for name in ("scale", "tracking"))
-    print(f"{options.out}: intervals of {options.start} scaled by {said} on {paths} paths; tracking adds {more}")
+    show(f"{options.out}: intervals of {options.start} scaled by {said} on {paths} paths; tracking adds {more}")
     return 0
 
 
@@ -147,14 +147,14 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         require_place(options.copy_to / out.name)
     known = find_weights(request.params, request.silicone) if options.unless_there and options.out is None else None
     if known is not None:
-        print(f"{known}: weights of {request.params.label} in {request.silicone} are there")
+        show(f"{known}: weights of {request.params.label} in {request.silicone} are there")
         return _copied(known, options.copy_to)
     begin = time.monotonic()
     model = design_weights(request, config, lambda text: LOG.info(f"{text} ..."))
     model.save(out)
     rmse, top = model.about["metrics"]["validation_rmse"], request.scale.top_n
     force = (sum(value**2 for value in rmse[:3]) / 3) ** 0.5
-    print(
+    show(
         f"{out}: {request.params.label} in {request.silicone}, loads to {top:.3g} N; RMSE on paths held out: "
         f"{force:.3g} N an axis ({100 * force / top:.2f} % of that load); {time.monotonic() - begin:.0f} s"
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
 from sensing.live.core.endcaps_file import load_config
@@ -121,7 +121,7 @@ def _report(poses: Sequence[Pose], found: Gain) -> None:
 
 
 def _say(text: str) -> str:
-    print(text, flush=True)
+    show(text)
     return ""
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.whole_file import replace_file
 from sensing.wrench.model import MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel, load_wrench_model
 from sensing.wrench.tensors import onset_n_of, tracking_of
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except EndcapError as error:
         LOG.error(f"sensing.wrench_onnx: {error}")
         return 2
-    print(f"{options.out}: {len(data) / 1000:.0f} kB, matrices in {options.storage}")
+    show(f"{options.out}: {len(data) / 1000:.0f} kB, matrices in {options.storage}")
     return 0
 
 

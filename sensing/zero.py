@@ -21,7 +21,7 @@ from cad.design_arguments import add_design_arguments, design_of, design_words
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import Identity, identity
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.params import EndcapParams
 from sensing.calibration.misfit import camera_misfit
 from sensing.live.ending import leave
@@ -70,7 +70,7 @@ def _take(options: argparse.Namespace) -> None:
     if made_of is not None:
         _compare_with_design(zero, design_of(options), options.out)
     exposure = "unknown" if np.isnan(zero.exposure) else f"{zero.exposure:g}"
-    print(
+    show(
         f"{options.out}: {zero.sensor}, {zero.date}, {zero.frames} frames, {len(zero.noise_px)} dots, "
         f"noise {np.median(zero.noise_px):.3f} px, exposure {exposure}, digest {zero.digest[:12]}"
     )
@@ -111,7 +111,7 @@ def _check(options: argparse.Namespace) -> None:
             drift = measure_drift(zero, frame, tracker.update(frame))
     if drift is None:
         raise ZeroError(f"{options.source}: no frame: is the source empty?")
-    print(_said(drift))
+    show(_said(drift))
 
 
 def _watch(options: argparse.Namespace) -> None:
@@ -124,13 +124,13 @@ def _watch(options: argparse.Namespace) -> None:
             tracks = tracker.update(frame)
             drift = measure_drift(auto.zero, frame, tracks)
             if drift.cause != before:
-                print(f"{frame.time_s:.2f} s  {_said(drift)}", flush=True)
+                show(f"{frame.time_s:.2f} s  {_said(drift)}")
                 before = drift.cause
             renewed = auto.update(frame, tracks)
             if renewed is not None:
                 save_zero(renewed, options.zero)
                 tracker = DotTracker(renewed.frame())
-                print(f"{frame.time_s:.2f} s  {options.zero}: zeroed again, digest {renewed.digest[:12]}", flush=True)
+                show(f"{frame.time_s:.2f} s  {options.zero}: zeroed again, digest {renewed.digest[:12]}")
 
 
 def _said(drift: Drift) -> str:

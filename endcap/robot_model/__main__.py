@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import ParameterError
+from cad.messages import show
 from cad.plain_numbers import is_plain, plain
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
@@ -58,8 +59,8 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
         said = write_robot_model(variant, friction, folder, progress)
         interrupts.raise_swallowed()
     for line in said:
-        print(line)
-    print(f"{final / 'endcap.xml'}: {variant.label} for MuJoCo, {progress.seconds:.0f} s")
+        show(line)
+    show(f"{final / 'endcap.xml'}: {variant.label} for MuJoCo, {progress.seconds:.0f} s")
     return 0
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.whole_file import drafted, put_file
 from fab.bond_tests.files import read_record
 from fab.bond_tests.results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except EndcapError as error:
         LOG.error(f"bond_tests: {error}")
         return 2
-    print(report(groups, comparisons))
+    show(report(groups, comparisons))
     return 0
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cad.errors import FileError
 from cad.materials import silicones
+from cad.messages import show
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, parse_variant
 from fab.exports.whole_folder import whole_folder, write_record
@@ -84,7 +85,7 @@ def make_sheet(variant: Variant, exports: Path) -> int:
         (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
         write_record(folder, RECORD, own)
     note = "" if sliced else f" (without print times: run make slice {variant.words})"
-    print(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
+    show(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import show
 from fab.checks.check import require_passed
 from fab.command import EXPORTS, Command
 from fab.exports.whole_folder import whole_folder, write_record
@@ -108,7 +109,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
             "checks": [check.record(9) for check in checks],
         }
         write_record(folder, RECORD, content)
-    print(f"{exports / label}: {len(parts)} parts, all {len(checks)} checks passed")
+    show(f"{exports / label}: {len(parts)} parts, all {len(checks)} checks passed")
     return 0
 
 

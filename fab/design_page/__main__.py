@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.errors import ParameterError
+from cad.messages import show
 from fab.command import EXPORTS, Command, Interrupts
 
 HELP = """\
@@ -51,7 +52,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     jobs = Jobs(exports.resolve())
     with DesignServer(exports, jobs, int(port) if port else None) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        print(f"page: {server.url}  (Ctrl-C ends it)", flush=True)
+        show(f"page: {server.url}  (Ctrl-C ends it)")
         if options["open"] == "yes":
             threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
         try:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
+from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
 from fab.checks.check import Check, require_passed
@@ -97,7 +98,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
         draw_board(layers, holes, places, folder / "led_ring.png")
         draw_light(light, f"D={params.diameter_mm:g} T={params.wall_mm:g}, {count} LEDs", folder / "led_ring-light.png")
         write_record(folder, RECORD, ring_report(driver, params, checks))
-    print(
+    show(
         f"{final}: {count} LEDs, {1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency "
         f"{driver.efficiency:.0%}, all {len(checks)} checks passed"
     )

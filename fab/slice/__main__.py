@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cad.errors import ParameterError
+from cad.messages import show
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder, write_record
@@ -117,7 +118,7 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions) -> int:
         with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
             plates = single_plates(names)
             checks = _sliced_and_gated(slicer, export, plates, Path(scratch), replace(how, keep_gcode=False))[1]
-        print(f"{variant.label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
+        show(f"{variant.label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
         return 0
     plates = nested_plates(export, how.printer) if how.is_nested else single_plates(names)
     with whole_folder(export.folder / FOLDER, RECORD) as folder:
@@ -131,7 +132,7 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions) -> int:
             "checks": [check.record(6) for check in checks],
         }
         write_record(folder, RECORD, record)
-    print(f"{export.folder / FOLDER}: {len(results)} projects in two dialects, all {len(checks)} gates held")
+    show(f"{export.folder / FOLDER}: {len(results)} projects in two dialects, all {len(checks)} gates held")
     return 0
 
 
@@ -147,7 +148,7 @@ def _sliced_and_gated(
         for done, (plate, future) in enumerate(zip(plates, pending, strict=True)):
             progress(f"{plate.name} ({done + 1} of {len(plates)})")
             results.append(future.result())
-    print(summary(results))
+    show(summary(results))
     checks = [check for result in results for check in result.checks]
     require_passed(checks, f"at {export.variant.label}")
     return results, checks

@@ -14,7 +14,7 @@ from typing import Any
 from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.params import EndcapParams
 from sensing.doctor.examine import Report, examine, take_file, take_live
 from sensing.doctor.finding import Finding, Verdict
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
             for report in _reports(word, options, params, recorded):
                 reports.append(report)
                 if not options.json:
-                    print(_text(report, sys.stdout.isatty()), flush=True)
+                    show(_text(report, sys.stdout.isatty()))
     except EndcapError as error:
         LOG.error(f"sensing.sources: {error}")
         return 2

@@ -14,7 +14,7 @@ from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
@@ -112,12 +112,12 @@ def _check(path: Path, config: LiveConfig, from_s: float) -> int:
         )
         raise FileError(f"{path}: no frame in it{where}")
     if from_s:
-        print(
+        show(
             f"{path}: {check.frames} frames computed again from {from_s:g} s on, {check.different} differ in a bit, "
             f"none by more than {check.largest_n:.2g} N"
         )
         return 0 if check.end is None else LOST
-    print(f"{path}: {check.frames} frames computed again, {check.different} differ")
+    show(f"{path}: {check.frames} frames computed again, {check.different} differ")
     if check.end is not None:
         LOG.error(f"sensing.live: {check.end}")
     return LOST if check.different or isinstance(check.end, DamagedError) or not check.frames else 0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError, FileError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.whole_file import new_folder
 
 
@@ -46,5 +46,5 @@ def package_command(module: str, description: str, sources: Path, arguments: Seq
     except EndcapError as error:
         LOG.error(f"{module}: {error}")
         return 2
-    print(f"{options.out}: {', '.join(names)}; README.md says how to build or install")
+    show(f"{options.out}: {', '.join(names)}; README.md says how to build or install")
     return 0

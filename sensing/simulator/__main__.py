@@ -8,7 +8,7 @@ import sys
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.arguments import number
 from sensing.simulator.contact.indenter import known_kinds
 from sensing.simulator.dataset import cli as data_cli
@@ -38,12 +38,12 @@ def _press(options: argparse.Namespace) -> int:
     )  # fmt: skip
     certificate = state.certificate
     assert certificate is not None
-    print(f"depth       {state.depth_mm:.3f} mm at a normal force of {state.normal_n:.3f} N")
+    show(f"depth       {state.depth_mm:.3f} mm at a normal force of {state.normal_n:.3f} N")
     force, torque = (" ".join(f"{value:9.4f}" for value in values) for values in (state.force_n, state.torque_nm))
-    print(f"force       {force} N   (on the endcap, endcap frame)")
-    print(f"torque      {torque} N m (about the centre of the mating plane)")
-    print(f"patch       {state.patch_mm2:.0f} mm2, {100 * state.slip_share:.0f} % of the load slipping")
-    print(
+    show(f"force       {force} N   (on the endcap, endcap frame)")
+    show(f"torque      {torque} N m (about the centre of the mating plane)")
+    show(f"patch       {state.patch_mm2:.0f} mm2, {100 * state.slip_share:.0f} % of the load slipping")
+    show(
         f"certificate residual {certificate.residual:.1e}, clamp against tractions {certificate.wrench_gap:.1e}, "
         f"penetration {certificate.penetration_mm:.4f} mm, negative pivots {certificate.negative_pivots}, "
         f"dN/dd {certificate.force_stiffness_n_mm:.2f} N/mm"

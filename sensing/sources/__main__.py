@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.records import Frame
 from sensing.sources.camera import list_devices, list_modes
 
@@ -30,13 +30,13 @@ def main(arguments: list[str] | None = None) -> int:
     known = dict(list_devices())
     devices = list(known) if options.device is None else [options.device]
     if not devices:
-        print("no camera found: plug one in (a container must be given its /dev/videoN)")
+        show("no camera found: plug one in (a container must be given its /dev/videoN)")
     status = 0
     for device in devices:
-        print(f"/dev/video{device}  {known.get(device, '')}".rstrip())
+        show(f"/dev/video{device}  {known.get(device, '')}".rstrip())
         try:
             for mode in list_modes(device):
-                print(f"  {mode}")
+                show(f"  {mode}")
         except EndcapError as error:
             LOG.error(f"sensing.sources: {error}")
             status = 2

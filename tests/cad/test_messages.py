@@ -1,6 +1,7 @@
 """Messages of the commands go through one logger to standard error; results stay on standard output."""
 
 import logging
+import os
 import re
 import subprocess
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cad.messages import LOG, set_level, transient
+from cad.messages import LOG, set_level, show, transient
 from endcap.command import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,8 +28,22 @@ def test_a_message_is_a_plain_line_on_standard_error(capsys):
     LOG.info("a step")
     LOG.debug("not shown")
     transient("on a terminal only")
+    show("a result")
     said = capsys.readouterr()
-    assert said.err == "100 % of it\na step\n" and said.out == ""
+    assert said.err == "100 % of it\na step\n" and said.out == "a result\n"
+
+
+def test_work_goes_on_where_nobody_reads_its_results(tmp_path):
+    """As in ``... | head -1``: no traceback, not at the end of the process either, and files are written."""
+    code = (
+        "from cad.messages import show\nfor number in range(3): show(str(number))\n"
+        f"open({str(tmp_path / 'done')!r}, 'w').close(); print('more')"
+    )
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "wb") as gone:
+        run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, stdout=gone, stderr=subprocess.PIPE, text=True)
+    assert run.returncode == 0 and run.stderr == "" and (tmp_path / "done").exists()
 
 
 def test_quiet_leaves_progress_out_and_keeps_errors(capsys):

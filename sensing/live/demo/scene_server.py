@@ -13,7 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.live.demo.scene import ENDCAPS, SceneSource
 from sensing.sources.newest import FrameSource
 
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         server = mjpeg_server(options.port)
-        print(f"http://127.0.0.1:{server.server_port}/0 to /{ENDCAPS - 1}", flush=True)
+        show(f"http://127.0.0.1:{server.server_port}/0 to /{ENDCAPS - 1}")
         server.serve_forever()
     except EndcapError as error:
         LOG.error(f"sensing.live.demo.scene_server: {error}")

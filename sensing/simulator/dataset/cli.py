@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
+from cad.messages import show
 from sensing.arguments import number
 from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
@@ -102,5 +103,5 @@ def run(options: argparse.Namespace) -> int:
     size = sum(shard_path(folder, number).stat().st_size for number in range(len(shards)))
     refused = refusals(folder)
     lost = f"{len(refused)} paths with refused states, listed in their shards" if refused else "nothing refused"
-    print(f"{folder}: {frames} frames in {len(shards)} shards ({written} written now), {size / 1e6:.0f} MB, {lost}")
+    show(f"{folder}: {frames} frames in {len(shards)} shards ({written} written now), {size / 1e6:.0f} MB, {lost}")
     return 0

@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
-from cad.messages import LOG, transient
+from cad.messages import LOG, show, transient
 from sensing.arguments import number
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -250,7 +250,7 @@ def main(arguments: list[str] | None = None) -> int:
     except EndcapError as error:
         LOG.error(f"sensing.simulator.reduced.library_fit: {error}")
         return 2
-    print(f"{options.out}: {len(library.modes)} modes, residual {100 * float(library.residual[0]):.2f} %")
+    show(f"{options.out}: {len(library.modes)} modes, residual {100 * float(library.residual[0]):.2f} %")
     return 0
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.extras import program
 from cad.materials import silicone
-from cad.messages import LOG
+from cad.messages import LOG, show
 from cad.params import EndcapParams
 from cad.whole_file import put_file
 from sensing.simulator.contact.indenter import Indenter
@@ -240,7 +240,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     scene = solve_scene()
     save_scene(scene, options.out)
-    print(f"{options.out}: {scene.modes.shape[0]} modes, weight {WEIGHT_N:.1f} N, {options.out.stat().st_size} bytes")
+    show(f"{options.out}: {scene.modes.shape[0]} modes, weight {WEIGHT_N:.1f} N, {options.out.stat().st_size} bytes")
     return 0
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
-from cad.messages import LOG
+from cad.messages import LOG, show
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
@@ -141,7 +141,7 @@ def _solve(design: Design, folder: Path, known: Library | None) -> None:
             save_node(solved_node(known, int(same[0]), part == "stands"), path)
         else:
             save_node(solve_node(ratios.shell(), paths, part == "node", some), path)
-        print(path, flush=True)
+        show(str(path))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -165,7 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.node is None:
             parts = [[read_node(options.out / file_name(part, node)) for node in NODES] for part in ("node", "stands")]
             save_library(joined(parts[0], parts[1], options.modes), options.library)
-            print(f"{options.library}: {len(NODES)} nodes, {options.library.stat().st_size / 1e6:.2f} MB")
+            show(f"{options.library}: {len(NODES)} nodes, {options.library.stat().st_size / 1e6:.2f} MB")
     except EndcapError as error:
         LOG.error(f"sensing.simulator.similarity.solve: {error}")
         return 2

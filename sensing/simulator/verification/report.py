@@ -19,7 +19,7 @@ import numpy as np
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
-from cad.messages import LOG, transient
+from cad.messages import LOG, show, transient
 from cad.whole_file import put_file
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.press import Press, Target
@@ -64,7 +64,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     text = [HEAD, *(f"{title}\n{parts[title]}" for title in sorted(parts, key=_place))]
     put_file(path, "\n".join(text).encode())
-    print(path)
+    show(path)
     return 0
 
 

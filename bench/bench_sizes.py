@@ -9,8 +9,10 @@
     python bench/bench_sizes.py --plot                the map again from the table
 
 Writes beside this file: sizes.csv (a row a size: kind, D, T, clearance, digest of the code that made it, processor
-seconds, number of checks, what failed) and sizes.png, the map. A row is appended as soon as its size is done, so a
-run may be stopped at any time. Sizes run are those of every digest in the table; the newest row of a size counts.
+seconds, number of checks, what failed, and the used share of the limit of each check that changes from size to size:
+1 is the limit; empty in rows from before those columns), sizes.png, the map, and sizes_used.png, those shares. A row is
+appended as soon as its size is done, so a run may be stopped at any time. Sizes run are those of every digest in the
+table; the newest row of a size counts.
 """
 
 from __future__ import annotations
@@ -30,13 +32,13 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench.sizes import STANDING, Made, Size, code_digest, make, random_sizes, survey
+from bench.sizes import STANDING, WATCHED, Made, Size, code_digest, make, random_sizes, survey
 from cad.errors import EndcapError
 from cad.feasible import diameter_range_mm, wall_range_mm
 
 HERE = Path(__file__).parent
 TABLE = HERE / "sizes.csv"
-HEADER = ("kind", "D_mm", "T_mm", "clearance_mm", "code", "cpu_s", "checks", "failed")
+HEADER = ("kind", "D_mm", "T_mm", "clearance_mm", "code", "cpu_s", "checks", "failed", *WATCHED)
 KINDS = {"edge": "s", "random": "o", "round": "D", "clearance": "^", "named": "*"}
 
 
@@ -52,6 +54,7 @@ def main() -> int:
             _append(done, code)
     rows = _newest()
     _draw_map(rows)
+    _draw_used(rows)
     failed = [row for row in rows if row["failed"]]
     codes = len({row["code"] for row in rows})
     print(f"{len(rows)} sizes in {TABLE.name}, {len(failed)} failed, {codes} versions of the code")
@@ -140,7 +143,8 @@ def _append(made: Made, code: str) -> None:
         writer = csv.writer(stream)
         if fresh:
             writer.writerow(HEADER)
-        writer.writerow([size.kind, *size.key, code, f"{made.cpu_s:.1f}", made.checks, "; ".join(made.failed)])
+        used = [f"{made.used[name]:.3f}" if name in made.used else "" for name in WATCHED]
+        writer.writerow([size.kind, *size.key, code, f"{made.cpu_s:.1f}", made.checks, "; ".join(made.failed), *used])
     print(f"D={size.key[0]} T={size.key[1]} clearance {size.key[2]}: {'; '.join(made.failed) or 'passed'}", flush=True)
 
 
@@ -181,6 +185,33 @@ def _draw_map(rows: list[dict[str, str]]) -> None:
     axes.legend(loc="upper left", fontsize=8)
     figure.tight_layout()
     figure.savefig(HERE / "sizes.png")
+    plt.close(figure)
+
+
+def _draw_used(rows: list[dict[str, str]]) -> None:
+    """How near each check came to its limit, one strip a check, one dot a size."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    made = [row for row in rows if row.get(WATCHED[0])]
+    if not made:
+        return
+    figure, axes = plt.subplots(figsize=(8, 5), dpi=120)
+    diameters = np.array([float(row["D_mm"]) for row in made])
+    for line, name in enumerate(WATCHED):
+        used = np.array([float(row[name] or "nan") for row in made])
+        spread = np.random.default_rng(line).uniform(-0.3, 0.3, len(used))
+        dots = axes.scatter(used, line + spread, c=diameters, s=5, lw=0, cmap="viridis")
+    axes.axvline(1.0, color="tab:red", lw=1)
+    axes.set(xlabel="share of the limit that is used (1: refused)", xlim=(0, 1.05), ylim=(len(WATCHED) - 0.5, -0.5))
+    axes.set_yticks(range(len(WATCHED)), WATCHED, fontsize=8)
+    axes.set_title(f"how near checks come to their limits, {len(made)} sizes")
+    figure.colorbar(dots, label="D, mm")
+    figure.tight_layout()
+    figure.savefig(HERE / "sizes_used.png")
     plt.close(figure)
 
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import random
 import tempfile
 import time
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cad.errors import EndcapError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout, joint_clearance_range_mm
 from cad.params import EndcapParams
+
+if TYPE_CHECKING:  # the CAD kernel is loaded where a size is made
+    from fab.checks.check import Check
 
 ROOT = Path(__file__).resolve().parent.parent
 SEED = 12
@@ -31,6 +36,13 @@ NOT_OF_THEM = ("cad/whole_file.py", "cad/pools.py", "cad/messages.py")
 # Codes whose sizes that passed stand for this one. Since the first a check looks closer where it would refuse, and
 # sizes from D = 99.1 to 99.4 are refused at once below T = 6.6; the second is this code, messages in its digest.
 STANDING = ("134816d2214b", "e19dc5ab5678")
+
+# Checks whose value changes from size to size, as the last word of their names: how much of the limit each has used.
+WATCHED = (
+    *("way_out_gap_mm", "way_out_penetration_mm", "wall_error_mm", "leak_ratio", "hollow_air_mm3", "flange_air_mm3"),
+    *("bed_mm", "min_wall_mm", "mesh_volume_error_ratio", "step_volume_error_ratio", "wall_p99_mm"),
+    *("wall_mean_error_ratio", "closed_face_share", "ball_covered_share"),
+)
 
 
 @dataclass(frozen=True)
@@ -62,12 +74,14 @@ class Made:
         failed: each check that failed with value and limit, or the error.
         checks: number of checks that ran.
         cpu_s: processor time.
+        used: of each of ``WATCHED`` the share of its limit at the piece that comes nearest; over 1 fails.
     """
 
     size: Size
     failed: tuple[str, ...]
     checks: int
     cpu_s: float
+    used: Mapping[str, float] = field(default_factory=dict)
 
 
 class Inline(Executor):
@@ -144,13 +158,24 @@ def code_digest() -> str:
     return digest.hexdigest()[:12]
 
 
+def used_shares(checks: Iterable[Check]) -> dict[str, float]:
+    """Of each of ``WATCHED`` the largest share of a limit: value over limit, or limit over value of a least one."""
+    used: dict[str, float] = {}
+    for check in checks:
+        name = check.name.rpartition(".")[2]
+        if name in WATCHED:
+            share = check.value / check.high if math.isfinite(check.high) else check.low / max(check.value, 1e-12)
+            used[name] = max(share, used.get(name, 0.0))
+    return used
+
+
 def make(size: Size) -> Made:
     """Make one size and run every gate on its files."""
     from fab.checks.gates import run_gates
     from fab.design import build_design
     from fab.exports import writer
 
-    start, count = time.process_time(), 0
+    start, checks = time.process_time(), list[Any]()
     try:
         design = build_design(size.layout, Inline(), lambda _: None)
         with tempfile.TemporaryDirectory(prefix="size-") as name:
@@ -158,10 +183,9 @@ def make(size: Size) -> Made:
             writer.write_meshes(design, folder)
             writer.write_solids(design, folder)
             checks = run_gates(design, folder, Inline(), lambda _: None)
-        count = len(checks)
         failed = [f"{check.name} = {check.value:.4g}, wanted {check.limit}" for check in checks if not check.ok]
     except EndcapError as error:
         failed = [str(error)]
     except Exception as error:  # a crash is a failure of this size, not of the survey
         failed = [f"{type(error).__name__}: {error}"]
-    return Made(size, tuple(failed), count, time.process_time() - start)
+    return Made(size, tuple(failed), len(checks), time.process_time() - start, used_shares(checks))

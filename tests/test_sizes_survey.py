@@ -10,6 +10,7 @@ import pytest
 
 from bench import bench_sizes, sizes
 from cad.feasible import diameter_range_mm, wall_range_mm
+from fab.checks.check import Check
 
 
 def test_the_list_lies_in_the_valid_region_and_covers_it():
@@ -74,6 +75,29 @@ def test_a_size_of_your_own_is_refused_in_one_line(text, capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         bench_sizes.main()
     assert ended.value.code == 2 and "error: argument --size" in capsys.readouterr().err
+
+
+def test_the_used_share_of_a_limit_is_that_of_the_piece_nearest_to_it():
+    checks = [
+        Check("core_key_1.way_out_gap_mm", 0.2, low=0.05),
+        Check("core_key_2.way_out_gap_mm", 0.1, low=0.05),
+        Check("cavity.leak_ratio", 0.009, high=0.01),
+        Check("base.watertight", 1, low=1),
+    ]
+    assert sizes.used_shares(checks) == pytest.approx({"way_out_gap_mm": 0.5, "leak_ratio": 0.9})
+    failed = Check("gyroid.ball_covered_share", 0.0, low=0.8)
+    assert not failed.ok and sizes.used_shares([failed])["ball_covered_share"] > 1
+
+
+def test_the_shares_are_drawn_where_rows_have_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(bench_sizes, "HERE", tmp_path)
+    monkeypatch.setattr(bench_sizes, "TABLE", tmp_path / "sizes.csv")
+    bench_sizes._append(sizes.Made(sizes.Size("round", 130.0, 8.0), (), 306, 80.0), "older")
+    bench_sizes._draw_used(bench_sizes._newest())
+    assert not (tmp_path / "sizes_used.png").exists()
+    bench_sizes._append(sizes.Made(sizes.Size("round", 150.0, 8.0), (), 306, 80.0, {sizes.WATCHED[0]: 0.4}), "code")
+    bench_sizes._draw_used(bench_sizes._newest())
+    assert (tmp_path / "sizes_used.png").stat().st_size > 5000
 
 
 def test_work_done_in_this_process_keeps_its_result_or_its_error():

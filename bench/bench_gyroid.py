@@ -20,7 +20,8 @@ import numpy as np
 
 from cad.feasible import MIN_WALL_MM
 from cad.params import EndcapParams
-from fab.checks.gyroid import COVERED_SHARE, VOXEL_MM, ball_reach, cast_space, sheet_walls_mm
+from fab.checks.gyroid import sheet_walls_mm
+from fab.meshing.cast_space import COVERED_SHARE, VOXEL_MM, ball_reach, cast_space
 from fab.meshing.gyroid import STEP_MM, WALL_MM, gyroid_sheet, standing_sheet, volume_above
 from fab.meshing.self_intersections import self_intersections
 from fab.meshing.zone_grid import zone_grid

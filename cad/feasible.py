@@ -4,8 +4,7 @@ Each limit is a closed form of the two parameters, so the region is exact for th
 valid choice can be computed instead of guessed:
 
     T >= 6.5      below it a 2.5 mm ball reaches less than four fifths of the gyroid's voids at some D (measured):
-                  35,000 cP silicone would not fill the bond. T >= 6.6 from D = 99.1 to 99.4, where a row of the
-                  gyroid's passages is as wide as the ball (measured with voxels of 0.15 and 0.1 mm).
+                  35,000 cP silicone would not fill the bond.
     T <= R / 5    a thicker wall no longer bends like a shell: the dots hardly move (E).
     opening       the silicone on the flange must leave the LED ring (radius 39.0 + 0.3) a way in.
     crown         the gyroid must end at least 60 degrees from the tip, outside the paper's 50 degree tilts plus a
@@ -24,7 +23,6 @@ from cad import scaling
 from cad.errors import ParameterError
 
 MIN_WALL_MM = 6.5
-NARROW_DIAMETERS_MM, NARROW_WALL_MM = (99.1, 99.4), 6.6
 MAX_WALL_RATIO = 1 / 5
 MAX_DIAMETER_MM = 250.0
 MIN_FREE_CAP_DEG = 60.0
@@ -78,9 +76,7 @@ def wall_limits(diameter_mm: float) -> tuple[dict[str, float], dict[str, float]]
     outer = diameter_mm / 2
     centre = scaling.centre_height_mm(diameter_mm)
     flange_offset = centre - scaling.FLANGE_THICKNESS_MM
-    narrow = NARROW_DIAMETERS_MM[0] < diameter_mm < NARROW_DIAMETERS_MM[1]
-    thinnest = NARROW_WALL_MM if narrow else MIN_WALL_MM
-    lower = {"a thinner wall leaves the gyroid no room that silicone can fill": thinnest}
+    lower = {"a thinner wall leaves the gyroid no room that silicone can fill": MIN_WALL_MM}
     upper = {
         "a wall over R/5 no longer bends like a shell": outer * MAX_WALL_RATIO,
         "the LED ring (radius 39.3 mm with clearance) must pass the opening": outer

@@ -22,7 +22,7 @@ from cad.shell import shell_part
 from fab.cache import Cache
 from fab.kept import kept_interface_mesh
 from fab.meshing.gyroid import InterfaceMesh, joint_band_mm, volume_above
-from fab.meshing.mesh import TOLERANCE_MM, from_manifold, to_manifold
+from fab.meshing.mesh import from_manifold, part_tolerance_mm, to_manifold
 from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
 from fab.packed import packed_group
@@ -77,7 +77,6 @@ def build_design(
     layout: MoldLayout,
     workers: Executor,
     progress: Progress,
-    tolerance_mm: float = TOLERANCE_MM,
     cache: Cache | None = None,
     robot: str = DEFAULT_ROBOT,
 ) -> Design:
@@ -87,10 +86,10 @@ def build_design(
         layout: the two numbers and the joint clearance.
         workers: where gyroid, cup, hardware and imprint are made, while this process makes the core.
         progress: called with the name of each step as it begins.
-        tolerance_mm: chord tolerance of the meshes.
         cache: where what does not change with the clearance is kept from run to run.
         robot: pattern of ``cad/robot_sides.csv``.
     """
+    tolerance_mm = part_tolerance_mm(layout.params.diameter_mm)
     pending = workers.submit(kept_interface_mesh, layout.params, cache)  # first: the imprint waits for it
     cup = workers.submit(packed_group, "cup", layout, tolerance_mm, cache, robot)
     hardware = workers.submit(packed_group, "hardware", layout, tolerance_mm, cache, robot)

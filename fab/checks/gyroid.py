@@ -1,12 +1,6 @@
-"""Checks of the interface's gyroid, measured on its mesh (as read back from its STL; endcap frame, mm).
-
-Silicone is poured dome down: it comes from above the zone (the dome) and must fill the space between mold core and cup
-down to the flange, through both labyrinths of the gyroid.
-"""
+"""Checks of the interface's gyroid, measured on its mesh (as read back from its STL; endcap frame, mm)."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -15,40 +9,18 @@ from scipy.ndimage import label
 from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.checks.check import Check
+from fab.meshing.cast_space import COVERED_SHARE, VOXEL_MM, CastSpace, ball_reach, cast_space
 from fab.meshing.gyroid import WALL_MM, volume_above
 from fab.meshing.mesh import to_manifold
-from fab.meshing.voxels import VoxelBox, inside, within
 
-BALL_DIAMETER_MM = 2.5  # the issue's measure of what 35,000 cP silicone gets through
-VOXEL_MM, FINE_VOXEL_MM = 0.3, 0.15
-MOST_VOXELS = 1.5e8  # fine ones, three gigabytes: to D = 135; larger domes are not near the limit (gyroid_ball.csv)
-VOXEL_MARGIN = 0.25  # of a voxel, by which the nearest TPU lies nearer than its voxel's centre (bench/gyroid_ball.csv)
+FINE_VOXEL_MM = 0.15
+MOST_VOXELS = 1.5e8  # fine ones, three gigabytes: to D = 135; larger domes find a roomy phase (docs/sizes.md)
 DENSITY_RATIO = 3e-3  # the issue's gate
 WALL_RANGE = (0.40, 0.50)  # E: what a 0.4 mm nozzle lays as one line
 TRAPPED_MM3 = 1.0  # E: a bubble no print or cast would show
 CLOSED_SHARE = 0.35  # TPU on an open face is 10 %, a few times that where a small face meets a wall along it
-COVERED_SHARE = 0.80  # E: below it the bond has voids; sets the thinnest wall in cad.feasible
 FLOOR_GAP_MM = 0.5  # E: two voxels: the ball lies on the flange
 _SECTORS = 10
-
-
-@dataclass(frozen=True)
-class CastSpace:
-    """The mold's space around the zone as voxels, all (nx, ny, nz).
-
-    Attributes:
-        box: where the voxels are.
-        radius: distance from the sphere's centre, mm.
-        height: (nz,) mm.
-        tpu: the interface above its flange.
-        space: between core and cup, above the flange.
-    """
-
-    box: VoxelBox
-    radius: np.ndarray
-    height: np.ndarray
-    tpu: np.ndarray
-    space: np.ndarray
 
 
 def gyroid_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
@@ -116,25 +88,6 @@ def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3
     return np.array(walls)
 
 
-def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VOXEL_MM) -> CastSpace:
-    """Voxels of TPU and of the space between core and cup, from the flange to a ball above the zone.
-
-    Args:
-        params: the design. mesh: the whole interface, mm. voxel_mm: side of a voxel.
-    """
-    floor, top = params.flange_thickness_mm, params.interlock_top_mm + BALL_DIAMETER_MM
-    widest = params.outer_radius_mm
-    if params.centre_height_mm > top:
-        widest = params.outer_radius_at(top)
-    box = VoxelBox.around(np.array([-widest, -widest, floor + voxel_mm / 2]), np.array([widest, widest, top]), voxel_mm)
-    above = to_manifold(mesh).trim_by_plane([0.0, 0.0, 1.0], floor).to_mesh()
-    tpu = inside(trimesh.Trimesh(above.vert_properties[:, :3], above.tri_verts, process=False), box)
-    x, y, z = (box.axis(k).astype(np.float32) for k in range(3))
-    radius = np.sqrt((x**2)[:, None, None] + (y**2)[:, None] + (z - np.float32(params.centre_height_mm)) ** 2)
-    space = (radius > params.inner_radius_mm) & (radius < params.outer_radius_mm)
-    return CastSpace(box, radius, z, tpu, space)
-
-
 def closed_face_share(params: EndcapParams, cast: CastSpace) -> float:
     """Largest share of TPU on a tenth of the zone's inner, outer or top face, within a wall's depth under it."""
     inner, outer = zone_radii_mm(params)
@@ -166,33 +119,3 @@ def trapped_void_mm3(params: EndcapParams, cast: CastSpace) -> float:
     sizes[0] = 0
     sizes[source] = 0
     return float(sizes.sum()) * cast.box.step_mm**3
-
-
-def ball_reach(params: EndcapParams, cast: CastSpace, diameter_mm: float = BALL_DIAMETER_MM) -> tuple[float, float]:
-    """Where a ball gets that starts in the silicone above the zone.
-
-    With ``VOXEL_MARGIN`` the covered share at 0.3 mm voxels is 0.02 to 0.04 lower than at 0.15 mm, 0.09 and more where
-    a passage hardly lets the ball through: on the safe side. So only the finer ones can refuse.
-
-    Args:
-        params: the design. cast: voxels of the mold's space. diameter_mm: of the ball.
-
-    Returns:
-        ``(share of the zone's void that the ball covers, least gap between ball and flange in mm)``.
-    """
-    step, radius = cast.box.step_mm, diameter_mm / 2
-    free = (cast.radius > params.inner_radius_mm + radius) & (cast.radius < params.outer_radius_mm - radius)
-    free &= cast.height > params.flange_thickness_mm + radius
-    free &= ~within(cast.tpu, radius / step + VOXEL_MARGIN)
-    parts, count = label(free)
-    source = np.zeros(count + 1, dtype=bool)
-    source[np.unique(parts[..., cast.height > params.interlock_top_mm + radius])] = True
-    source[0] = False
-    reached = source[parts]
-    if not reached.any():
-        return 0.0, float("inf")
-    inner, outer = zone_radii_mm(params)
-    void = (cast.radius > inner) & (cast.radius < outer) & (cast.height < params.interlock_top_mm) & ~cast.tpu
-    covered = within(reached, radius / step + VOXEL_MARGIN)
-    lowest = float(cast.height[reached.any(axis=(0, 1))].min())
-    return float((covered & void).sum() / void.sum()), lowest - radius - params.flange_thickness_mm

@@ -15,7 +15,7 @@ Notes:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from cad.errors import GeometryError
 from cad.interface import build_flange, zone_volume_mm3
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
+from fab.meshing.cast_space import COVERED_SHARE, ball_reach, cast_space
 from fab.meshing.gyroid_sheet import sheet_mesh
 from fab.meshing.mesh import from_manifold, tessellate, to_manifold, volume_mm3
 from fab.meshing.repair import without_crossings
@@ -39,6 +40,8 @@ AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the
 PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero
 PHASE_SHIFTS_MM = (0.0, 1.9, 3.8, 5.7)  # along the axis, off the gyroid's own half and quarter periods
 WALL_FREEDOM = 1.5e-3  # relative, by which the wall may leave its nominal; facets add up to 8e-3 of the gate's 1e-2
+ROOMY_WALL_MM = 7.0  # from it on the ball reaches 0.84 of the voids and more (24 sizes, docs/sizes.md)
+SPARE_SHARE = 0.005  # the gate measures the file again, with the flange joined to it
 MAX_TRIALS = 6
 Phase = tuple[float, float, float]
 _CLEAR_MM = 0.01  # corners of the sheet keep this far from the plane of the flange: no slivers where the two join
@@ -80,7 +83,10 @@ def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceM
 
 
 def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
-    """The sheet alone, period tuned; needs no CAD kernel. It reaches a little into the flange, to fuse with it."""
+    """The sheet alone, period tuned; needs no CAD kernel. It reaches a little into the flange, to fuse with it.
+
+    Below ``ROOMY_WALL_MM`` the phase is one at which a ball reaches the voids, if there is one.
+    """
     grid = zone_grid(params, step_mm)
     nodes = grid.points()
     zone_mm3 = zone_volume_mm3(params)
@@ -92,7 +98,31 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
         tpu = volume_above(sheet, params.flange_thickness_mm)
         return InterfaceMesh(sheet, period_mm, wall_mm, tpu / zone_mm3, dropped_mm3 / (tpu + dropped_mm3), zone_mm3)
 
-    return tune(trial, params.gyroid)
+    def covered(sheet: InterfaceMesh) -> float:
+        return ball_reach(params, cast_space(params, sheet.mesh))[0] if params.wall_mm < ROOMY_WALL_MM else 1.0
+
+    return roomy(tuned(trial, params.gyroid), covered)
+
+
+def roomy(sheets: Iterable[InterfaceMesh], covered: Callable[[InterfaceMesh], float]) -> InterfaceMesh:
+    """The first sheet whose voids a ball reaches with something to spare, else the one of which it reaches most.
+
+    In a thin wall a row of the gyroid's passages can be as narrow as the ball; moved along its axis, the same gyroid
+    has wider ones there.
+
+    Args:
+        sheets: of one density, at different phases.
+        covered: sheet -> share of its voids that the ball reaches.
+    """
+    best, most = None, -1.0
+    for sheet in sheets:
+        share = covered(sheet)
+        if share >= COVERED_SHARE + SPARE_SHARE:
+            return sheet
+        if share > most:
+            best, most = sheet, share
+    assert best is not None  # ``tuned`` raises where there is none
+    return best
 
 
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
@@ -154,20 +184,23 @@ def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimes
     return kept, volume_mm3(mesh) - volume_mm3(kept)
 
 
-def tune(trial: Callable[[float, float, Phase], InterfaceMesh], wanted: float = RELEASED_GYROID) -> InterfaceMesh:
-    """Bring the density to its target: by the period, the last tenths of a per cent by the wall.
+def tuned(
+    trial: Callable[[float, float, Phase], InterfaceMesh], wanted: float = RELEASED_GYROID
+) -> Iterator[InterfaceMesh]:
+    """Bring the density to its target, once at each phase: by the period, the last tenths of a per cent by the wall.
 
     Density goes as wall over period. It jumps where a change of period sets an island free or ties it down, so no
     period may give the target; the wall (a few micrometres) moves no island. Where a jump lies on the target itself,
-    the gyroid is moved along its axis, which cuts other islands off.
+    the phase is passed over: moved along its axis, the gyroid has other islands.
 
     Args:
         trial: period and wall in mm, and phase -> the sheet they give.
         wanted: fraction of TPU.
 
     Raises:
-        GeometryError: not within the tolerance after ``MAX_TRIALS`` meshes at each phase.
+        GeometryError: at no phase within the tolerance after ``MAX_TRIALS`` meshes.
     """
+    found = False
     for shift in PHASE_SHIFTS_MM:
         phase = (PHASE_MM[0], PHASE_MM[1], PHASE_MM[2] + shift)
         period_mm, wall_mm = AREA_PER_PERIOD * WALL_MM / wanted, WALL_MM
@@ -175,15 +208,18 @@ def tune(trial: Callable[[float, float, Phase], InterfaceMesh], wanted: float = 
             result = trial(period_mm, wall_mm, phase)
             ratio = result.density / wanted
             if abs(ratio - 1) <= DENSITY_TOLERANCE:
-                return result
+                found = True
+                yield result
+                break
             if abs(ratio * WALL_MM / wall_mm - 1) <= WALL_FREEDOM:
                 wall_mm /= ratio
             else:
                 period_mm, wall_mm = period_mm * ratio, WALL_MM
-    raise GeometryError(
-        f"gyroid density {result.density:.5f} outside {wanted} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} trials "
-        f"at each of {len(PHASE_SHIFTS_MM)} phases: use a finer step_mm"
-    )
+    if not found:
+        raise GeometryError(
+            f"gyroid density {result.density:.5f} outside {wanted} +- {DENSITY_TOLERANCE:.2%} after {MAX_TRIALS} "
+            f"trials at each of {len(PHASE_SHIFTS_MM)} phases: use a finer step_mm"
+        )
 
 
 def gyroid_distance_mm(

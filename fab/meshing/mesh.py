@@ -29,11 +29,17 @@ if TYPE_CHECKING:
     from build123d import Shape
 
 TOLERANCE_MM = 0.01  # knee of bench/tessellation.csv: printers resolve 0.05 mm
+SMALL_DIAMETER_MM, SMALL_TOLERANCE_MM = 105.0, 0.008  # a wedge of a small, thick core is 0.1 % off at 0.01
 ANGLE_RAD = 0.5  # keeps small fillets and holes round; 0.5 rad is 13 facets a turn at the least
 REFINEMENTS = 4
 KEPT_SOLIDS = 24  # all parts of a design
 _solids: dict[int, manifold3d.Manifold] = {}
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def part_tolerance_mm(diameter_mm: float) -> float:
+    """Chord tolerance of a design's parts, at which each has its solid's volume to 0.1 % (a gate of the export)."""
+    return SMALL_TOLERANCE_MM if diameter_mm < SMALL_DIAMETER_MM else TOLERANCE_MM
 
 
 def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: float = ANGLE_RAD) -> trimesh.Trimesh:

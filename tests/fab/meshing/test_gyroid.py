@@ -9,22 +9,19 @@ import manifold3d
 import numpy as np
 import pytest
 import trimesh
-from scipy.ndimage import distance_transform_edt
 from skimage.measure import marching_cubes
 
 from cad import interface
-from cad.errors import GeometryError
 from cad.interface import build_flange, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.checks import gyroid as gyroid_checks
 from fab.checks.check import Check
 from fab.checks.nuts import nut_checks
-from fab.meshing import gyroid
+from fab.meshing import cast_space, gyroid
 from fab.meshing.gyroid import InterfaceMesh, gyroid_distance_mm, interface_mesh, volume_above
 from fab.meshing.gyroid_sheet import sheet_mesh
 from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, write_stl
 from fab.meshing.self_intersections import self_intersections
-from fab.meshing.voxels import VoxelBox, inside, within
 from fab.meshing.zone_grid import zone_grid
 
 PARAMS = EndcapParams(98.9, 7)  # the smallest parts: quick
@@ -144,34 +141,9 @@ def test_islands_are_dropped_and_counted() -> None:
     assert kept.volume == pytest.approx(40.0)
 
 
-def test_tuning_gives_up_with_a_message_when_nothing_helps() -> None:
-    def stuck(period_mm: float, wall_mm: float, phase_mm: gyroid.Phase) -> InterfaceMesh:
-        return InterfaceMesh(trimesh.Trimesh(), period_mm, wall_mm, 0.2, 0.0, 1.0)
-
-    with pytest.raises(GeometryError, match=r"density 0\.20000 outside 0\.1"):
-        gyroid.tune(stuck)
-
-
 def test_volume_above_a_plane_is_that_of_the_cut_body() -> None:
     ball = trimesh.creation.icosphere(3, 5.0).apply_translation((1, 2, 0.3))
     assert volume_above(ball, 1.7) == pytest.approx(to_manifold(ball).trim_by_plane([0, 0, 1], 1.7).volume(), rel=1e-5)
-
-
-# --- voxels --------------------------------------------------------------------------------------------------------
-
-
-def test_voxels_of_a_ball_are_those_within_its_radius() -> None:
-    ball = trimesh.creation.icosphere(5, 4.0)
-    box = VoxelBox.around(np.full(3, -5.0), np.full(3, 5.0), 0.23)
-    x, y, z = np.meshgrid(*(box.axis(k) for k in range(3)), indexing="ij")
-    radius = np.sqrt(x**2 + y**2 + z**2)
-    sure = np.abs(radius - 4.0) > 0.01  # the icosphere's chords
-    assert (inside(ball, box) == (radius < 4.0))[sure].all()
-
-
-def test_capped_distance_is_the_exact_one() -> None:
-    solid = np.random.default_rng(3).random((40, 30, 20)) > 0.995
-    assert (within(solid, 5.5) == (distance_transform_edt(~solid) < 5.5)).all()
 
 
 # --- checks, and faults that they must see -------------------------------------------------------------------------
@@ -210,29 +182,19 @@ def closed_faces(printed: trimesh.Trimesh, all_of_them: bool) -> trimesh.Trimesh
 
 @pytest.mark.long
 def test_one_closed_face_is_seen(printed: trimesh.Trimesh) -> None:
-    cast = gyroid_checks.cast_space(PARAMS, closed_faces(printed, all_of_them=False))
+    cast = cast_space.cast_space(PARAMS, closed_faces(printed, all_of_them=False))
     assert gyroid_checks.closed_face_share(PARAMS, cast) > 0.9
     assert gyroid_checks.trapped_void_mm3(PARAMS, cast) < 1e-2 * zone_volume_mm3(PARAMS)  # still open inward
 
 
 @pytest.mark.long
 def test_a_zone_closed_all_round_traps_both_labyrinths(printed: trimesh.Trimesh) -> None:
-    cast = gyroid_checks.cast_space(PARAMS, closed_faces(printed, all_of_them=True))
+    cast = cast_space.cast_space(PARAMS, closed_faces(printed, all_of_them=True))
     trapped = gyroid_checks.trapped_void_mm3(PARAMS, cast)
     assert trapped > 0.5 * zone_volume_mm3(PARAMS)
-    covered, gap = gyroid_checks.ball_reach(PARAMS, cast)
-    assert covered < gyroid_checks.COVERED_SHARE
+    covered, gap = cast_space.ball_reach(PARAMS, cast)
+    assert covered < cast_space.COVERED_SHARE
     assert gap > gyroid_checks.FLOOR_GAP_MM
-
-
-@pytest.mark.long
-def test_a_passage_as_wide_as_the_ball_is_measured_with_finer_voxels() -> None:
-    """Coarse ones close it by chance: D=99.6 T=6.5 can be filled."""
-    params = EndcapParams(99.6, 6.5)
-    mesh = gyroid.gyroid_sheet(params).mesh
-    coarse, _ = gyroid_checks.ball_reach(params, gyroid_checks.cast_space(params, mesh))
-    check = by_name(gyroid_checks.gyroid_checks(params, mesh))["gyroid.ball_covered_share"]
-    assert coarse < gyroid_checks.COVERED_SHARE and check.ok
 
 
 def test_a_double_wall_and_a_scaled_part_are_seen() -> None:

@@ -6,9 +6,12 @@ import pytest
 import trimesh
 from build123d import Solid
 
+from cad.mold_core import core_body, core_parts
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
 from cad.part import Part, Recipe
 from fab.meshing import parts as module
-from fab.meshing.mesh import mesh_sha256, read_stl, write_stl
+from fab.meshing.mesh import TOLERANCE_MM, mesh_sha256, part_tolerance_mm, read_stl, write_stl
 from fab.meshing.parts import PartMeshes
 
 
@@ -34,3 +37,17 @@ def test_a_repaired_mesh_is_searched_again(piece, monkeypatch):
     maker = PartMeshes(0.1)
     maker.of(piece)
     assert maker.uncrossed == set()
+
+
+@pytest.mark.long
+def test_a_small_thick_cores_wedges_have_the_volume_of_their_solids() -> None:
+    """The coarsest tolerance that the larger sizes hold is too coarse here."""
+    params = EndcapParams(99.3, 9.93)
+    layout = MoldLayout(params)
+    wedges = [part for part in core_parts(layout, core_body(layout)) if "wedge" in part.name]
+
+    def worst(tolerance_mm: float) -> float:
+        maker = PartMeshes(tolerance_mm)
+        return max(abs(maker.of(part).volume / part.solid.volume - 1) for part in wedges)
+
+    assert worst(part_tolerance_mm(params.diameter_mm)) < 0.8e-3 < 1e-3 < worst(TOLERANCE_MM)

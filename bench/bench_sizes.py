@@ -3,16 +3,16 @@
     python bench/bench_sizes.py                       as many as start within ten minutes; what this code has made is
                                                       not made again, so each run goes on where the last one ended
     python bench/bench_sizes.py --seconds inf         all of them: a day
-    python bench/bench_sizes.py --only edge           one kind: edge, random, round, clearance
-    python bench/bench_sizes.py --size 200/10 --size 130/8/0.05     these, whatever the table holds
+    python bench/bench_sizes.py --only edge           one kind: edge, random, round, clearance, options
+    python bench/bench_sizes.py --size 200/10 --size 130/8/0.05/dot_mm=5     these, whatever the table holds
     python bench/bench_sizes.py --today 3             three sizes of today's seed, nothing written: for continuous tests
     python bench/bench_sizes.py --plot                the map again from the table
 
-Writes beside this file: sizes.csv (a row a size: kind, D, T, clearance, digest of the code that made it, processor
-seconds, number of checks, what failed, and the used share of the limit of each check that changes from size to size:
-1 is the limit; empty in rows from before those columns), sizes.png, the map, and sizes_used.png, those shares. A row is
-appended as soon as its size is done, so a run may be stopped at any time. Sizes run are those of every digest in the
-table; the newest row of a size counts.
+Writes beside this file: sizes.csv (a row a size: kind, D, T, clearance, options, digest of the code that made it,
+processor seconds, number of checks, what failed, and the used share of the limit of each check that changes from size
+to size: 1 is the limit; empty in rows from before those columns), sizes.png, the map, and sizes_used.png, those shares.
+A row is appended as soon as its size is done, so a run may be stopped at any time. Sizes run are those of every digest
+in the table; the newest row of a size counts.
 """
 
 from __future__ import annotations
@@ -32,14 +32,19 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench.sizes import STANDING, WATCHED, Made, Size, code_digest, make, random_sizes, survey
+from bench.sizes import STANDING, WATCHED, Made, Size, code_digest, make, option_sizes, random_sizes, survey
 from cad.errors import EndcapError
 from cad.feasible import diameter_range_mm, wall_range_mm
+from cad.pattern import parse_rings
+from fab.workers import end_with_parent
 
 HERE = Path(__file__).parent
 TABLE = HERE / "sizes.csv"
-HEADER = ("kind", "D_mm", "T_mm", "clearance_mm", "code", "cpu_s", "checks", "failed", *WATCHED)
-KINDS = {"edge": "s", "random": "o", "round": "D", "clearance": "^", "named": "*"}
+TASKS_A_WORKER = 10  # the kernel gives little back: three gigabytes after ten large sizes
+KEY = ("D_mm", "T_mm", "clearance_mm", "options")
+HEADER = ("kind", *KEY, "code", "cpu_s", "checks", "failed", *WATCHED)
+OPTIONS = {"dots": ("dot_rings", parse_rings), "dot_mm": ("dot_mm", float), "gyroid": ("gyroid", float)}
+KINDS = {"edge": "s", "random": "o", "round": "D", "clearance": "^", "options": "v", "named": "*"}
 
 
 def main() -> int:
@@ -69,7 +74,12 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--only", choices=sorted(set(KINDS) - {"named"}), help="one kind of sizes")
     parser.add_argument(
-        "--size", action="append", type=_named, default=[], metavar="D/T[/CLEARANCE]", help="a size of your own"
+        "--size",
+        action="append",
+        type=_named,
+        default=[],
+        metavar="D/T[/CLEARANCE][/OPTION=...]",
+        help="a size of your own",
     )
     parser.add_argument("--today", type=int, default=0, metavar="N", help="N sizes of the day's seed")
     parser.add_argument("--date", type=date.fromisoformat, default=date.today(), help="the day, YYYY-MM-DD")
@@ -78,10 +88,11 @@ def _options() -> argparse.Namespace:
 
 
 def _today(count: int, day: date, workers: int) -> int:
-    """Sizes that no list holds, others every day; 1 where one failed."""
-    status = 0
-    for made in _made(random_sizes(day.toordinal(), count, "today"), workers, math.inf):
-        print(f"D={made.size.key[0]} T={made.size.key[1]}: {'; '.join(made.failed) or 'passed'}", flush=True)
+    """Sizes that no list holds, others every day, the last with options of its own; 1 where one failed."""
+    status, seed = 0, day.toordinal()
+    sizes = random_sizes(seed, count - 1, "today") + option_sizes(seed, 1, "today")
+    for made in _made(sizes, workers, math.inf):
+        print(f"{_words(made.size)}: {'; '.join(made.failed) or 'passed'}", flush=True)
         if made.failed:
             status = 1
             print(f"again: python bench/bench_sizes.py --today {count} --date {day}", file=sys.stderr)
@@ -95,19 +106,24 @@ def _named(text: str) -> Size:
         argparse.ArgumentTypeError: it is none, or lies outside the valid region.
     """
     try:
-        diameter, wall, *clearance = map(float, text.split("/"))
-        size = Size("named", diameter, wall, *clearance)
+        words = text.split("/")
+        diameter, wall, *clearance = (float(word) for word in words if "=" not in word)
+        options = dict(word.split("=") for word in words if "=" in word)
+        size = Size(
+            "named", diameter, wall, *clearance, **{OPTIONS[k][0]: OPTIONS[k][1](v) for k, v in options.items()}
+        )
         size.layout  # noqa: B018 - refuses what cannot be made
     except EndcapError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-    except (TypeError, ValueError) as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form D/T or D/T/CLEARANCE, in mm") from error
+    except (KeyError, TypeError, ValueError) as error:
+        form = "D/T or D/T/CLEARANCE, in mm, with /dots=1-6-10, /dot_mm=5, /gyroid=0.1 as you like"
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form {form}") from error
     return size
 
 
 def _open_sizes(code: str, only: str | None) -> list[Size]:
     standing = [row for row in _rows() if row["code"] == code or (row["code"] in STANDING and not row["failed"])]
-    done = {(row["D_mm"], row["T_mm"], row["clearance_mm"]) for row in standing}
+    done = {_key(row) for row in standing}
     return [size for size in survey() if size.key not in done and only in (None, size.kind)]
 
 
@@ -116,8 +132,8 @@ def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
     end = time.monotonic() + seconds
     context = multiprocessing.get_context("spawn")
     queue, running = iter(sizes), set[Future[Made]]()
-    pinning = (_one_core, (context.Value("i", 0),))
-    with ProcessPoolExecutor(workers, context, *pinning, max_tasks_per_child=25) as pool:
+    start = (_start_worker, (context.Value("i", 0), os.getpid()))
+    with ProcessPoolExecutor(workers, context, *start, max_tasks_per_child=TASKS_A_WORKER) as pool:
         while True:
             while len(running) < workers and time.monotonic() < end and (size := next(queue, None)) is not None:
                 running.add(pool.submit(make, size))
@@ -127,8 +143,9 @@ def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
             yield from (future.result() for future in ended)
 
 
-def _one_core(started: Synchronized[int]) -> None:
-    """Keep a worker on a core of its own: the mesh kernel's threads would wait for each other, burning time."""
+def _start_worker(started: Synchronized[int], parent: int) -> None:
+    """End with the parent, and keep to a core: the mesh kernel's threads would wait for each other, burning time."""
+    end_with_parent(parent)
     with started.get_lock():
         number, started.value = started.value, started.value + 1
     if hasattr(os, "sched_setaffinity"):
@@ -145,7 +162,16 @@ def _append(made: Made, code: str) -> None:
             writer.writerow(HEADER)
         used = [f"{made.used[name]:.3f}" if name in made.used else "" for name in WATCHED]
         writer.writerow([size.kind, *size.key, code, f"{made.cpu_s:.1f}", made.checks, "; ".join(made.failed), *used])
-    print(f"D={size.key[0]} T={size.key[1]} clearance {size.key[2]}: {'; '.join(made.failed) or 'passed'}", flush=True)
+    print(f"{_words(size)}: {'; '.join(made.failed) or 'passed'}", flush=True)
+
+
+def _words(size: Size) -> str:
+    diameter, wall, clearance, options = size.key
+    return f"D={diameter} T={wall} clearance {clearance} {options}".rstrip()
+
+
+def _key(row: dict[str, str]) -> tuple[str, ...]:
+    return tuple(row[name] for name in KEY)
 
 
 def _rows() -> list[dict[str, str]]:
@@ -157,7 +183,7 @@ def _rows() -> list[dict[str, str]]:
 
 def _newest() -> list[dict[str, str]]:
     """The last row of each size."""
-    return list({(row["D_mm"], row["T_mm"], row["clearance_mm"]): row for row in _rows()}.values())
+    return list({_key(row): row for row in _rows()}.values())
 
 
 def _draw_map(rows: list[dict[str, str]]) -> None:

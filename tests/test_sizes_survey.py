@@ -10,6 +10,7 @@ import pytest
 
 from bench import bench_sizes, sizes
 from cad.feasible import diameter_range_mm, wall_range_mm
+from cad.pattern import GYROID_RANGE, LEAST_BRIDGE_MM, pitch_mm
 from fab.checks.check import Check
 
 
@@ -69,12 +70,33 @@ def test_a_size_that_cannot_be_made_is_a_failure_with_its_reason_and_not_the_end
     assert made.checks == 0 and "outside" in made.failed[0]
 
 
-@pytest.mark.parametrize("text", ["130", "130/x", "1/2/3/4", "300/10", "130/8/0.5"])
+@pytest.mark.parametrize(
+    "text",
+    ["130", "130/x", "1/2/3/4", "300/10", "130/8/0.5", "130/8/dots=1-99-6", "130/8/ink=red", "130/8/gyroid=x"],
+)
 def test_a_size_of_your_own_is_refused_in_one_line(text, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["bench_sizes.py", "--size", text])
     with pytest.raises(SystemExit) as ended:
         bench_sizes.main()
     assert ended.value.code == 2 and "error: argument --size" in capsys.readouterr().err
+
+
+def test_a_size_of_your_own_has_options_as_they_are_typed():
+    size = bench_sizes._named("195.5/18.13/dots=1-6-23/dot_mm=6.2/gyroid=0.109")
+    assert size.key == ("195.5", "18.13", "0.15", "dots=1-6-23 dot_mm=6.2 gyroid=0.109")
+    assert bench_sizes._named("130/8/0.05").key == ("130", "8", "0.05", "")
+
+
+def test_sizes_with_options_are_valid_and_use_the_whole_range_of_each():
+    listed = sizes.option_sizes()
+    assert len(listed) == len({size.key for size in listed}) == 100
+    params = [size.params for size in listed]  # raises where one is refused
+    assert min(p.dot_mm for p in params) < 3.1 and max(p.dot_mm for p in params) > 7.8
+    assert min(len(p.dot_rings) for p in params) == 3 and max(len(p.dot_rings) for p in params) == 12
+    low, high = GYROID_RANGE
+    assert min(p.gyroid for p in params) < low + 0.002 and max(p.gyroid for p in params) > high - 0.002
+    pitches = [pitch_mm(p.inner_radius_mm, p.dot_rings) - p.dot_mm for p in params]
+    assert min(pitches) < LEAST_BRIDGE_MM + 0.1
 
 
 def test_the_used_share_of_a_limit_is_that_of_the_piece_nearest_to_it():
@@ -118,3 +140,4 @@ def test_a_failure_of_the_day_names_the_command_that_makes_it_again(capsys, monk
     assert heard.out.count("passed") == 2 and "wall_error" in heard.out
     assert "--today 3 --date 2026-11-22" in heard.err
     assert bench_sizes._today(1, date(2026, 11, 22), 2) == 0
+    assert "dots=" in capsys.readouterr().out

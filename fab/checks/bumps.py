@@ -1,7 +1,7 @@
 """The bumps of the mold core, found on its meshes and compared with the pattern of dots.
 
-Found without the pattern: facets that rise above the inner sphere are joined into patches, over all pieces, because a
-seam may run through a bump. Millimetres, endcap frame.
+Found without the pattern: what rises above the inner sphere is joined into patches, along the edges of facets and over
+all pieces, because a seam may run through a bump. Millimetres, endcap frame.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
 from cad.mold_layout import MoldLayout
-from cad.pattern import DENT_DEPTH_MM
+from cad.pattern import DENT_DEPTH_MM, LEAST_BRIDGE_MM
 from fab.checks.check import Check
 
 RISE_MM = 0.03  # above the sphere: more than a facet's chord error, less than any bump
+REACH_MM = LEAST_BRIDGE_MM / 2  # joins the halves of a cut bump, and no two bumps
 POSITION_MM = 0.05
 HEIGHT_MM = 0.03
 RADIUS_MM = 0.1
@@ -29,11 +30,8 @@ def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[C
     A sphere is fitted to each patch; its summit and its circle on the inner sphere are the bump's.
     """
     params = layout.params
-    centre = np.array([0.0, 0.0, params.centre_height_mm])
-    points = np.concatenate([mesh.vertices for mesh in pieces]) - centre
-    above_flange = points[:, 2] > params.flange_thickness_mm - params.centre_height_mm
-    risen = points[above_flange & (np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM)]
-    patches = _patches(risen, 1.2 * params.dot_radius_mm)
+    risen, edges = _risen(layout, pieces)
+    patches = _patches(risen, edges, REACH_MM)
     directions = np.array([dot.direction for dot in dot_pattern(params)])
     count = Check("bumps.count", float(len(patches)), len(directions), len(directions))
     if not patches:
@@ -66,12 +64,28 @@ def _summit_and_radius(points: np.ndarray, inner_radius_mm: float) -> np.ndarray
     return np.append(c * (1 + radius / distance), footprint)
 
 
-def _patches(points: np.ndarray, reach_mm: float) -> list[np.ndarray]:
-    """Groups of points no farther apart than a reach, as index arrays."""
+def _risen(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners above the inner sphere (n, 3), from its centre, and the edges of facets between them (m, 2)."""
+    params = layout.params
+    floor = params.flange_thickness_mm - params.centre_height_mm
+    found, edges, start = [], [], 0
+    for mesh in pieces:
+        points = mesh.vertices - (0.0, 0.0, params.centre_height_mm)
+        risen = (points[:, 2] > floor) & (np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM)
+        number = start + np.cumsum(risen) - 1
+        found.append(points[risen])
+        edges.append(number[mesh.edges_unique[risen[mesh.edges_unique].all(axis=1)]])
+        start += len(found[-1])
+    return np.concatenate(found), np.concatenate(edges)
+
+
+def _patches(points: np.ndarray, edges: np.ndarray, reach_mm: float) -> list[np.ndarray]:
+    """Groups of points that edges join, or that lie no farther apart than a reach, as index arrays."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    pairs = cKDTree(points).query_pairs(reach_mm, output_type="ndarray") if len(points) else np.empty((0, 2), int)
+    close = cKDTree(points).query_pairs(reach_mm, output_type="ndarray") if len(points) else np.empty((0, 2), int)
+    pairs = np.concatenate([edges, close])
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
     number, labels = connected_components(graph, directed=False)
     return [np.flatnonzero(labels == k) for k in range(number)]

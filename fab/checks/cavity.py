@@ -23,6 +23,7 @@ from cad.materials import silicone
 from cad.mold_core import ramp_end
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
+from fab.checks.core_filler import FACETS, core_filler
 from fab.meshing.gyroid import volume_above
 from fab.meshing.mesh import to_manifold
 
@@ -30,7 +31,6 @@ BALANCE_RATIO = 5e-4
 WALL_ERROR_MM = 0.02
 OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfaces,
 INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
-FACETS = 256  # on a circle: 0.01 mm of chord, well under the two lengths above
 WALL_SAMPLES = 3000
 LEVEL_DEG = 1.0  # E: a table levelled by eye
 # E: a film of less than 0.1 mm at the gyroid's foot; a hundredth of the least air that the weight of a cast shows
@@ -95,7 +95,7 @@ def cavity_body(
         opened: what :func:`opened_space` gave for the pieces, where it is known.
     """
     space = opened_space(layout, pieces) if opened is None else opened
-    return space - _core_filler(layout, flash_mm)
+    return space - core_filler(layout, flash_mm)
 
 
 def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:
@@ -242,21 +242,6 @@ def flange_air_mm3(outer_mm: float, vents: int, vent_mm: float, tilt_deg: float)
     half_chord = math.sqrt(outer_mm**2 - start**2)
     area = outer_mm**2 * math.acos(start / outer_mm) - start * half_chord
     return math.tan(math.radians(tilt_deg)) * (2 / 3 * half_chord**3 - start * area)
-
-
-def _core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:
-    """A body just inside the core, that fills the joints between its pieces."""
-    params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
-    radius, centre = params.inner_radius_mm - inside_mm, params.centre_height_mm
-    start = max(layout.neck_radius_mm - inside_mm, 0.0)
-    floor = params.flange_thickness_mm - 1.0
-    heights = centre + radius * np.sin(np.linspace(np.arcsin((floor - centre) / radius), np.pi / 2, FACETS // 2))
-    cone = start + np.maximum(0.0, heights - params.flange_thickness_mm) / slope
-    sphere = np.sqrt(np.maximum(0.0, radius**2 - (heights - centre) ** 2))
-    outline = np.column_stack([np.minimum(cone, sphere), heights])
-    closed = [(0.0, heights[0]), *map(tuple, outline), (0.0, heights[-1])]
-    section = manifold3d.CrossSection([np.array(closed)], manifold3d.FillRule.Positive)
-    return manifold3d.Manifold.revolve(section, FACETS)
 
 
 def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:

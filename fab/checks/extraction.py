@@ -14,21 +14,17 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
 
-from cad.dots import dot_pattern
-from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm
+from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
-from cad.pattern import DENT_DEPTH_MM
 from fab.checks.cavity import cavity_faces
+from fab.checks.molding_faces import molding_faces, nearest_bump
 from fab.meshing.mesh import TOLERANCE_MM, to_manifold
 
 STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
 SEARCH_MM = 0.25  # gaps beyond this are not distinguished
 SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # pulls tried: from straight inward to nearly along the ramp
 TOUCH_MM = 1e-3  # float32 coordinates of a surface in contact
-FACING = 0.95  # cosine of a facet's normal to the surface's own
-SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 RELEASE_MM = 2.0  # travel after which nothing is in contact any more
 
 
@@ -85,7 +81,7 @@ def extract_core(
                 legs,
                 max(float(depth_in_cast(layout, points).max()) for points in _swept(mesh, legs)),
                 least_gap_mm(mesh, rest, legs, seams),
-                _draft_deg(mesh, _molding_faces(layout, mesh), legs[0]),
+                _draft_deg(mesh, molding_faces(layout, mesh), legs[0]),
                 _rim_strain(layout, mesh, legs),
             )
         )
@@ -121,7 +117,7 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
     if name == "core_centre":
         return (out,)
     azimuth = math.radians(_azimuth_deg(layout, name))
-    faces = _molding_faces(layout, mesh)
+    faces = molding_faces(layout, mesh)
     pulls = [_pull(azimuth, math.radians(slope)) for slope in SLOPES_DEG]
     direction = max(pulls, key=lambda pull: _draft_deg(mesh, faces, Leg(pull, 0.0)))
     inward = -np.array([math.cos(azimuth), math.sin(azimuth)])
@@ -150,7 +146,7 @@ def depth_in_cast(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
     core = np.maximum(np.linalg.norm(points - _centre(layout), axis=1) - params.inner_radius_mm, ramp)
     near = core > TOUCH_MM  # only these can be in silicone, and of them not those on a bump
     if near.any():
-        core[near] = np.minimum(core[near], _nearest_bump(layout, points[near])[0])
+        core[near] = np.minimum(core[near], nearest_bump(layout, points[near])[0])
     flange = np.minimum(radius - params.bore_radius_mm, np.minimum(-height, points[:, 2]))
     return np.where(height > 0, np.minimum(core, height), flange)
 
@@ -224,37 +220,10 @@ def _centre(layout: MoldLayout) -> np.ndarray:
     return np.array([0.0, 0.0, layout.params.centre_height_mm])
 
 
-def _nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distance (n,) to the union of the bumps' spheres, and the vectors (n, 3) from the nearest centre."""
-    radius = bump_sphere_radius_mm(layout.params)
-    directions = np.array([dot.direction for dot in dot_pattern(layout.params)])
-    centres = _centre(layout) + directions * (layout.params.inner_radius_mm + DENT_DEPTH_MM - radius)
-    distance, nearest = cKDTree(centres).query(points)
-    return distance - radius, points - centres[nearest]
-
-
 def _depth_in_shell_from_outside(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
     """Depth of points inside the outer sphere above the mating plane: silicone or TPU."""
     depth = layout.params.outer_radius_mm - np.linalg.norm(points - _centre(layout), axis=1)
     return np.minimum(depth, points[:, 2])
-
-
-def _molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
-    """Faces (mask) of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
-
-    Place alone does not show it: the walls of seams and tabs end at the same surface.
-    """
-    points, normals = mesh.triangles_center, mesh.face_normals
-    outward = points - _centre(layout)
-    distance = np.linalg.norm(outward, axis=1)
-    nearest, from_bump = _nearest_bump(layout, points)
-    on_sphere = np.abs(distance - layout.params.inner_radius_mm) < SURFACE_MM
-    outside = distance > layout.params.inner_radius_mm - SURFACE_MM  # the rest of a bump's sphere is inside the core
-    on_bump = (np.abs(nearest) < SURFACE_MM) & outside
-    facing_out = np.einsum("ij,ij->i", normals, outward) > FACING * distance
-    facing_bump = np.einsum("ij,ij->i", normals, from_bump) > FACING * np.linalg.norm(from_bump, axis=1)
-    on_ramp = np.abs(normals[:, 2] + math.cos(math.radians(layout.ramp_deg))) < 1e-3
-    return (on_sphere & facing_out) | (on_bump & facing_bump) | on_ramp
 
 
 def _draft_deg(mesh: trimesh.Trimesh, faces: np.ndarray, leg: Leg) -> float:

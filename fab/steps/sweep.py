@@ -5,7 +5,8 @@ place (manifold3d, exact on the triangles of the files). The worst volume of a s
 Where distances from the axis prove that the two share nothing (:mod:`fab.steps.radial_spans`), no boolean is made.
 
 Two bodies stand for more than they are: the interface is its flange and the whole envelope of its gyroid, and the
-silicone is what the closed mold encloses, gyroid included. So the shape of the cast is that of the pieces themselves.
+silicone is what the closed mold encloses, gyroid included. So the shape of the cast is that of the pieces themselves,
+less the fin that stands in a joint between the halves of a bump: it is as thin as the joint, and gives way as flash.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from cad.interface import build_zone
 from cad.mold_layout import MoldLayout
 from fab.checks.cavity import cavity_body
 from fab.checks.check import Check
+from fab.checks.core_filler import bump_fillers
 from fab.checks.extraction import Leg, seam_azimuth_deg, turned, turned_points
 from fab.checks.meshes import OVERLAP_MM3
 from fab.meshing.mesh import tessellate, to_manifold
@@ -76,7 +78,7 @@ def step_bodies(
         bodies["interface"] = flange + zone
     if "shell" in names:
         pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(("cup_", "core_"))}
-        bodies["shell"] = cavity_body(layout, pieces, FLASH_MM, opened)
+        bodies["shell"] = cavity_body(layout, pieces, FLASH_MM, opened) - bump_fillers(layout.params, FLASH_MM)
     return bodies
 
 

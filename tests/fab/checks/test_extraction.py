@@ -11,7 +11,9 @@ from build123d import Plane, Solid
 
 from cad.dots import dot_pattern
 from cad.mold_core import REMOVAL_ORDER, bump, core_profile
-from cad.pattern import DENT_DEPTH_MM
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from cad.pattern import DENT_DEPTH_MM, LEAST_BRIDGE_MM, pitch_mm
 from cad.solids import one_solid, revolved
 from fab.checks.bumps import bump_checks
 from fab.checks.extraction import (
@@ -191,6 +193,15 @@ def test_all_released_bumps_are_found_over_the_seams(released_mold):
     checks = bump_checks(layout, [meshes[name] for name in REMOVAL_ORDER])
     assert [check.name for check in checks if not check.ok] == []
     assert checks[0].value == len(dot_pattern(layout.params))
+
+
+def test_large_bumps_a_bridge_apart_are_found_one_by_one(monkeypatch):
+    params = EndcapParams(130.0, 8.0, dot_rings=(1, *[6] * 8), dot_mm=8.0)
+    assert pitch_mm(params.inner_radius_mm, params.dot_rings) - params.dot_mm < LEAST_BRIDGE_MM + 0.5
+    dots = dot_pattern(params)[:7]
+    monkeypatch.setattr("fab.checks.bumps.dot_pattern", lambda _: dots)
+    layout = MoldLayout(params)
+    assert [check.name for check in bump_checks(layout, [bumpy(layout, dots)]) if not check.ok] == []
 
 
 def test_bumps_on_a_ball_pass_and_a_bump_turned_inward_fails(released_mold, few_dots):

@@ -1,0 +1,55 @@
+"""Which facets of the core shape the silicone: those of its sphere, its bumps and its ramp (mm, endcap frame)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from cad.dots import dot_pattern
+from cad.mold_core import bump_sphere_radius_mm, ramp_end
+from cad.mold_layout import MoldLayout
+from cad.pattern import DENT_DEPTH_MM
+
+FACING = 0.95  # cosine of a facet's normal to the surface's own
+SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
+
+
+def molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Faces (mask) of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
+
+    Place alone does not show it: the walls of seams and tabs end at the same surface.
+    """
+    points, normals = mesh.triangles_center, mesh.face_normals
+    outward = points - np.array([0.0, 0.0, layout.params.centre_height_mm])
+    distance = np.linalg.norm(outward, axis=1)
+    nearest, from_bump = nearest_bump(layout, points)
+    on_sphere = np.abs(distance - layout.params.inner_radius_mm) < SURFACE_MM
+    outside = distance > layout.params.inner_radius_mm - SURFACE_MM  # the rest of a bump's sphere is inside the core
+    on_bump = (np.abs(nearest) < SURFACE_MM) & outside
+    facing_out = np.einsum("ij,ij->i", normals, outward) > FACING * distance
+    facing_bump = np.einsum("ij,ij->i", normals, from_bump) > FACING * np.linalg.norm(from_bump, axis=1)
+    return (on_sphere & facing_out) | (on_bump & facing_bump) | _on_ramp(layout, points, normals)
+
+
+def _on_ramp(layout: MoldLayout, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Facets (mask) of the cone over the flange; those of a low one lean by a degree, for they span its two circles."""
+    slope, top = math.radians(layout.ramp_deg), ramp_end(layout)[1]
+    radius = np.hypot(points[:, 0], points[:, 1])
+    height = points[:, 2] - layout.params.flange_thickness_mm
+    away = (radius - layout.neck_radius_mm) * math.sin(slope) - height * math.cos(slope)
+    outward = (points[:, 0] * normals[:, 0] + points[:, 1] * normals[:, 1]) / np.maximum(radius, SURFACE_MM)
+    facing = outward * math.sin(slope) - normals[:, 2] * math.cos(slope) > FACING
+    return (np.abs(away) < SURFACE_MM) & (points[:, 2] < top) & (height > 0) & facing
+
+
+def nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance (n,) to the union of the bumps' spheres, and the vectors (n, 3) from the nearest centre."""
+    radius = bump_sphere_radius_mm(layout.params)
+    directions = np.array([dot.direction for dot in dot_pattern(layout.params)])
+    centres = directions * (layout.params.inner_radius_mm + DENT_DEPTH_MM - radius)
+    centres[:, 2] += layout.params.centre_height_mm
+    distance, nearest = cKDTree(centres).query(points)
+    return distance - radius, points - centres[nearest]

@@ -18,7 +18,7 @@ import trimesh
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from fab.checks.cavity import cavity_faces
-from fab.checks.molding_faces import molding_faces, nearest_bump
+from fab.checks.molding_faces import MoldingFaces, molding_faces, nearest_bump
 from fab.meshing.mesh import TOLERANCE_MM, to_manifold
 
 STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
@@ -81,7 +81,7 @@ def extract_core(
                 legs,
                 max(float(depth_in_cast(layout, points).max()) for points in _swept(mesh, legs)),
                 least_gap_mm(mesh, rest, legs, seams),
-                _draft_deg(mesh, molding_faces(layout, mesh), legs[0]),
+                _draft_deg(molding_faces(layout, mesh), legs[0]),
                 _rim_strain(layout, mesh, legs),
             )
         )
@@ -98,10 +98,11 @@ def extract_cup(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> li
         legs = (Leg((0.0, 0.0, down), layout.params.outer_radius_mm),)
         shifted = (mesh.vertices + shift for shift in _shifts(legs))  # facets of a hollow sphere lie inside it
         depth = max(float(_depth_in_shell_from_outside(layout, points).max()) for points in shifted)
-        faces = cavity_faces(layout, mesh)
+        inside = cavity_faces(layout, mesh)
+        faces = MoldingFaces(mesh.triangles[inside], mesh.face_normals[inside])
         peers = [meshes[other] for other in outside if other[:-1] == name[:-1]]  # bowl and collar touch at the seam
         gap = least_gap_mm(mesh, peers, legs)
-        results.append(Extraction(name, legs, depth, gap, _draft_deg(mesh, faces, legs[0]), 0.0))
+        results.append(Extraction(name, legs, depth, gap, _draft_deg(faces, legs[0]), 0.0))
     return results
 
 
@@ -119,7 +120,7 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
     azimuth = math.radians(_azimuth_deg(layout, name))
     faces = molding_faces(layout, mesh)
     pulls = [_pull(azimuth, math.radians(slope)) for slope in SLOPES_DEG]
-    direction = max(pulls, key=lambda pull: _draft_deg(mesh, faces, Leg(pull, 0.0)))
+    direction = max(pulls, key=lambda pull: _draft_deg(faces, Leg(pull, 0.0)))
     inward = -np.array([math.cos(azimuth), math.sin(azimuth)])
     points = mesh.vertices[:, :2]
     along, across = points @ -inward, points @ np.array([-inward[1], inward[0]])
@@ -226,15 +227,15 @@ def _depth_in_shell_from_outside(layout: MoldLayout, points: np.ndarray) -> np.n
     return np.minimum(depth, points[:, 2])
 
 
-def _draft_deg(mesh: trimesh.Trimesh, faces: np.ndarray, leg: Leg) -> float:
+def _draft_deg(faces: MoldingFaces, leg: Leg) -> float:
     """Least angle by which the faces open along a leg: below 0 is an undercut.
 
     A facet whose undercut is less deep than the mesh is true to its surface counts as parallel (0): at the sphere's
     equator, where the true draft is 0, slivers beside a seam lean by up to that much either way.
     """
     direction = np.array(leg.direction)
-    opening = -(mesh.face_normals[faces] @ direction)
-    reach = np.ptp(mesh.triangles[faces] @ direction, axis=1)  # of each facet along the way
+    opening = -(faces.normals @ direction)
+    reach = np.ptp(faces.triangles @ direction, axis=1)  # of each facet along the way
     shallow = (opening < 0) & (-opening * reach < 2 * TOLERANCE_MM)
     opening[shallow] = 0.0
     return float(np.degrees(np.arcsin(np.clip(opening.min(), -1.0, 1.0))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -17,12 +18,26 @@ FACING = 0.95  # cosine of a facet's normal to the surface's own
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
 
 
-def molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
-    """Faces (mask) of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
+@dataclass(frozen=True)
+class MoldingFaces:
+    """Facets of a piece that touch silicone.
 
-    Place alone does not show it: the walls of seams and tabs end at the same surface.
+    Attributes:
+        triangles: (m, 3, 3) corners, mm.
+        normals: (m, 3) of the surface there.
     """
-    points, normals = mesh.triangles_center, mesh.face_normals
+
+    triangles: np.ndarray
+    normals: np.ndarray
+
+
+def molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> MoldingFaces:
+    """Faces of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
+
+    Place alone does not show it: the walls of seams and tabs end at the same surface. Facets of a low ramp span its two
+    circles and lean by a degree; their normals are those of the ramp itself.
+    """
+    points, normals = mesh.triangles_center, np.array(mesh.face_normals)
     outward = points - np.array([0.0, 0.0, layout.params.centre_height_mm])
     distance = np.linalg.norm(outward, axis=1)
     nearest, from_bump = nearest_bump(layout, points)
@@ -31,18 +46,22 @@ def molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
     on_bump = (np.abs(nearest) < SURFACE_MM) & outside
     facing_out = np.einsum("ij,ij->i", normals, outward) > FACING * distance
     facing_bump = np.einsum("ij,ij->i", normals, from_bump) > FACING * np.linalg.norm(from_bump, axis=1)
-    return (on_sphere & facing_out) | (on_bump & facing_bump) | _on_ramp(layout, points, normals)
+    on_ramp, ramp_normals = _ramp(layout, points, normals)
+    normals[on_ramp] = ramp_normals[on_ramp]
+    found = (on_sphere & facing_out) | (on_bump & facing_bump) | on_ramp
+    return MoldingFaces(mesh.triangles[found], normals[found])
 
 
-def _on_ramp(layout: MoldLayout, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Facets (mask) of the cone over the flange; those of a low one lean by a degree, for they span its two circles."""
+def _ramp(layout: MoldLayout, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which facets (mask) lie on the cone over the flange, and its normals (m, 3) at all of them."""
     slope, top = math.radians(layout.ramp_deg), ramp_end(layout)[1]
     radius = np.hypot(points[:, 0], points[:, 1])
     height = points[:, 2] - layout.params.flange_thickness_mm
     away = (radius - layout.neck_radius_mm) * math.sin(slope) - height * math.cos(slope)
-    outward = (points[:, 0] * normals[:, 0] + points[:, 1] * normals[:, 1]) / np.maximum(radius, SURFACE_MM)
-    facing = outward * math.sin(slope) - normals[:, 2] * math.cos(slope) > FACING
-    return (np.abs(away) < SURFACE_MM) & (points[:, 2] < top) & (height > 0) & facing
+    across = points[:, :2] / np.maximum(radius, SURFACE_MM)[:, None] * math.sin(slope)
+    of_cone = np.column_stack([across, np.full(len(points), -math.cos(slope))])
+    facing = np.einsum("ij,ij->i", normals, of_cone) > FACING
+    return (np.abs(away) < SURFACE_MM) & (points[:, 2] < top) & (height > 0) & facing, of_cone
 
 
 def nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

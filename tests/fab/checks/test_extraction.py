@@ -27,6 +27,7 @@ from fab.checks.extraction import (
     least_gap_mm,
 )
 from fab.checks.gates import extraction_checks
+from fab.checks.molding_faces import MoldingFaces
 from fab.meshing.mesh import tessellate
 
 
@@ -233,5 +234,5 @@ def test_draft_forgives_only_what_the_mesh_cannot_show(lean_deg, reach_mm, expec
     mesh = trimesh.Trimesh(corners, [(0, 1, 2)], process=False)
     away = np.sign(mesh.face_normals[0][0])
     faces = mesh if away < 0 else trimesh.Trimesh(corners, [(0, 2, 1)], process=False)
-    found = _draft_deg(faces, np.array([0]), Leg((0.0, 0.0, 1.0), 1.0))
+    found = _draft_deg(MoldingFaces(faces.triangles, faces.face_normals), Leg((0.0, 0.0, 1.0), 1.0))
     assert found == pytest.approx(expected, abs=1e-6)

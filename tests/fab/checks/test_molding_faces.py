@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
+import trimesh
 
 from cad.mold_core import core_profile, ramp_end
 from cad.mold_layout import MoldLayout
@@ -22,9 +24,9 @@ def test_the_molding_faces_are_sphere_and_ramp(size):
     slant = math.hypot(across - layout.neck_radius_mm, top - params.flange_thickness_mm)
     ramp = math.pi * (across + layout.neck_radius_mm) * slant if top > params.flange_thickness_mm else 0.0
     sphere = 2 * math.pi * params.inner_radius_mm * (params.centre_height_mm + params.inner_radius_mm - top)
-    mesh = tessellate(revolved(core_profile(layout)))
-    faces = molding_faces(layout, mesh)
-    assert mesh.area_faces[faces].sum() == pytest.approx(sphere + ramp, rel=1e-3)
-    if ramp:
-        low = faces & (mesh.triangles_center[:, 2] < top) & (mesh.face_normals[:, 2] < -0.8)
-        assert mesh.area_faces[low].sum() == pytest.approx(ramp, rel=0.01)
+    found = molding_faces(layout, tessellate(revolved(core_profile(layout))))
+    areas = trimesh.triangles.area(found.triangles)
+    assert areas.sum() == pytest.approx(sphere + ramp, rel=1e-3)
+    low = np.isclose(found.normals[:, 2], -math.cos(math.radians(layout.ramp_deg)), rtol=0, atol=1e-12)
+    assert areas[low].sum() == pytest.approx(ramp, rel=0.01)
+    assert np.linalg.norm(found.normals, axis=1) == pytest.approx(np.ones(len(areas)))

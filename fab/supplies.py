@@ -19,6 +19,8 @@ KINDS = ("part", "consumable", "tool", "silicone")
 CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degassed
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0}  # of the rows of supplies.csv
 SPARE = 1.1  # E: skirts, brims, and a part that fails
+LEAST_CHAMBER_L = 5
+CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
 PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
 
 
@@ -29,7 +31,7 @@ class Supply:
     Attributes:
         name: what it is; of a silicone, its name in ``cad/materials.csv``.
         kind: one of ``KINDS``.
-        order_as: what to ask for; ``{cup_ml}`` and ``{scale_g}`` are filled in.
+        order_as: what to ask for; ``{cup_ml}``, ``{scale_g}`` and ``{chamber_l}`` are filled in.
         amount: how much, in ``unit``; of a silicone, what one kit weighs (g).
         unit: of the amount.
         use: what it is for.
@@ -66,7 +68,9 @@ def supply_lines(mix: Recipe) -> list[BomLine]:
     """Lines of parts, consumables and tools that no part of the design asks for itself."""
     mixed_g = mix.part_a_g + mix.part_b_g
     cup_ml = math.ceil(CUP_TIMES * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
-    blanks = {"cup_ml": f"{cup_ml:g}", "scale_g": f"{math.ceil(mixed_g / 500) * 500 + 500:g}"}
+    scale_g = math.ceil(mixed_g / 500) * 500 + 500
+    chamber_l = max(LEAST_CHAMBER_L, math.ceil(CHAMBER_TIMES * cup_ml / 5000) * 5)
+    blanks = {"cup_ml": f"{cup_ml:g}", "scale_g": f"{scale_g:g}", "chamber_l": f"{chamber_l:g}"}
     return [
         BomLine(
             row.name, row.amount, row.unit, row.name, row.use, row.price_usd, row.letter,

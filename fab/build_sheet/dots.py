@@ -38,7 +38,7 @@ def gores(params: EndcapParams) -> list[Drawing]:
         middle = 360.0 / count * number
         own = [dot for dot in dots if gore_of(dot, count) == number]
         svg = _gore(params, own, middle, count, end, width, height)
-        caption = f"gore {number + 1} of {count}: {len(own)} dots about {middle:g}°"
+        caption = f"gore {number + 1} of {count}: {len(own)} dots about {middle:.1f}°"
         sheets.append(Drawing(svg, width, height, caption))
     return sheets
 

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 import math
+import re
 
 import pytest
 import trimesh
@@ -191,6 +192,14 @@ def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
     assert plastics == {"PLA": grams}
     amounts = {line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, 2e3)), plastics)}
     assert amounts["PLA filament"] == spools and amounts["TPU filament"] == 1
+
+
+@pytest.mark.parametrize("volume_mm3", [100e3, 282e3, 1.25e6, 2.9e6])
+def test_the_mixing_cup_goes_into_the_vacuum_chamber(volume_mm3):
+    asked = {line.item: line.order_as for line in supply_lines(recipe(volume_mm3, 2e3))}
+    cup_ml = float(re.search(r"(\d+) ml", asked["mixing cup"])[1])
+    chamber_l = float(re.match(r"(\d+) l", asked["vacuum chamber and pump"])[1])
+    assert chamber_l >= max(5.0, 1.3e-3 * cup_ml) and chamber_l < 1.3e-3 * cup_ml + 5.0
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from fab.slice.settings import LINE_MM
 PIXEL_MM = 0.2
 REACH_MM = LINE_MM  # a line that starts this near to plastic sticks to it
 BOUNDARY_STEP_MM = 0.2
+_SAME_HEIGHT_MM = 0.01  # heights are written to 0.01 mm and less
 INSET_MM = LINE_MM / 4  # halfway between the zone's boundary and the middle of a line that runs along it
 
 
@@ -111,8 +112,10 @@ def empty_layers(moves: Moves) -> int:
 
 
 def floating_starts(moves: Moves) -> np.ndarray:
-    """Where a line of the part starts with plastic neither on the layer below nor beside it: (n, 3) plate points.
+    """Where a line of the part starts with plastic neither just below nor beside it: (n, 3) plate points.
 
+    Below is up to the line's own underside, not the layer before: supports of one part have layers of their own height,
+    at which the others on the plate print nothing.
     Infill between walls is left out: over sparse infill it bridges, and nobody sees it. In layers without walls the
     infill is the part, and counts.
     """
@@ -127,7 +130,8 @@ def floating_starts(moves: Moves) -> np.ndarray:
     has_walls = np.isin(moves.layer[first], np.unique(moves.layer[walls]))
     first = first[walls[first] | ~has_walls]
     size = _limit_px(moves) + 2 * _MARGIN_PX
-    below, found = np.zeros((size, size), dtype=bool), []
+    tops, found = np.full((size, size), -np.inf), []
+    underside = moves.top_mm - moves.height_mm - _SAME_HEIGHT_MM
     for number in range(len(bounds) - 1):
         here, at = points[bounds[number] : bounds[number + 1]], move[bounds[number] : bounds[number + 1]]
         starts = first[moves.layer[first] == number]
@@ -135,15 +139,14 @@ def floating_starts(moves: Moves) -> np.ndarray:
             spots = _pixels(moves.start[starts], size)
             held = np.zeros(len(starts), dtype=bool)
             for dx, dy in _DISC:
-                held |= below[spots[:, 0] + dx, spots[:, 1] + dy]
+                held |= tops[spots[:, 0] + dx, spots[:, 1] + dy] >= underside[starts]
             for start in starts[~held]:
                 earlier = here[at < start]
                 near = len(earlier) and np.linalg.norm(earlier - moves.start[start], axis=1).min() <= REACH_MM
                 if not near:
                     found.append((*moves.start[start], moves.top_mm[start]))
-        below[:] = False
         spots = _pixels(here, size)
-        below[spots[:, 0], spots[:, 1]] = True
+        tops[spots[:, 0], spots[:, 1]] = moves.top_mm[at]
     return np.array(found).reshape(-1, 3)
 
 

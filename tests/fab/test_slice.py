@@ -91,6 +91,15 @@ def test_a_line_that_starts_on_air_is_found_and_the_one_above_the_first_is_not(t
     assert floating_starts(read_gcode(written(tmp_path, LINES))).tolist() == [[150.0, 150.0, 0.4]]
 
 
+def test_a_support_layer_between_leaves_what_the_part_stands_on(tmp_path):
+    between = ";LAYER_CHANGE\n;Z:0.3\n;HEIGHT:0.1\n;TYPE:Support material\nG1 Z.3 F7800\n"
+    between += "G1 X130 Y130\nG1 X132 Y130 E.2\n"
+    again = ";TYPE:External perimeter\n"
+    at = LINES.index(";LAYER_CHANGE", LINES.index("Z:0.2"))
+    text = LINES[:at] + between + again + LINES[at:]
+    assert floating_starts(read_gcode(written(tmp_path, text))).tolist() == [[150.0, 150.0, 0.4]]
+
+
 def test_a_missing_layer_is_counted(tmp_path):
     whole = read_gcode(written(tmp_path, LINES))
     assert empty_layers(whole) == 0

@@ -43,7 +43,8 @@ PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part", "robot_sides")
 }  # standard library only, too
 SHARED = {
-    f"sensing.{name}" for name in ("arguments", "compiled", "decode", "frames", "npz", "records", "records_labelled")
+    f"sensing.{name}"
+    for name in ("arguments", "compiled", "decode", "frames", "npz", "records", "records_labelled", "set_manifest")
 }
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),
@@ -95,6 +96,7 @@ SHARED_WITH_SIMULATOR = {
     "sensing.arguments",  # forms of options: nothing that an estimate is made with
     "sensing.records",
     "sensing.records_labelled",
+    "sensing.set_manifest",
 }  # besides the packages camera and tensegrity
 PACKAGES = ("cad", "endcap", "fab", "sensing")
 HEAVY = ("OCP", "build123d", "cadquery", "numpy", "scipy", "trimesh", "torch", "cv2", "vtkmodules", "matplotlib")

@@ -32,7 +32,8 @@ from cad.params import EndcapParams
 from sensing.camera.model import FisheyeCamera
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.recording.folder import UNKNOWN
-from sensing.records_labelled import COLUMNS, FORMAT
+from sensing.records_labelled import COLUMNS
+from sensing.set_manifest import FORMAT
 
 SIZE = (640, 480)
 LAMP_W = 190.0  # E: gives a gray of about 110

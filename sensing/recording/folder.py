@@ -25,7 +25,8 @@ from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.frames import FtMount
 from sensing.records import Frame
-from sensing.records_labelled import COLUMNS, FORMAT, identity_of, read_manifest, read_shard
+from sensing.records_labelled import COLUMNS, read_shard
+from sensing.set_manifest import FORMAT, identity_of, read_manifest
 from sensing.tracking.zero import Zero
 
 SHARD_FRAMES = 200

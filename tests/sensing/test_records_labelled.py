@@ -24,7 +24,8 @@ from cad.params import EndcapParams
 from sensing.export_dataset import export_dataset, main
 from sensing.learning.authors_dataset import read_authors_dataset
 from sensing.learning.lerobot_dataset import write_lerobot
-from sensing.records_labelled import COLUMNS, FORMAT, LabelledSet
+from sensing.records_labelled import COLUMNS, LabelledSet
+from sensing.set_manifest import FORMAT
 from sensing.simulator.dataset.card import write_card
 
 ROOT = Path(__file__).resolve().parents[2]

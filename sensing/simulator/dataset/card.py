@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from cad.whole_file import put_file
-from sensing.records_labelled import COLUMNS, read_manifest
+from sensing.records_labelled import COLUMNS
+from sensing.set_manifest import read_manifest
 
 NAME = "croissant.json"
 PAPER = "https://arxiv.org/abs/2607.15633"

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
-from sensing.records_labelled import LabelledSet, read_manifest, read_shard
+from sensing.records_labelled import LabelledSet, read_shard
+from sensing.set_manifest import read_manifest
 from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.protocols.loading import LoadPath

@@ -25,7 +25,7 @@ from cad.errors import FileError, ParameterError
 from cad.identity import require_same
 from cad.messages import LOG, transient
 from cad.whole_file import put_file
-from sensing.records_labelled import FORMAT, identity_of, read_manifest
+from sensing.set_manifest import FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.card import NAME as CARD
 from sensing.simulator.dataset.card import write_card

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.materials import silicone
 from cad.whole_file import put_file
-from sensing.records_labelled import FORMAT
+from sensing.set_manifest import FORMAT
 from sensing.simulator.dataset.frames import SIMULATED, world_pose
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState, path_states

@@ -1,0 +1,62 @@
+"""The manifest of a set of labelled frames: what was asked for, in how many shards, and of which endcap."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from cad.errors import FileError
+from cad.identity import Identity, recorded
+from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
+
+FORMAT = 2
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What a folder's manifest says.
+
+    Raises:
+        FileError: missing, unreadable or of another format.
+    """
+    path = folder / "manifest.json"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["format"] != FORMAT:
+            raise ValueError(f"format {found['format']}, need {FORMAT}")
+        return dict(found)
+    except OSError as error:
+        raise FileError(f"{path}: cannot read ({error.strerror}): give a folder of labelled frames") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
+
+
+def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
+    """What a manifest says of the endcap; a silicone that it names only among its options counts, too.
+
+    Args:
+        folder: for the message. manifest: of :func:`read_manifest`.
+
+    Raises:
+        FileError: it does not say it, or is damaged.
+    """
+    try:
+        request = manifest["request"]
+        design = _design(request)
+        stated = manifest.get("identity")
+        if stated is None and "c10_mpa" in request:
+            stated = {"silicone": {"name": request["silicone"]} | {k: request[k] for k in ("c10_mpa", "poisson")}}
+        found = recorded(stated, design)
+        if found.design != design:
+            raise ValueError(f"its identity is of {found.design.label}, its options of {design.label}")
+        return found
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"{folder / 'manifest.json'}: no design in it ({error}): write the set again") from error
+
+
+def _design(request: dict[str, Any]) -> EndcapParams:
+    """Of the options of a set; those written before there were other dots say nothing of them."""
+    rings = parse_rings(request.get("dot_rings", rings_text(RELEASED_RINGS)))
+    diameter_mm, wall_mm = float(request["diameter_mm"]), float(request["wall_mm"])
+    return EndcapParams(diameter_mm, wall_mm, rings, request.get("dot_mm", RELEASED_DOT_MM))

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE_LINES, FUNCTION_LINES = 300, 40
 MOST = {
     "file": 1,
-    "function": 6,
+    "function": 4,
     "args": 0,
 }  # over the limits on 25 November 2026; public functions without Args: none
 PACKAGES = ("cad", "endcap", "fab", "sensing", "bench", "scripts", "tests")

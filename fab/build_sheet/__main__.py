@@ -117,8 +117,8 @@ def _collect(
     from cad.mold_core import REMOVAL_ORDER
     from fab.bom import all_joints, bom_checks, bom_lines, printed_figures
     from fab.build_sheet.data import SheetData
-    from fab.build_sheet.lighting import draw_ring_light, ring_checks
-    from fab.build_sheet.pictures import fill_depth_mm, step_pictures, thumbnails
+    from fab.build_sheet.lighting import ring_checks
+    from fab.build_sheet.pictures import fill_depth_mm, step_pictures
     from fab.checks.check import Check
     from fab.checks.extraction import core_path
     from fab.recipe import overflow_checks, overflow_mm3, recipe, shell_volume_mm3
@@ -142,10 +142,7 @@ def _collect(
         *ring_checks(export.params),
     ]
     require_passed(checks, f"at {export.variant.label}")
-    pictures = step_pictures(shop, steps, depth, folder, progress)
-    pictures |= {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
-    pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
-    pictures["ring_light"] = draw_ring_light(export.params, folder)
+    pictures = step_pictures(shop, steps, depth, folder, progress) | _other_pictures(export, shop, folder)
     records = [check.record(FIGURES) for check in checks]
     listed = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
     every = list({check["name"]: check for check in listed}.values())  # screws gate both export and sheet
@@ -154,6 +151,16 @@ def _collect(
         shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures, beds, fitting
     )
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
+
+
+def _other_pictures(export: Export, shop: Workshop, folder: Path) -> dict[str, Path]:
+    """Pictures beside those of the steps, by their names in the sheet."""
+    from fab.build_sheet.lighting import draw_ring_light
+    from fab.build_sheet.pictures import thumbnails
+
+    pictures = {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
+    pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
+    return pictures | {"ring_light": draw_ring_light(export.params, folder)}
 
 
 def _beds(export: Export, shop: Workshop) -> tuple[dict[str, tuple[float, float, float]], tuple[str, ...]]:

@@ -178,25 +178,8 @@ def inside(params: EndcapParams, x: np.ndarray, y: np.ndarray, z: float) -> np.n
         solid &= ~(np.hypot(u - 30.0, v) < radius)
     recess = 39.0 if z > -0.28 else 39.0 - 4.0 * (-0.28 - z) / 0.72
     solid &= ~((z > -1.0) & (rho < recess))
-    across, wide = np.maximum(abs(x), abs(y)), np.minimum(abs(x), abs(y))
     if -10.0 < z < -1.75:
-        tip = (np.hypot(abs(x) - 13.965, abs(y) - 13.965) > 1.94) & (abs(x) < 13.965) & (abs(y) < 13.965)
-        back = np.hypot(wide - 10.025, across - 13.975) < 2.0
-        corner = (wide > 12.025) & ~tip  # the post
-        rounded = (wide > 10.025) & (across > 13.975) & ~back  # at its foot
-        solid &= ~((across < 15.975) & ~corner & ~rounded)
-        solid &= ~(np.hypot(x, abs(y) - 12.5) < 7.5)
-        solid &= ~((abs(x) < 22.576) & (abs(y) < 4.0))
-        eased = (
-            (abs(abs(x) - 17.4) < 1.43)
-            & (abs(y) < 6.0)
-            & (abs(y) > 4.0)
-            & (np.hypot(abs(x) - 17.975, abs(y) - 6.0) > 2)
-        )
-        eased &= np.hypot(abs(x) - 18.076, abs(y) - 6.0) > 2
-        solid &= ~eased
-        arc = (abs(x) < 7.764) & (abs(y) > 15.9) & (abs(y) < 17.975) & (np.hypot(abs(x) - 7.764, abs(y) - 17.975) > 2.0)
-        solid &= ~(arc & (abs(x) > 5.3) & (abs(y) < 16.9))
+        solid &= ~camera_pocket(x, y)
     solid &= ~((z < -1.0) & (np.hypot(abs(x) - 14, abs(y) - 14) < 0.975))
     solid &= ~(np.hypot(x, abs(y) - 12.5) < 4.1)
     solid &= ~(np.hypot(abs(x) - 22.576, y) < 5.5)
@@ -205,6 +188,23 @@ def inside(params: EndcapParams, x: np.ndarray, y: np.ndarray, z: float) -> np.n
         turned = np.degrees(np.arctan2(abs(y), 22.576 - abs(x)))
         solid &= ~((np.hypot(abs(x) - 22.576, y) < reach) & (turned < 20.0))
     return solid & ~(np.hypot(abs(x) - 28.531, abs(y) - 7.5) < (4.125 if z > -5.0 else 2.25))
+
+
+def camera_pocket(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What the camera's pocket takes away at its own heights: board with four posts, cable's channel, eased corners."""
+    across, wide = np.maximum(abs(x), abs(y)), np.minimum(abs(x), abs(y))
+    tip = (np.hypot(abs(x) - 13.965, abs(y) - 13.965) > 1.94) & (abs(x) < 13.965) & (abs(y) < 13.965)
+    back = np.hypot(wide - 10.025, across - 13.975) < 2.0
+    corner = (wide > 12.025) & ~tip  # the post
+    rounded = (wide > 10.025) & (across > 13.975) & ~back  # at its foot
+    taken = (across < 15.975) & ~corner & ~rounded
+    taken |= np.hypot(x, abs(y) - 12.5) < 7.5
+    taken |= (abs(x) < 22.576) & (abs(y) < 4.0)
+    eased = (abs(abs(x) - 17.4) < 1.43) & (abs(y) < 6.0) & (abs(y) > 4.0)
+    for centre in (17.975, 18.076):
+        eased &= np.hypot(abs(x) - centre, abs(y) - 6.0) > 2.0
+    arc = (abs(x) < 7.764) & (abs(y) > 15.9) & (abs(y) < 17.975) & (np.hypot(abs(x) - 7.764, abs(y) - 17.975) > 2.0)
+    return taken | eased | (arc & (abs(x) > 5.3) & (abs(y) < 16.9))
 
 
 def _turned(x: np.ndarray, y: np.ndarray, azimuth_deg: float) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from concurrent.futures import Future
 from datetime import date
 
@@ -120,6 +121,18 @@ def test_the_shares_are_drawn_where_rows_have_them(tmp_path, monkeypatch):
     bench_sizes._append(sizes.Made(sizes.Size("round", 150.0, 8.0), (), 306, 80.0, {sizes.WATCHED[0]: 0.4}), "code")
     bench_sizes._draw_used(bench_sizes._newest())
     assert (tmp_path / "sizes_used.png").stat().st_size > 5000
+
+
+def test_the_document_states_what_the_table_holds():
+    rows = bench_sizes._newest()
+    text = " ".join((sizes.ROOT / "docs" / "sizes.md").read_text().split())
+    made, failed = map(int, re.search(r"\*\*(\d+) sizes have been made, (\d+) of them fails?\*\*", text).groups())
+    assert (made, failed) == (len(rows), sum(bool(row["failed"]) for row in rows))
+    words = {"edge": "on edges", "random": "at random", "round": "round ones", "clearance": "with clearances"}
+    words |= {"options": "with dots", "named": "that were named"}
+    for kind, said in words.items():
+        stated = int(re.search(rf"(\d+) {said}", text)[1])
+        assert stated == sum(row["kind"] == kind for row in rows), kind
 
 
 def test_work_done_in_this_process_keeps_its_result_or_its_error():

@@ -33,9 +33,11 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.sizes import STANDING, WATCHED, Made, Size, code_digest, make, option_sizes, random_sizes, survey
-from cad.errors import EndcapError
+from cad.errors import EndcapError, ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
-from cad.pattern import parse_rings
+from cad.mold_layout import JOINT_CLEARANCE_MM
+from cad.options import DESIGN_DEFAULTS, PATTERN_DEFAULTS, parse_design, parse_length, parse_options
+from cad.plain_numbers import plain
 from fab.workers import end_with_parent
 
 HERE = Path(__file__).parent
@@ -43,7 +45,8 @@ TABLE = HERE / "sizes.csv"
 TASKS_A_WORKER = 10  # the kernel gives little back: three gigabytes after ten large sizes
 KEY = ("D_mm", "T_mm", "clearance_mm", "options")
 HEADER = ("kind", *KEY, "code", "cpu_s", "checks", "failed", *WATCHED)
-OPTIONS = {"dots": ("dot_rings", parse_rings), "dot_mm": ("dot_mm", float), "gyroid": ("gyroid", float)}
+NUMBERS = ("D", "T", "joint_clearance")
+DEFAULTS = DESIGN_DEFAULTS | PATTERN_DEFAULTS | {"joint_clearance": plain(JOINT_CLEARANCE_MM)}
 KINDS = {"edge": "s", "random": "o", "round": "D", "clearance": "^", "options": "v", "named": "*"}
 
 
@@ -73,14 +76,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=600.0, help="start no size after so long (default: 600)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--only", choices=sorted(set(KINDS) - {"named"}), help="one kind of sizes")
-    parser.add_argument(
-        "--size",
-        action="append",
-        type=_named,
-        default=[],
-        metavar="D/T[/CLEARANCE][/OPTION=...]",
-        help="a size of your own",
-    )
+    form = "D/T[/CLEARANCE][/OPTION=...]"
+    parser.add_argument("--size", action="append", type=_named, default=[], metavar=form, help="a size of your own")
     parser.add_argument("--today", type=int, default=0, metavar="N", help="N sizes of the day's seed")
     parser.add_argument("--date", type=date.fromisoformat, default=date.today(), help="the day, YYYY-MM-DD")
     parser.add_argument("--plot", action="store_true", help="draw only")
@@ -105,19 +102,21 @@ def _named(text: str) -> Size:
     Raises:
         argparse.ArgumentTypeError: it is none, or lies outside the valid region.
     """
+    words = text.split("/")
+    numbers = [word for word in words if "=" not in word]
     try:
-        words = text.split("/")
-        diameter, wall, *clearance = (float(word) for word in words if "=" not in word)
-        options = dict(word.split("=") for word in words if "=" in word)
+        if not 2 <= len(numbers) <= len(NUMBERS):
+            form = "D/T or D/T/CLEARANCE, in mm, with /dots=1-6-10, /dot_mm=5, /gyroid=0.1 as you like"
+            raise ParameterError(f"{text!r} is not of the form {form}")
+        typed = [f"{name}={number}" for name, number in zip(NUMBERS, numbers, strict=False)]
+        options = parse_options([*typed, *(word for word in words if "=" in word)], DEFAULTS)
+        design, clearance = parse_design(options), parse_length("joint_clearance", options["joint_clearance"])
         size = Size(
-            "named", diameter, wall, *clearance, **{OPTIONS[k][0]: OPTIONS[k][1](v) for k, v in options.items()}
+            "named", design.diameter_mm, design.wall_mm, clearance, design.dot_rings, design.dot_mm, design.gyroid
         )
         size.layout  # noqa: B018 - refuses what cannot be made
     except EndcapError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-    except (KeyError, TypeError, ValueError) as error:
-        form = "D/T or D/T/CLEARANCE, in mm, with /dots=1-6-10, /dot_mm=5, /gyroid=0.1 as you like"
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form {form}") from error
     return size
 
 

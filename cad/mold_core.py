@@ -40,6 +40,11 @@ def bump_sphere_radius_mm(params: EndcapParams) -> float:
     return (dot**2 + rise**2) / (2 * rise)
 
 
+def bump_sphere_centre_mm(params: EndcapParams) -> float:
+    """How far from the endcap's centre, along a dot's direction, the centre of its bump's sphere lies."""
+    return params.inner_radius_mm + DENT_DEPTH_MM - bump_sphere_radius_mm(params)
+
+
 def bump(params: EndcapParams, dot: Dot) -> Solid:
     """The sphere that raises one bump.
 
@@ -48,9 +53,8 @@ def bump(params: EndcapParams, dot: Dot) -> Solid:
         an invalid solid with 1.49 times the right volume.
     """
     outward = Vector(*dot.direction)
-    radius = bump_sphere_radius_mm(params)
-    centre = outward * (params.inner_radius_mm + DENT_DEPTH_MM - radius) + Vector(0, 0, params.centre_height_mm)
-    return Solid.make_sphere(radius, Plane(origin=centre, z_dir=outward), -90, 90, 360)
+    centre = outward * bump_sphere_centre_mm(params) + Vector(0, 0, params.centre_height_mm)
+    return Solid.make_sphere(bump_sphere_radius_mm(params), Plane(origin=centre, z_dir=outward), -90, 90, 360)
 
 
 def core_profile(layout: MoldLayout) -> Face:

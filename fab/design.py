@@ -89,13 +89,12 @@ def build_design(
         cache: where what does not change with the clearance is kept from run to run.
         robot: pattern of ``cad/robot_sides.csv``.
     """
-    tolerance_mm = part_tolerance_mm(layout.params.diameter_mm)
     pending = workers.submit(kept_interface_mesh, layout.params, cache)  # first: the imprint waits for it
-    cup = workers.submit(packed_group, "cup", layout, tolerance_mm, cache, robot)
-    hardware = workers.submit(packed_group, "hardware", layout, tolerance_mm, cache, robot)
+    cup = workers.submit(packed_group, "cup", layout, cache, robot)
+    hardware = workers.submit(packed_group, "hardware", layout, cache, robot)
     parts = build_core_solids(layout, progress)
     progress("meshes")
-    maker, meshes = PartMeshes(tolerance_mm), {}
+    maker, meshes = PartMeshes(part_tolerance_mm(layout.params.diameter_mm)), {}
     core, shell = parts[0], next(part for part in parts if part.name == "shell")
     for part in (core, shell):  # in this order: the core's body is meshed as a body before the shell takes it as a tool
         meshes[part.name] = maker.of(part)

@@ -25,6 +25,7 @@ from cad.part import Part, Role
 from cad.ring_spacer import ring_spacer_part
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.cache import Cache
+from fab.meshing.mesh import part_tolerance_mm
 from fab.meshing.parts import PartMeshes
 
 Group = Literal["cup", "hardware"]
@@ -60,18 +61,16 @@ class PackedPart:
         return part, trimesh.Trimesh(self.vertices, self.faces, process=False, validate=False)
 
 
-def packed_group(
-    group: Group, layout: MoldLayout, tolerance_mm: float, cache: Cache | None, robot: str = DEFAULT_ROBOT
-) -> list[PackedPart]:
+def packed_group(group: Group, layout: MoldLayout, cache: Cache | None, robot: str = DEFAULT_ROBOT) -> list[PackedPart]:
     """Make a group of parts and their meshes; those that do not change with the clearance are kept.
 
     Args:
         group: which.
         layout: mold sizes.
-        tolerance_mm: chord tolerance of the meshes.
         cache: where hardware, the same at every joint clearance, is kept; ``None`` makes it anew.
         robot: what the arm adapter fits.
     """
+    tolerance_mm = part_tolerance_mm(layout.params.diameter_mm)
     if group == "cup":
         return _packed(cup_parts(layout), tolerance_mm)
 

@@ -20,7 +20,7 @@ from fab.cache import Cache
 from fab.design_page.estimate import CAMERA_AND_RING_G
 from fab.exports.preview_parts import simplified
 from fab.kept import kept_interface_mesh
-from fab.meshing.mesh import from_manifold, joined, part_tolerance_mm, tessellate, to_manifold
+from fab.meshing.mesh import from_manifold, joined, tessellate, to_manifold
 from fab.packed import packed_group
 from fab.slice.filaments import filament
 from fab.slice.settings import HARDWARE
@@ -66,10 +66,7 @@ def endcap_parts(variant: Variant, progress: Callable[[str], None]) -> EndcapPar
     """
     cache = Cache()
     progress("base, adapter, ring, camera")
-    tolerance_mm = part_tolerance_mm(variant.params.diameter_mm)
-    hardware = [
-        part.unpacked() for part in packed_group("hardware", variant.layout, tolerance_mm, cache, variant.robot)
-    ]
+    hardware = [part.unpacked() for part in packed_group("hardware", variant.layout, cache, variant.robot)]
     progress("shell")
     shell = tessellate(shell_part(variant.layout, core_body(variant.layout)).solid, SHELL_TOLERANCE_MM)
     progress("interface")

@@ -12,10 +12,9 @@ import manifold3d
 import numpy as np
 
 from cad.dots import dot_pattern
-from cad.mold_core import bump_sphere_radius_mm
+from cad.mold_core import bump_sphere_centre_mm, bump_sphere_radius_mm
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from cad.pattern import DENT_DEPTH_MM
 
 FACETS = 256  # on a circle: 0.01 mm of chord, well under the depths that are left open
 BUMP_FACETS = 48  # on a bump's circle: 0.01 mm of chord at a dot of 4 mm
@@ -46,8 +45,7 @@ def bump_fillers(params: EndcapParams, inside_mm: float) -> manifold3d.Manifold:
     Args:
         params: the design. inside_mm: how deep the joints are left open.
     """
-    outer = bump_sphere_radius_mm(params)
-    radius, centre = outer - inside_mm, params.inner_radius_mm + DENT_DEPTH_MM - outer
+    radius, centre = bump_sphere_radius_mm(params) - inside_mm, bump_sphere_centre_mm(params)
     foot = math.sqrt(params.inner_radius_mm**2 - params.dot_radius_mm**2) - 2 * inside_mm
     heights = centre + radius * np.sin(np.linspace(math.asin((foot - centre) / radius), math.pi / 2, BUMP_RINGS + 1))
     across = np.sqrt(np.maximum(0.0, radius**2 - (heights - centre) ** 2))

@@ -10,9 +10,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
-from cad.mold_core import bump_sphere_radius_mm, ramp_end
+from cad.mold_core import bump_sphere_centre_mm, bump_sphere_radius_mm, ramp_end
 from cad.mold_layout import MoldLayout
-from cad.pattern import DENT_DEPTH_MM
 
 FACING = 0.95  # cosine of a facet's normal to the surface's own
 SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
@@ -68,7 +67,7 @@ def nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np
     """Signed distance (n,) to the union of the bumps' spheres, and the vectors (n, 3) from the nearest centre."""
     radius = bump_sphere_radius_mm(layout.params)
     directions = np.array([dot.direction for dot in dot_pattern(layout.params)])
-    centres = directions * (layout.params.inner_radius_mm + DENT_DEPTH_MM - radius)
+    centres = directions * bump_sphere_centre_mm(layout.params)
     centres[:, 2] += layout.params.centre_height_mm
     distance, nearest = cKDTree(centres).query(points)
     return distance - radius, points - centres[nearest]

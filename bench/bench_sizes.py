@@ -117,7 +117,7 @@ def _named(text: str) -> Size:
         size.layout  # noqa: B018 - refuses what cannot be made
     except EndcapError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-    return size
+    return next((listed for listed in survey() if listed.key == size.key), size)  # which keeps its kind
 
 
 def _open_sizes(code: str, only: str | None) -> list[Size]:

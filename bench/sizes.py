@@ -49,8 +49,10 @@ NOT_OF_THEM = ("cad/whole_file.py", "cad/pools.py", "cad/messages.py")
 # meshes are finer below D = 105, and in walls under 7 mm a gyroid that the ball hardly reaches is moved along its axis.
 # Since the fourth bumps that lie close together are found one by one, fins of flash in bumps do not count as cast, and
 # the facets of a low ramp have their say in a piece's way out. The sizes that any of this changes have been made again.
-# The fifth is this code, a formula and an argument in fewer places: the files of D=118 T=10.9 are the same to the byte.
-STANDING = ("134816d2214b", "e19dc5ab5678", "74e3d63669aa", "0b44dc088495", "8be68e84ddd5")
+# The fifth is the fourth with a formula and an argument in fewer places: same files to the byte. Since the sixth the
+# kernel cuts copies, so that a body keeps the mesh it has; of all those sizes only one that failed had lost it. Since
+# then the gyroid's wall grows less, which changes 35 sizes, and the volume of a STEP file is integrated more finely.
+STANDING = ("134816d2214b", "e19dc5ab5678", "74e3d63669aa", "0b44dc088495", "8be68e84ddd5", "7e3f0b23dcd2")
 
 # Checks whose value changes from size to size, as the last word of their names: how much of the limit each has used.
 WATCHED = (

@@ -10,7 +10,7 @@ from build123d import Plane, Solid
 
 from cad.mold_layout import MoldLayout
 from cad.part import Part, Recipe
-from cad.solids import drill, one_solid
+from cad.solids import copied, cut_holes, drill, one_solid
 
 COLOR = (0.35, 0.72, 0.68)
 
@@ -25,5 +25,5 @@ def shell_part(layout: MoldLayout, core: Solid) -> Part:
     params = layout.params
     sphere = Solid.make_sphere(params.outer_radius_mm, Plane(origin=(0, 0, params.centre_height_mm)), -90, 90, 360)
     below = drill((0, 0), 2 * params.outer_radius_mm, -2 * params.outer_radius_mm, params.flange_thickness_mm)
-    solid = one_solid(sphere.cut(below, core), "shell")
+    solid = one_solid(cut_holes(copied(sphere), (below, core)), "shell")
     return Part("shell", "cast", "silicone", solid, COLOR, recipe=Recipe(sphere, less=(below, core)))

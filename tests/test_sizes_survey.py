@@ -88,6 +88,11 @@ def test_a_size_of_your_own_has_options_as_they_are_typed():
     assert bench_sizes._named("130/8/0.05").key == ("130", "8", "0.05", "")
 
 
+def test_a_size_of_the_list_keeps_its_kind_when_it_is_named():
+    assert bench_sizes._named("200/10").kind == "round"
+    assert bench_sizes._named("200/10.01").kind == "named"
+
+
 def test_sizes_with_options_are_valid_and_use_the_whole_range_of_each():
     listed = sizes.option_sizes()
     assert len(listed) == len({size.key for size in listed}) == 100

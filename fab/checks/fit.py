@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from cad.mold_layout import MoldLayout
 from cad.part import Part
-from cad.solids import drill, one_solid
+from cad.solids import drill, intersected
 from fab.checks.cavity import cavity_faces
 from fab.checks.check import Check
 
@@ -63,7 +63,7 @@ def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Ch
     """Least gap between mated printed pieces, between their solids, against the joint clearance."""
     nominal, flange = layout.joint_clearance_mm, layout.params.flange_thickness_mm
     below = drill((0.0, 0.0), 2 * layout.params.outer_radius_mm, 0.0, flange - 0.5)  # above it, the ramp closes in
-    neck, bore = (one_solid(solids[name].intersect(below), name) for name in ("core_key_1", "interface"))
+    neck, bore = (intersected(solids[name], below, name) for name in ("core_key_1", "interface"))
     pairs = {
         "bowl": (solids["cup_bowl_1"], solids["cup_bowl_2"]),
         "collar": (solids["cup_collar_1"], solids["cup_collar_2"]),

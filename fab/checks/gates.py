@@ -31,7 +31,7 @@ from fab.checks.check import Check
 from fab.checks.extraction import Extraction, core_path, extract_core, extract_cup
 from fab.checks.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
 from fab.checks.gyroid import gyroid_checks
-from fab.checks.meshes import mesh_checks, overlap_check, step_check
+from fab.checks.meshes import exact_volume_mm3, mesh_checks, overlap_check, step_check
 from fab.checks.nuts import nut_checks
 from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
 from fab.exports.whole_folder import file_sha256
@@ -161,7 +161,7 @@ def _submit(
     workers: Executor, design: Design, part: Part, mesh: trimesh.Trimesh, folder: Path, cache: Cache | None
 ) -> Future[list[Check]]:
     solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
-    volumes = [float(solid.volume) for solid in solids]
+    volumes = [exact_volume_mm3(solid) for solid in solids]
     wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
     keeper = cache if part.name in SAME_AT_EVERY_CLEARANCE else None
     uncrossed = mesh_sha256(mesh) in design.uncrossed  # the file says the very mesh that was searched

@@ -39,7 +39,7 @@ STEP_MM = 0.6  # knee of bench/gyroid.csv
 AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
 PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero
 PHASE_SHIFTS_MM = (0.0, 1.9, 3.8, 5.7)  # along the axis, off the gyroid's own half and quarter periods
-WALL_FREEDOM = 1.5e-3  # relative, by which the wall may leave its nominal; facets add up to 8e-3 of the gate's 1e-2
+THINNER, THICKER = 1.5e-3, 0.8e-3  # relative freedom of the wall: facets add 7 to 8e-3, and the gate takes 1e-2
 ROOMY_WALL_MM = 7.0  # from it on the ball reaches 0.84 of the voids and more (24 sizes, docs/sizes.md)
 SPARE_SHARE = 0.005  # the gate measures the file again, with the flange joined to it
 MAX_TRIALS = 6
@@ -211,7 +211,7 @@ def tuned(
                 found = True
                 yield result
                 break
-            if abs(ratio * WALL_MM / wall_mm - 1) <= WALL_FREEDOM:
+            if -THICKER <= ratio * WALL_MM / wall_mm - 1 <= THINNER:
                 wall_mm /= ratio
             else:
                 period_mm, wall_mm = period_mm * ratio, WALL_MM

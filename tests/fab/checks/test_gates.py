@@ -26,7 +26,7 @@ from fab.checks.cavity import (
 )
 from fab.checks.check import Check
 from fab.checks.fit import bed_check, min_wall_check, overhang_check, screw_axis_checks
-from fab.checks.meshes import mesh_checks, overlap_check, shared_mm3, step_check, twins
+from fab.checks.meshes import exact_volume_mm3, mesh_checks, overlap_check, shared_mm3, step_check, twins
 from fab.meshing.mesh import tessellate, to_manifold
 
 
@@ -110,6 +110,17 @@ def test_a_step_file_is_compared_with_its_solid(tmp_path):
     assert step_check("box", [1000.0], tmp_path / "box.step").ok
     assert step_check("box", [1001.0], tmp_path / "box.step").value == pytest.approx(1 / 1001, rel=1e-3)
     assert step_check("box", [500.0, 500.0], tmp_path / "box.step").value == math.inf  # one solid where two belong
+
+
+def test_a_segment_of_the_cup_repeats_after_its_step_file_far_within_the_gate(released_mold, tmp_path):
+    """The kernel's plain integral takes 0.61 of the limit here, and more at other sizes."""
+    from build123d import export_step, import_step
+
+    solid, path = released_mold[1]["cup_bowl_3"].solid, tmp_path / "bowl.step"
+    export_step(solid, path)
+    check = step_check("bowl", [exact_volume_mm3(solid)], path)
+    assert check.value < check.high / 20 < abs(import_step(path).solids()[0].volume / solid.volume - 1)
+    assert exact_volume_mm3(Solid.make_sphere(10.0)) == pytest.approx(4 / 3 * math.pi * 1000, rel=1e-6)
 
 
 # --- fit ----------------------------------------------------------------------------------------------------------

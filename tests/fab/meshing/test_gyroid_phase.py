@@ -38,6 +38,18 @@ def test_tuning_gives_up_with_a_message_when_nothing_helps() -> None:
         next(gyroid.tuned(stuck))
 
 
+@pytest.mark.parametrize(("excess", "wall_mm"), [(1.2e-3, 0.44946), (-0.7e-3, 0.45032), (-1.2e-3, 0.45)])
+def test_the_wall_makes_up_for_the_last_of_the_density_less_so_by_growing(excess: float, wall_mm: float) -> None:
+    """Facets make the sheet thicker already, by up to 0.83 of the gate's limit (D=230.8 with 11.4 % of TPU)."""
+    start_mm = gyroid.AREA_PER_PERIOD * gyroid.WALL_MM / 0.1
+
+    def trial(period_mm: float, wall_mm: float, phase_mm: gyroid.Phase) -> InterfaceMesh:
+        density = 0.1 * (1 + excess) * wall_mm / gyroid.WALL_MM * start_mm / period_mm
+        return InterfaceMesh(trimesh.Trimesh(), period_mm, wall_mm, density, 0.0, 1.0)
+
+    assert next(gyroid.tuned(trial, 0.1)).wall_mm == pytest.approx(wall_mm, abs=1e-5)
+
+
 def test_a_phase_that_misses_the_density_is_passed_over() -> None:
     def trial(period_mm: float, wall_mm: float, phase_mm: gyroid.Phase) -> InterfaceMesh:
         missed = phase_mm[2] < gyroid.PHASE_MM[2] + 3  # at the first two phases

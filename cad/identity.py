@@ -24,7 +24,6 @@ from cad.errors import FileError
 from cad.lens import camera_module
 from cad.materials import silicone as silicone_named
 from cad.params import EndcapParams
-from cad.pattern import DENT_DEPTH_MM
 
 WORDS = {"dots": "dot pattern", "camera": "camera", "silicone": "silicone", "mesh": "mesh"}  # aspect -> in a message
 MUST_AGREE = ("dots", "camera", "silicone")  # between a model, its data and an endcap; a finer mesh may test a coarser
@@ -94,7 +93,7 @@ def identity(params: EndcapParams, silicone: str | None = None, mesh: Sequence[i
     return Identity(
         params,
         {
-            "dots": _dots(angles, params.dot_radius_mm, DENT_DEPTH_MM),
+            "dots": _dots(angles, params.dot_radius_mm, params.dent_depth_mm),
             "camera": _rounded(camera),
             "silicone": None if silicone is None else _silicone(silicone),
             "mesh": None if mesh is None else {"core_rings_layers": list(mesh)},

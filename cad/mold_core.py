@@ -16,7 +16,6 @@ from cad.jigsaw import core_prisms
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part, Recipe
-from cad.pattern import DENT_DEPTH_MM
 from cad.solids import cut_holes, drill, fused, intersected, one_solid, revolved
 
 PILOT_RADIUS_MM = 1.3  # S: hole for an M3 screw that cuts its thread in PLA
@@ -36,13 +35,13 @@ def bump_sphere_radius_mm(params: EndcapParams) -> float:
     (a^2 + d^2) / (2 d).
     """
     inner, dot = params.inner_radius_mm, params.dot_radius_mm
-    rise = inner + DENT_DEPTH_MM - math.sqrt(inner**2 - dot**2)
+    rise = inner + params.dent_depth_mm - math.sqrt(inner**2 - dot**2)
     return (dot**2 + rise**2) / (2 * rise)
 
 
 def bump_sphere_centre_mm(params: EndcapParams) -> float:
     """How far from the endcap's centre, along a dot's direction, the centre of its bump's sphere lies."""
-    return params.inner_radius_mm + DENT_DEPTH_MM - bump_sphere_radius_mm(params)
+    return params.inner_radius_mm + params.dent_depth_mm - bump_sphere_radius_mm(params)
 
 
 def bump(params: EndcapParams, dot: Dot) -> Solid:

@@ -153,6 +153,11 @@ class EndcapParams:
         return self.dot_mm / 2
 
     @property
+    def dent_depth_mm(self) -> float:
+        """Depth of a dot's dent."""
+        return pattern.dent_depth_mm(self.dot_mm)
+
+    @property
     def opening_radius_mm(self) -> float:
         """Radius of the way out for the core: the bore, or the silicone on the flange where a thick wall is tighter."""
         return min(self.bore_radius_mm, self.inner_radius_at(self.flange_thickness_mm))

@@ -18,8 +18,8 @@ from cad.plain_numbers import plain
 RELEASED_RINGS = (1, 6, 10, 12, 16, 18, 20)  # M, CAM06
 RELEASED_DOT_MM = 4.0  # E: what a dot measures on the photos
 RELEASED_GYROID = 0.10  # P, GYR01
-DENT_DEPTH_MM = 0.6  # E: shallow enough to release (flank 33 degrees at 4 mm), deep enough to hold ink
-DOT_RANGE_MM = (2.9, 8.0)  # below: flanks over 45 degrees, 2 h / tan(22.5 degrees); above: no dent that holds ink (E)
+DENT_DEPTH_MM = 0.6  # E: deep enough to hold ink; of dots from the released 4 mm on (flank 33 degrees)
+DOT_RANGE_MM = (2.9, 8.0)  # E: below and above, no dent holds ink
 LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; less, and ink and blobs of neighbours run together
 MOST_RINGS = 12
 GYROID_RANGE = (
@@ -53,6 +53,16 @@ def rings_text(rings: tuple[int, ...]) -> str:
     return "-".join(map(str, rings))
 
 
+def dent_depth_mm(dot_mm: float) -> float:
+    """Depth of the dents: one smaller than the released is as steep as it, and so less deep.
+
+    A key of the core is pulled inward, and the sphere at its edges faces up to 60 degrees away from that pull (beside
+    the ramp of the thickest walls), so flanks steeper than 30 degrees can be undercut. At 33 degrees that is 6 microns
+    of a bump of 3.6 mm radius; at the 45 degrees of a dot of 2.9 mm that were 0.6 mm deep, it would be 70.
+    """
+    return DENT_DEPTH_MM * min(1.0, dot_mm / RELEASED_DOT_MM)
+
+
 def step_deg(rings: tuple[int, ...]) -> float:
     """Polar angle from ring to ring: the equator lies midway between the last ring and its mirror."""
     return 180.0 / (2 * len(rings) - 1)
@@ -70,8 +80,8 @@ def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: floa
     low, high = DOT_RANGE_MM
     if not low <= dot_mm <= high:
         raise ParameterError(
-            f"dot_mm={dot_mm:g} outside {low:g}..{high:g}: a smaller dent has flanks over 45 degrees, a larger one "
-            f"holds no ink; nearest valid choice dot_mm={min(max(dot_mm, low), high):g}",
+            f"dot_mm={dot_mm:g} outside {low:g}..{high:g}: a smaller or larger dent holds no ink; "
+            f"nearest valid choice dot_mm={min(max(dot_mm, low), high):g}",
             name="dot_mm",
             value=dot_mm,
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from cad.dots import dot_pattern
-from cad.pattern import DENT_DEPTH_MM
 from cad.robot_sides import fixing_words
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
@@ -42,7 +41,7 @@ def _cover(data: SheetData) -> list[Block]:
     facts = [
         ("made by", f"{make_command('molds', data)} (joint clearance {data.layout.joint_clearance_mm:g})"),
         ("silicone dome", f"{params.diameter_mm:g} outside, wall {params.wall_mm:g}, {params.tip_height_mm:.1f} high"),
-        ("dots", f"{len(dot_pattern(params))} dents of {params.dot_mm:g} diameter, {DENT_DEPTH_MM:g} deep"),
+        ("dots", f"{len(dot_pattern(params))} dents of {params.dot_mm:g} diameter, {params.dent_depth_mm:.3g} deep"),
         ("silicone", f"{recipe.silicone.name}: {recipe.part_a_g:.1f} g A + {recipe.part_b_g:.1f} g B"),
         ("cast weighs", f"{recipe.expected_g:.0f} g of silicone"),
         ("gates", f"{len(data.checks)}, all held" if all(c["ok"] for c in data.checks) else "NOT ALL HELD"),

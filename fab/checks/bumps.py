@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
 from cad.mold_layout import MoldLayout
-from cad.pattern import DENT_DEPTH_MM, LEAST_BRIDGE_MM
+from cad.pattern import LEAST_BRIDGE_MM
 from fab.checks.check import Check
 
 RISE_MM = 0.03  # above the sphere: more than a facet's chord error, less than any bump
@@ -38,12 +38,12 @@ def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[C
         return [count]
     bumps = np.array([_summit_and_radius(risen[patch], params.inner_radius_mm) for patch in patches])
     summits, radii = bumps[:, :3], bumps[:, 3]
-    offsets, _ = cKDTree(directions * (params.inner_radius_mm + DENT_DEPTH_MM)).query(summits)
+    offsets, _ = cKDTree(directions * (params.inner_radius_mm + params.dent_depth_mm)).query(summits)
     heights = np.linalg.norm(summits, axis=1) - params.inner_radius_mm
     return [
         count,
         Check("bumps.position_error_mm", float(offsets.max()), high=POSITION_MM),
-        Check("bumps.height_error_mm", float(np.abs(heights - DENT_DEPTH_MM).max()), high=HEIGHT_MM),
+        Check("bumps.height_error_mm", float(np.abs(heights - params.dent_depth_mm).max()), high=HEIGHT_MM),
         Check("bumps.radius_error_mm", float(np.abs(radii - params.dot_radius_mm).max()), high=RADIUS_MM),
     ]
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from cad.dots import dot_pattern
 from cad.materials import silicone
-from cad.pattern import DENT_DEPTH_MM
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import Check
 from fab.variant import Variant
@@ -96,7 +95,10 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
     volume = next(p["volume_mm3"]["mesh"] for p in manifest["parts"] if p["name"] == "shell")
     facts = (
         ("dome", f"{params.diameter_mm:g} mm outside, wall {params.wall_mm:g} mm, {params.tip_height_mm:.1f} mm high"),
-        ("dots", f"{len(dot_pattern(params))} dents of {params.dot_mm:g} mm, {DENT_DEPTH_MM:g} mm deep, inside"),
+        (
+            "dots",
+            f"{len(dot_pattern(params))} dents of {params.dot_mm:g} mm, {params.dent_depth_mm:.3g} mm deep, inside",
+        ),
         ("silicone in the dome", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
         ("robot", str(manifest.get("robot", DEFAULT_ROBOT))),
         ("gyroid", f"period {manifest['gyroid']['period_mm']:.2f} mm, {100 * manifest['gyroid']['density']:.1f} % TPU"),

@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from cad.interface import POCKET_FLOOR_MM, zone_radii_mm
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
-from cad.pattern import DENT_DEPTH_MM
 from fab.checks.extraction import Leg
 from fab.steps.record import Move, Step, one_by_one
 
@@ -39,7 +38,7 @@ def core_passes_gyroid(layout: MoldLayout) -> bool:
     if above <= 0:
         return True
     inner = zone_radii_mm(params)[0]
-    return math.sqrt(max(0.0, inner**2 - above**2)) >= params.inner_radius_mm + DENT_DEPTH_MM + HAND_MM
+    return math.sqrt(max(0.0, inner**2 - above**2)) >= params.inner_radius_mm + params.dent_depth_mm + HAND_MM
 
 
 def mold_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:

@@ -9,6 +9,7 @@ import pytest
 import cad.dots
 import cad.identity
 import cad.materials
+import cad.pattern
 import cad.scaling
 from cad.dots import Dot
 from cad.errors import FileError
@@ -55,7 +56,7 @@ _pattern = cad.dots.dot_pattern
 @pytest.mark.parametrize(
     ("module", "name", "value", "said"),
     [
-        (cad.identity, "DENT_DEPTH_MM", 0.5, "dent_depth_mm=0.5, here 0.6"),
+        (cad.pattern, "DENT_DEPTH_MM", 0.5, "dent_depth_mm=0.5, here 0.6"),
         (cad.dots, "step_deg", lambda rings: 13.0, "the dot pattern "),
         (cad.dots, "MERIDIAN_DEG", 5.0, "other places"),
         (cad.dots, "dot_pattern", moved, "other places"),

@@ -16,7 +16,6 @@ from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm, core_body, core_
 from cad.mold_cup import bowl_body, collar_body, cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from cad.pattern import DENT_DEPTH_MM
 from cad.shell import shell_part
 from cad.solids import drill, one_solid, revolved
 
@@ -46,7 +45,9 @@ def lens_mm3(r: float, s: float, d: float) -> float:
 def bump_mm3(params: EndcapParams) -> float:
     """What one bump's ball adds to the inner sphere."""
     s = bump_sphere_radius_mm(params)
-    return 4 / 3 * math.pi * s**3 - lens_mm3(params.inner_radius_mm, s, params.inner_radius_mm + DENT_DEPTH_MM - s)
+    return 4 / 3 * math.pi * s**3 - lens_mm3(
+        params.inner_radius_mm, s, params.inner_radius_mm + params.dent_depth_mm - s
+    )
 
 
 def core_above_flange_mm3(layout: MoldLayout) -> float:
@@ -90,10 +91,21 @@ def test_bumps_raise_the_core_by_lenses_and_dent_the_shell_by_the_same(layout, c
     assert dents == pytest.approx(bumps, rel=1e-3)
 
 
+@pytest.mark.parametrize("dot_mm", [2.9, 3.4, 4.0, 5.7, 8.0])
+@pytest.mark.parametrize(("diameter_mm", "wall_mm"), [(98.9, 6.5), (250.0, 24.9)])
+def test_no_bump_is_steeper_than_that_of_the_released_dot(diameter_mm: float, wall_mm: float, dot_mm: float) -> None:
+    """Keys are pulled past flanks that face 60 degrees away; 45 degrees of a dot of 2.9 mm were undercut there."""
+    params = EndcapParams(diameter_mm, wall_mm, dot_rings=(1, 6, 10), dot_mm=dot_mm)
+    on_sphere = math.asin(params.dot_radius_mm / params.inner_radius_mm)
+    assert math.degrees(math.asin(params.dot_radius_mm / bump_sphere_radius_mm(params)) - on_sphere) < 33.4
+
+
 def test_a_bump_is_a_spherical_segment_of_the_dots_radius_and_the_dents_depth():
-    for params in (EndcapParams(98.9, 6.5), EndcapParams(130.0, 8.0), EndcapParams(250.0, 12.0, dot_mm=8.0)):
+    deep = {EndcapParams(98.9, 6.5): 0.6, EndcapParams(250.0, 12.0, dot_mm=8.0): 0.6}
+    deep |= {EndcapParams(130.0, 8.0): 0.6, EndcapParams(130.0, 8.0, dot_mm=2.9): 0.435}
+    for params, depth in deep.items():
         s, r, a = bump_sphere_radius_mm(params), params.inner_radius_mm, params.dot_radius_mm
-        centre = r + DENT_DEPTH_MM - s
+        centre = r + depth - s
         assert math.hypot(a, math.sqrt(r * r - a * a) - centre) == pytest.approx(
             s
         )  # the dot's circle is on both spheres

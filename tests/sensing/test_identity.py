@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-import cad.identity
+import cad.pattern
 from cad.errors import FileError, ParameterError
 from cad.identity import identity
 from cad.params import EndcapParams
@@ -34,7 +34,7 @@ PATTERN = "for the released dot pattern, this endcap has the dot pattern "
 @pytest.fixture
 def other_dots(monkeypatch):
     """Call it, and the toolkit has another dot pattern."""
-    return lambda: monkeypatch.setattr(cad.identity, "DENT_DEPTH_MM", 0.5)
+    return lambda: monkeypatch.setattr(cad.pattern, "DENT_DEPTH_MM", 0.5)
 
 
 @pytest.fixture

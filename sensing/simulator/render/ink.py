@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 
 from cad.params import EndcapParams
-from cad.pattern import DENT_DEPTH_MM
 from sensing.simulator.render.canvas import Array, Canvas, mix
 from sensing.simulator.render.settings import Paint
 
@@ -23,14 +22,14 @@ SPILL_EDGE_MM = 0.6  # E
 OUTWARD = 0.7  # E: how much likelier ink runs over at the rim, where the hand reaches badly, than at the tip
 
 
-def dent(canvas: Canvas, at: Array, radius_mm: float) -> None:
+def dent(canvas: Canvas, at: Array, radius_mm: float, depth_mm: float) -> None:
     """The faint outline of a dent: its flank turns away from the light.
 
     Args:
-        canvas: painted on. at: centre of the dent on the sphere (3,), mm. radius_mm: of the dent.
+        canvas: painted on. at: centre of the dent on the sphere (3,), mm. radius_mm, depth_mm: of the dent.
     """
     window, a, b, texel = canvas.patch(at, radius_mm + 0.5)
-    width = max(0.5 * DENT_DEPTH_MM, texel)
+    width = max(0.5 * depth_mm, texel)
     ring = np.exp(-(((np.hypot(a, b) - radius_mm + width / 2) / width) ** 2))
     window[..., :3] *= (1 - 0.10 * ring)[..., None]
 

@@ -86,7 +86,7 @@ def paint_skin(params: EndcapParams, paint: Paint, texels: int, seed: int) -> Sk
     for index, place in enumerate(dents):
         own = np.random.default_rng([seed, 2, index])
         if not missing[index]:
-            dent(canvas, place, params.dot_radius_mm)
+            dent(canvas, place, params.dot_radius_mm, params.dent_depth_mm)
             if not unpainted[index]:
                 ink_dot(canvas, ink[index], params.dot_radius_mm, paint, own, bool(smeared[index]))
     dirt(canvas, params, paint, seed)

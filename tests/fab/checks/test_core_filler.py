@@ -11,7 +11,6 @@ from cad.dots import dot_pattern
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from cad.pattern import DENT_DEPTH_MM
 from fab.checks.cavity import cavity_body
 from fab.checks.core_filler import bump_fillers, core_filler
 from fab.checks.extraction import TOUCH_MM, core_path, depth_in_cast
@@ -32,7 +31,7 @@ def test_a_filler_stands_in_every_bump_so_deep_under_its_surface(dot_mm):
     radius = np.linalg.norm(corners - (0, 0, params.centre_height_mm), axis=1)
     outside = radius > params.inner_radius_mm + 0.01
     assert depth_in_cast(layout, corners[outside]) == pytest.approx(-INSIDE_MM, abs=1e-4)
-    assert radius.max() == pytest.approx(params.inner_radius_mm + DENT_DEPTH_MM - INSIDE_MM, abs=1e-4)
+    assert radius.max() == pytest.approx(params.inner_radius_mm + params.dent_depth_mm - INSIDE_MM, abs=1e-4)
 
 
 def test_the_swept_silicone_has_no_fin_in_a_bump_that_a_joint_cuts(released_mold):

@@ -41,7 +41,8 @@ def build_assembly(
         GeometryError: two parts share a name, or an offset names no part.
     """
     import cadquery as cq
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+
+    from cad.solids import copied  # loads the CAD kernel
 
     offsets = offsets or {}
     names = [part.name for part in parts]
@@ -50,7 +51,7 @@ def build_assembly(
         raise GeometryError(f"assembly of {names}: names must differ, and offsets for {strangers} move nothing")
     assembly = cq.Assembly(name=name)
     for part in parts:
-        shape = cq.Shape.cast(BRepBuilderAPI_Copy(part.solid.wrapped, True, False).Shape())
+        shape = cq.Shape.cast(copied(part.solid).wrapped)
         place = cq.Location(offsets.get(part.name, (0.0, 0.0, 0.0)))
         assembly.add(shape, name=part.name, color=cq.Color(*part.color), loc=place)
     return assembly

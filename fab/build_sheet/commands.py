@@ -1,11 +1,12 @@
 """Commands that the sheet prints: each with the numbers of this endcap, and with the interpreter that make set up.
 
-They are typed in the toolkit's folder.
+They are typed in the toolkit's folder, and name the camera module where it is not the released one.
 """
 
 from __future__ import annotations
 
 from cad.design_arguments import design_words
+from cad.lens import RELEASED_MODULE, VARIABLE, camera_module
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
@@ -16,14 +17,20 @@ INTERPRETER = ".venv/bin/python"
 
 def make_command(target: str, data: SheetData) -> str:
     """A command of make for this very variant, for example ``make slice D=150 T=9``."""
-    return f"make {target} {Variant(data.layout, data.robot).words}"
+    return f"{camera_setting()}make {target} {Variant(data.layout, data.robot).words}"
 
 
 def ring_command(params: EndcapParams) -> str:
     """The command that makes the LED ring's files; clearance and silicone play no part in it."""
-    return f"make ring D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
+    return f"{camera_setting()}make ring D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
 
 
 def program_command(module: str, params: EndcapParams, *words: str) -> str:
     """A program of the sensing side for this endcap."""
-    return " ".join((INTERPRETER, "-m", module, *design_words(params), *words))
+    return camera_setting() + " ".join((INTERPRETER, "-m", module, *design_words(params), *words))
+
+
+def camera_setting() -> str:
+    """The setting of another camera module, as it is typed before a command."""
+    name = camera_module().name
+    return "" if name == RELEASED_MODULE else f"{VARIABLE}={name} "

@@ -10,7 +10,7 @@ Notes:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from cad.dots import Dot, dot_pattern, dot_position_mm
 from cad.lens import camera_module
@@ -22,7 +22,9 @@ DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which
 FRAME_PX = (640.0, 480.0)
 SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
-LARGEST_WIDTH_MM = 86.0  # two gores side by side on A4
+PAGE_WIDTH_MM = 180.0  # of the text on A4: two gores side by side, with a space between
+SPACE_MM = 2.0
+LARGEST_WIDTH_MM = (PAGE_WIDTH_MM - SPACE_MM) / 2 - 2 * MARGIN_MM
 
 
 def gores(params: EndcapParams) -> list[Drawing]:
@@ -48,15 +50,15 @@ def gore_of(dot: Dot, count: int) -> int:
     return round(dot.azimuth_deg * count / 360.0 + 1e-9) % count if dot.ring else 0
 
 
-def camera_pixels(params: EndcapParams) -> list[tuple[float, float]]:
-    """Where the dots should appear (x right, y down, frame of 640 x 480), for those that the lens sees."""
-    pixels = []
+def camera_pixels(params: EndcapParams) -> dict[Dot, tuple[float, float]]:
+    """Where the dots should appear (x right, y down, frame of 640 x 480): of those alone that the lens sees."""
+    pixels = {}
     for dot in dot_pattern(params):
         x, y, z = dot_position_mm(params, dot)
         off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
         if math.degrees(off_axis) <= camera_module().max_half_angle_deg:
             reach, azimuth = lens_px(off_axis), math.atan2(y, x)
-            pixels.append((FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 + reach * math.sin(azimuth)))
+            pixels[dot] = FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 + reach * math.sin(azimuth)
     return pixels
 
 
@@ -76,7 +78,7 @@ def disc_px() -> float:
     return lens_px(math.radians(DISC_DEG))
 
 
-def dots_in(pixels: Sequence[tuple[float, float]], width: float, height: float) -> int:
+def dots_in(pixels: Iterable[tuple[float, float]], width: float, height: float) -> int:
     """How many points lie in a centred rectangle of the frame.
 
     Args:
@@ -97,7 +99,7 @@ def first_light(params: EndcapParams) -> Drawing:
         f'height="{SQUARE_PX:g}" fill="none" stroke="#c05a1c" stroke-width="1.5" stroke-dasharray="6 4"/>',
         f'<path d="M{width / 2 - 8} {height / 2}h16M{width / 2} {height / 2 - 8}v16" stroke="#2f6f6a"/>',
     ]
-    shapes += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="#20242a"/>' for x, y in camera_pixels(params)]
+    shapes += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="#20242a"/>' for x, y in camera_pixels(params).values()]
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * scale:g}mm" height="{height * scale:g}mm" '
         f'viewBox="0 0 {width:g} {height:g}">{"".join(shapes)}</svg>'
@@ -134,7 +136,8 @@ def _gore(
     for dot in dots:
         x, y = place(math.radians(dot.polar_deg), dot.azimuth_deg)
         shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{params.dot_radius_mm:g}" fill="#20242a"/>')
-        shapes.append(f'<text x="{x + 2.6:.2f}" y="{y + 1:.2f}" font-size="2.6" fill="#5a626c">{dot.ring}</text>')
+        beside = x + params.dot_radius_mm + 0.6
+        shapes.append(f'<text x="{beside:.2f}" y="{y + 1:.2f}" font-size="2.6" fill="#5a626c">{dot.ring}</text>')
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.2f}mm" height="{height:.2f}mm" '
         f'viewBox="0 0 {width:.2f} {height:.2f}" font-family="DejaVu Sans">{"".join(shapes)}</svg>'

@@ -6,11 +6,12 @@ import math
 import shlex
 
 from cad.dots import dot_pattern, ring_count
+from cad.lens import RELEASED_MODULE, camera_module
 from cad.params import EndcapParams
 from cad.pattern import step_deg
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import INTERPRETER, program_command
+from fab.build_sheet.commands import INTERPRETER, camera_setting, program_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import FRAME_PX, SQUARE_PX, camera_pixels, disc_px, dots_in, first_light, gores, ruler
 from fab.build_sheet.steps import stage_blocks, steps
@@ -25,7 +26,7 @@ def painting(data: SheetData) -> list[Block]:
     pixels = camera_pixels(params)
     rings = sorted({dot.ring for dot in dots})
     inside = {
-        ring: dots_in([p for p, dot in zip(pixels, dots, strict=True) if dot.ring == ring], SQUARE_PX, SQUARE_PX)
+        ring: dots_in([place for dot, place in pixels.items() if dot.ring == ring], SQUARE_PX, SQUARE_PX)
         for ring in rings
     }
     spacing = math.radians(step_deg(params.dot_rings)) * params.inner_radius_mm
@@ -79,9 +80,10 @@ def assembling(data: SheetData) -> list[Block]:
 def light_check(data: SheetData) -> list[Block]:
     """What the first frame should show."""
     params = data.layout.params
-    pixels = camera_pixels(params)
+    pixels = camera_pixels(params).values()
     frame, square = dots_in(pixels, *FRAME_PX), dots_in(pixels, SQUARE_PX, SQUARE_PX)
-    is_released = params == RELEASED  # its photos count for its own size only
+    # Photos of the released sensor count for its own size and camera only.
+    is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
     of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
     return [
         Heading("First light", 1),
@@ -125,6 +127,6 @@ def _first_run(data: SheetData) -> list[Block]:
             "To run it: "
             + program_command("sensing.setup", params, "--silicone", shlex.quote(data.recipe.silicone.name))
             + " takes the untouched reference and writes endcaps.toml; then "
-            + f"{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact."
+            + f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact."
         ),
     ]  # fmt: skip

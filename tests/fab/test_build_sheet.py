@@ -14,14 +14,17 @@ from PIL import Image
 
 from cad.dots import dot_pattern, dot_position_mm
 from cad.errors import FileError
+from cad.lens import camera_module
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import bom_lines
 from fab.build_sheet import __main__ as command
+from fab.build_sheet import dots as drawings
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import camera_pixels, disc_px, dots_in, first_light, gore_of, gores, ruler
-from fab.build_sheet.finishing import light_check
+from fab.build_sheet.finishing import light_check, painting
 from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
 from fab.build_sheet.pdf import write_pdf
@@ -38,13 +41,20 @@ from sensing.camera.nominal import nominal_mount
 PARAMS = EndcapParams(130.0, 8.0)
 
 
-@pytest.mark.parametrize("params", [EndcapParams(100.0, 8.0), PARAMS, EndcapParams(250.0, 25.0)])
-def test_gores_have_every_dot_once_and_fit_a_page(params):
+SIZES = [(100.0, 8.0), (130.0, 8.0), (187.3, 12.6), (250.0, 6.5), (250.0, 25.0)]
+
+
+@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.5, 8.0)])
+def test_gores_have_every_dot_once_and_fit_a_page_in_pairs(params):
     sheets = gores(params)
     assert sum(sheet.svg.count("<circle") for sheet in sheets) == len(dot_pattern(params))
     for sheet in sheets:
-        assert sheet.width_mm <= 180 and sheet.height_mm <= 255
+        assert 2 * sheet.width_mm < 179 and sheet.height_mm <= 258
         assert f'width="{sheet.width_mm:.2f}mm"' in sheet.svg and f"0 0 {sheet.width_mm:.2f}" in sheet.svg  # 1:1
+        dots, labels = (
+            [float(x) for x in re.findall(f'<{shape} [a-z]*="([0-9.]+)"', sheet.svg)] for shape in ("circle", "text")
+        )
+        assert all(label > dot + params.dot_radius_mm for dot, label in zip(dots, labels, strict=True))
 
 
 def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
@@ -73,6 +83,25 @@ def test_the_commands_of_a_sheet_carry_dots_of_ones_own():
     assert f"-m sensing.calibrate {design} " in text and f"-m sensing.setup {design} " in text
 
 
+def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sensor_do_not_count(monkeypatch):
+    data = SheetData(MoldLayout(PARAMS), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    assert "released sensor: 92" in str(light_check(data)) and "ENDCAP_CAMERA" not in str(light_check(data))
+    monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
+    text = str(light_check(data))
+    assert text.count("ENDCAP_CAMERA=ELP-USBFHD01M-L170 .venv/bin/python -m ") == 3
+    assert "released sensor: 92" not in text
+    assert make_command("slice", data).startswith("ENDCAP_CAMERA=ELP-USBFHD01M-L170 make slice D=130 T=8")
+
+
+def test_dots_that_a_narrow_lens_does_not_see_are_painted_and_not_counted(monkeypatch):
+    narrow = replace(camera_module(), max_half_angle_deg=60.0)
+    monkeypatch.setattr(drawings, "camera_module", lambda: narrow)
+    data = SheetData(MoldLayout(PARAMS), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {"dots": Path("dots.png")})
+    table = next(block for block in painting(data) if isinstance(block, Table))
+    assert sum(int(row[1]) for row in table.rows) == len(dot_pattern(PARAMS)) > len(camera_pixels(PARAMS))
+    assert table.rows[0][3] == "1" and table.rows[-1][3] == "0"
+
+
 def test_ruler_is_a_hundred_millimetres_long():
     drawing = ruler()
     assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg
@@ -85,7 +114,7 @@ def test_first_light_shows_the_dots_where_the_nominal_camera_sees_them(params, m
     nominal = nominal_mount(params)
     seen = nominal.project(np.array([dot_position_mm(params, dot) for dot in dot_pattern(params)]))
     wanted = seen[np.isfinite(seen).all(axis=1)] + 0.5  # a drawing begins at the pixel's corner
-    pixels = camera_pixels(params)
+    pixels = list(camera_pixels(params).values())
     assert np.allclose(pixels, wanted, atol=1e-6)
     assert 0 < dots_in(pixels, 480, 480) < dots_in(pixels, 640, 480) <= len(pixels)
     assert first_light(params).svg.count("<circle") == len(pixels) + 1

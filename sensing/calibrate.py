@@ -29,6 +29,8 @@ from sensing.calibration.picture import draw_fit, read_image, write_image
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
 
+RELEASED_REPEATS_DEG = 180.0  # turn after which the released dots look alike; a half turn is seen when mounting
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
@@ -56,7 +58,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--dots", help="CSV of dot centres (u_px,v_px) instead of finding them in the photo")
     add_design_arguments(parser)
     parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
-    parser.add_argument("--azimuth-hint", type=float, default=0.0, metavar="DEG", help="turn of the image, +-90 (0)")
+    parser.add_argument(
+        "--azimuth-hint",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="expected turn of the image, to within half of the angle after which the dots repeat: 90 degrees for the "
+        "released ones (0)",
+    )
     parser.add_argument(
         "--trust-design", action="store_true", help="calibrate even where another diameter fits the photo better"
     )
@@ -71,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
 def _from_dots(options: argparse.Namespace) -> int:
     params = design_of(options)
     image = load_zero(options.zero).image if options.zero else read_image(options.photo)
-    centres, radii = find_blobs(image)
+    centres, radii = find_blobs(image, params)
     found = read_dots(options.dots) if options.dots else centres
     lens = MountedCamera.load(options.lens).camera if options.lens else None
     size = (image.shape[1], image.shape[0])
@@ -85,6 +94,12 @@ def _from_dots(options: argparse.Namespace) -> int:
         alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)
         if alike:
             LOG.warning(f"sensing.calibrate: {alike}")
+    if result.repeats_deg < RELEASED_REPEATS_DEG - 1:
+        LOG.warning(
+            f"sensing.calibrate: the dots look alike every {result.repeats_deg:.3g} degrees: of all such turns the one "
+            f"nearest to --azimuth-hint {options.azimuth_hint:g} is taken; a camera turned by more than "
+            f"{result.repeats_deg / 2:.3g} degrees from it would give wrong directions"
+        )
     result.mounted.save(options.out, identity(params))
     if options.picture:
         write_image(options.picture, draw_fit(image, result, params))

@@ -65,7 +65,8 @@ def _take(options: argparse.Namespace) -> None:
     with open_frames(options.source) as frames:
         interval = list(itertools.islice(frames, options.frames))
     made_of = _made_of(options)
-    zero = replace(take_zero(interval, options.sensor), made_of=made_of)
+    params = None if made_of is None else made_of.design
+    zero = replace(take_zero(interval, options.sensor, params), made_of=made_of)
     save_zero(zero, options.out)
     if made_of is not None:
         _compare_with_design(zero, design_of(options), options.out)
@@ -78,7 +79,7 @@ def _take(options: argparse.Namespace) -> None:
 
 def _compare_with_design(zero: Zero, params: EndcapParams, path: Path) -> None:
     """Warn where the dots are not where the nominal camera sees those of the stated design."""
-    tracker = DotTracker(zero.frame())
+    tracker = DotTracker(zero.frame(), params=params)
     misfit = camera_misfit(tracker.reference_px, tracker.size, params)
     if not misfit.fits:
         words = " ".join(design_words(params))
@@ -104,7 +105,7 @@ def _made_of(options: argparse.Namespace) -> Identity | None:
 
 def _check(options: argparse.Namespace) -> None:
     zero = load_zero(options.zero)
-    tracker = DotTracker(zero.frame())
+    tracker = DotTracker(zero.frame(), params=zero.params)
     drift = None
     with open_frames(options.source) as frames:
         for frame in itertools.islice(frames, options.frames):
@@ -117,7 +118,7 @@ def _check(options: argparse.Namespace) -> None:
 def _watch(options: argparse.Namespace) -> None:
     """Prints every change of state, and renews the file when the sensor was surely untouched and has drifted."""
     auto = AutoZero(load_zero(options.zero), options.still)
-    tracker = DotTracker(auto.zero.frame())
+    tracker = DotTracker(auto.zero.frame(), params=auto.zero.params)
     before = ""
     with open_frames(options.source) as frames:
         for frame in frames:
@@ -129,7 +130,7 @@ def _watch(options: argparse.Namespace) -> None:
             renewed = auto.update(frame, tracks)
             if renewed is not None:
                 save_zero(renewed, options.zero)
-                tracker = DotTracker(renewed.frame())
+                tracker = DotTracker(renewed.frame(), params=renewed.params)
                 show(f"{frame.time_s:.2f} s  {options.zero}: zeroed again, digest {renewed.digest[:12]}")
 
 

@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from sensing.calibration.dots import CalibrationError, assign_dots, pattern_points
+from sensing.calibration.assign import assign_dots
+from sensing.calibration.dots import CalibrationError, fewest_dots, pattern_points
 from sensing.calibration.fit import Fit, Problem
 from sensing.calibration.in_place import assign_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS, MountPrior
+from sensing.calibration.turns import best_turn
 from sensing.camera.model import Array, FisheyeCamera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import NAMES
-
-FEWEST_DOTS = 20
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,7 @@ class Calibration:
         scatter: of the dots, over that of hand-painted ones.
         probabilities: of the hypotheses by name, most probable first; empty where a prior or a lens was given.
         log_evidence: of the dots, up to a constant of the dots alone.
+        repeats_deg: turn after which the dots look alike, so that the azimuth is known to half of it from the hint.
     """
 
     mounted: MountedCamera
@@ -53,6 +54,7 @@ class Calibration:
     scatter: float
     probabilities: dict[str, float]
     log_evidence: float
+    repeats_deg: float
 
     @property
     def rms_px(self) -> float:
@@ -99,7 +101,8 @@ def calibrate_from_dots(
         size_px: image width and height.
         prior: the only one to use; None to compare the released lens with another one.
         lens: intrinsics to hold fixed, for example from a board; only the pose is then fitted.
-        azimuth_hint_deg: which half turn, because the pattern repeats after 180 degrees.
+        azimuth_hint_deg: expected turn of the camera about its axis, because patterns repeat: the released one after
+            180 degrees.
         try_in_place: first without a search: four times as quick where the nominal camera sees nearly all dots on
             their places; a dot between two places may find another partner then.
 
@@ -112,11 +115,12 @@ def calibrate_from_dots(
     wide = Problem.of(start, prior or OTHER_LENS, lens is not None)
     placed = assign_in_place(found_px, params, start, wide.refine) if try_in_place else None
     pairs, mounted = placed or assign_dots(found_px, params, start, wide.refine, azimuth_hint_deg)
-    if len(pairs.blob_index) < FEWEST_DOTS:
+    pattern, rings = pattern_points(params)
+    if len(pairs.blob_index) < (fewest := fewest_dots(start, pattern)):
         raise CalibrationError(
-            f"{len(pairs.blob_index)} dots matched, at least {FEWEST_DOTS} needed: sharper photo or dots CSV"
+            f"{len(pairs.blob_index)} dots matched, at least {fewest} needed: sharper photo or dots CSV"
         )
-    points, pixels = pattern_points(params)[0][pairs.pattern_index], found_px[pairs.blob_index]
+    points, pixels = pattern[pairs.pattern_index], found_px[pairs.blob_index]
     fit = wide.solve(mounted, points, pixels)
     probabilities: dict[str, float] = {}
     if prior is None and lens is None:
@@ -126,9 +130,11 @@ def calibrate_from_dots(
     rows = zip(NAMES, fit.vector, deviation, fit.prior_deviation, strict=True)
     values = {name: (float(v), float(s), float(p)) for name, v, s, p in rows}
     residual = camera.project(points) - pixels
+    turn = best_turn(camera, found_px, pattern, rings, azimuth_hint_deg)
     return Calibration(
-        camera, residual, pairs.pattern_index, found_px, values, fit.scatter, probabilities, fit.log_evidence
-    )
+        camera, residual, pairs.pattern_index, found_px, values, fit.scatter, probabilities, fit.log_evidence,
+        turn.repeats_deg,
+    )  # fmt: skip
 
 
 def most_probable(widest: Fit, start: MountedCamera, points: Array, pixels: Array) -> tuple[Fit, dict[str, float]]:

@@ -19,10 +19,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from cad.params import EndcapParams
-from sensing.calibration.dots import CalibrationError, DotPairs, mutual_nearest, pattern_points, spacing_px
+from sensing.calibration.dots import (
+    CalibrationError,
+    DotPairs,
+    mutual_nearest,
+    neighbour_ratio,
+    pattern_points,
+    possible_pairs,
+    spacing_px,
+)
 from sensing.calibration.fit import OUTLIER, STEP, Problem, numeric_jacobian
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
+from sensing.calibration.turns import best_turn
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -66,14 +75,14 @@ def camera_misfit(
         params: the endcap. camera: the one assumed, its covariance adding to the tolerance; None for the nominal one.
     """
     assumed = nominal_mount(params, *size_px) if camera is None else camera
-    points = pattern_points(params)[0]
+    points, rings = pattern_points(params)
     pairs, statistic, p_value = _on_their_places(dots_px, assumed, points), np.inf, 0.0
-    matched = len(pairs.blob_index)
-    if matched >= LEAST_MATCHED * min(len(dots_px), _seen(assumed, points)) and matched > len(NAMES):
+    matched, azimuth = len(pairs.blob_index), float(np.degrees(camera_vector(assumed)[7]))
+    is_turned = len(dots_px) > 1 and bool(best_turn(assumed, dots_px, points, rings, azimuth).angle_rad)
+    if not is_turned and matched >= LEAST_MATCHED * possible_pairs(assumed, points, dots_px) and matched > len(NAMES):
         statistic, p_value = _statistic(assumed, points[pairs.pattern_index], dots_px[pairs.blob_index])
         if p_value >= FALSE_ALARM:
             return Misfit(statistic, p_value, True)
-    azimuth = np.degrees(camera_vector(assumed)[7])
     try:
         found = calibrate_from_dots(dots_px, params, size_px, azimuth_hint_deg=azimuth)
     except CalibrationError as error:
@@ -107,14 +116,8 @@ def differences(assumed: MountedCamera, found: Calibration) -> str:
 
 def _on_their_places(dots_px: Array, camera: MountedCamera, points: Array) -> DotPairs:
     """Dots near where the camera sees those of the pattern."""
-    reach = NEAR * spacing_px(dots_px) if len(dots_px) > 1 else 0.0
+    reach = NEAR * spacing_px(dots_px) * neighbour_ratio(camera, points) if len(dots_px) > 1 else 0.0
     return mutual_nearest(dots_px, camera, points, np.full(len(points), True), reach)
-
-
-def _seen(camera: MountedCamera, points: Array) -> int:
-    pixels = camera.project(points)
-    size = np.array([camera.camera.width_px, camera.camera.height_px])
-    return int(((pixels > 0) & (pixels < size - 1)).all(axis=1).sum())
 
 
 def _statistic(camera: MountedCamera, points: Array, pixels: Array) -> tuple[float, float]:

@@ -8,7 +8,7 @@ for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from sensing.calibration.dots import CalibrationError, pattern_points
 from sensing.calibration.fit import Problem
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
+from sensing.camera.dot_look import disc_radius_px
 from sensing.camera.model import Array
 
 STEP_MM, SPAN = 10.0, 1.3  # other diameters are looked at in such steps, up to this factor smaller and larger
@@ -77,7 +78,7 @@ def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams)
     distance = np.linalg.norm(found[:, None] - matched_px[None], axis=-1)
     radius = radius_px[distance.argmin(axis=0)]
     points = pattern_points(params)[0][calibration.pattern_index]
-    scale = float(np.median(radius / _dent_radius_px(calibration, params, points)))
+    scale = float(np.median(radius / disc_radius_px(calibration.mounted, points, params)))
     strays = len(found) - len(matched_px)
     size = -0.5 * ((scale - INK_SCALE) / INK_SIGMA) ** 2
     whiten = Problem.of(calibration.mounted, OTHER_LENS).whitening(calibration.mounted, points) / calibration.scatter
@@ -93,12 +94,12 @@ def rivals(
 
     Args:
         given: how well the photo fits the given design. radius_px: (m,) of all found dots. size_px: (width, height).
-        azimuth_hint_deg: which half turn, because the pattern repeats after 180 degrees.
+        azimuth_hint_deg: expected turn of the camera about its axis.
     """
     found = []
     for diameter in _diameters(given.params.diameter_mm):
         try:
-            params = EndcapParams(diameter, given.params.wall_mm)
+            params = replace(given.params, diameter_mm=float(diameter))
             other = calibrate_from_dots(given.calibration.found_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg)
         except (ParameterError, CalibrationError):
             continue
@@ -138,16 +139,6 @@ def _matched_pixels(calibration: Calibration, params: EndcapParams) -> Array:
 def _diameters(given_mm: float) -> Array:
     grid = np.arange(np.ceil(given_mm / SPAN / STEP_MM), np.floor(given_mm * SPAN / STEP_MM) + 1) * STEP_MM
     return grid[np.abs(grid - given_mm) > STEP_MM / 2]
-
-
-def _dent_radius_px(calibration: Calibration, params: EndcapParams, points: Array) -> Array:
-    """(n,) radius of the circle with the area that the dents' discs cover in the picture."""
-    mounted = calibration.mounted
-    slope = mounted.camera.jacobians(mounted.to_camera(points))[0] @ mounted.T_camera_endcap[:3, :3]  # (n, 2, 3)
-    outward = points - [0, 0, params.centre_height_mm]
-    outward = outward / np.linalg.norm(outward, axis=1)[:, None]
-    areas = np.abs(np.einsum("na,na->n", np.cross(slope[:, 0], slope[:, 1]), outward))  # px^2 a mm^2 of the dome
-    return np.asarray(params.dot_radius_mm * np.sqrt(areas))
 
 
 def _unseen(calibration: Calibration, params: EndcapParams) -> int:

@@ -61,7 +61,7 @@ def rest_camera(
     if misfit.fits or given is not None:
         return RestCamera(given, misfit)
     try:
-        centres, radii = find_blobs(image_bgr)
+        centres, radii = find_blobs(image_bgr, params)
         found = calibrate_from_dots(centres, params, size_px)
         fit = design_fit(found, radii, params)
         if fit.is_doubtful:  # else a second is saved

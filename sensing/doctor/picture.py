@@ -14,14 +14,19 @@ from numpy.typing import NDArray
 
 from cad.dots import dot_pattern
 from cad.params import EndcapParams
-from sensing.calibration.dots import REFERENCE_HEIGHT_PX, CalibrationError, find_blobs
+from sensing.calibration.dots import (
+    REFERENCE_HEIGHT_PX,
+    CalibrationError,
+    fewest_dots,
+    find_blobs,
+    pattern_points,
+)
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.camera.nominal import nominal_mount
 from sensing.doctor.finding import Finding, Verdict, above, below, finding
 from sensing.records import Image
 
 Array = NDArray[np.float64]
-FEWEST_DOTS = 20
 DARK_GRAY, DIM_GRAY, BRIGHT_GRAY = 50.0, 80.0, 225.0
 WHITE_GRAY = 250
 SECTORS = 12  # of a ring of silicone, REACH of the way from the middle to the picture's edge
@@ -43,8 +48,8 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
     gray = image_bgr[..., :2].astype(np.float64).mean(-1)  # blue and green, as the dots are found
     exposure = _exposure(gray)
     light = [exposure] if exposure.verdict is Verdict.BAD else [exposure, _evenness(gray)]
-    centres, radii = find_blobs(image_bgr)
-    if len(centres) < FEWEST_DOTS:
+    centres, radii = find_blobs(image_bgr, params)
+    if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
         return [*light, _no_dots(len(centres))]
     dots = [_focus(gray, centres, radii), _dot_size(radii, centres, params, gray.shape)]
     return [*light, *dots, _missing(centres, params, gray.shape)]

@@ -43,7 +43,7 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
     if beside.exists():
         return MountedCamera.load(beside)
     reference = _first_reference(data)
-    return rest_camera(reference, DotTracker(reference).reference_px, data.params).camera
+    return rest_camera(reference, DotTracker(reference, params=data.params).reference_px, data.params).camera
 
 
 def found_camera(data: LabelledSet) -> MountedCamera:
@@ -53,7 +53,7 @@ def found_camera(data: LabelledSet) -> MountedCamera:
         FileError: a set without frames. CalibrationError: a picture from which no camera can be calibrated.
     """
     image = decode_bgr(_first_reference(data))
-    return calibrate_from_dots(find_dots(image), data.params, (image.shape[1], image.shape[0])).mounted
+    return calibrate_from_dots(find_dots(image, data.params), data.params, (image.shape[1], image.shape[0])).mounted
 
 
 def _first_reference(data: LabelledSet) -> Frame:

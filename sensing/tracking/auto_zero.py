@@ -38,7 +38,7 @@ class AutoZero:
         waited = frame.time_s - self._since_s >= self._still_s and len(self._frames) == self._keep
         if drift.cause == "none" or not waited:
             return None
-        self.zero = replace(take_zero(self._frames, self.zero.sensor), made_of=self.zero.made_of)
+        self.zero = replace(take_zero(self._frames, self.zero.sensor, self.zero.params), made_of=self.zero.made_of)
         self._since_s, self._frames, self._last = None, [], None
         return self.zero
 

@@ -16,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
+from sensing.camera.dot_look import DotLook, dot_look
 from sensing.records import Image
 from sensing.tracking.nearest import nearest_other
 
 DIAMETER_SHARE = 0.037  # E: a dot's diameter over the picture's short side (18 of 480 px on the released photos)
 CONTRAST = 0.13  # E: least darkness against the surroundings; the palest painted dots of the photos have 0.2
 DARK_GRAY = 12.0  # gray levels added to the surroundings: no contrast out of sensor noise in the dark
-CROWDED = 0.55  # E: closer than this share of the usual spacing is a piece of a digit or a smear beside a dot
+CROWDED = 0.55  # E: closer than this share of the usual spacing is a piece of a digit or a smear beside a dot,
+PITCH = 0.75  # E: unless the design has dots that close: the share of its least pitch that two of them keep
 LEAST_FILL = 0.72  # E: share of the moment ellipse that a dot fills; digits and strokes fill half or less
 
 
@@ -48,18 +50,21 @@ class Dots:
         return len(self.position_px)
 
 
-def find_dots(gray: Image, least: int = 1, source: str = "reference") -> Dots:
+def find_dots(gray: Image, least: int = 1, source: str = "reference", look: DotLook | None = None) -> Dots:
     """All dots of a gray picture (H, W), sorted by row then column of their centres.
 
     Args:
         gray: uint8 picture; at least 120 px on its short side (dots of 5 px).
         least: how many dots there must be.
         source: named in the error.
+        look: of the design's dots (:func:`sensing.camera.dot_look.dot_look`); None for the released design's.
 
     Raises:
         NoDotsError: fewer than ``least`` dots.
     """
-    expected = DIAMETER_SHARE * min(gray.shape)
+    look = look or dot_look()
+    short = min(gray.shape)
+    expected = DIAMETER_SHARE * short * look.scale
     contrast, background = _contrast(gray, expected)
     blobs = _blobs(contrast, expected)
     if len(blobs):
@@ -69,7 +74,9 @@ def find_dots(gray: Image, least: int = 1, source: str = "reference") -> Dots:
     if len(blobs):
         usual = np.median(blobs[~blobs[:, 3].astype(bool), 2]) if (blobs[:, 3] == 0).any() else expected
         limit = np.where(blobs[:, 3] > 0, 0.4, 0.6) * usual
-        blobs = _apart(blobs[(blobs[:, 2] > limit) & (blobs[:, 2] < 1.8 * usual)], float(usual))
+        blobs = _apart(
+            blobs[(blobs[:, 2] > limit) & (blobs[:, 2] < 1.8 * usual)], float(usual), PITCH * look.least_pitch * short
+        )
     if len(blobs) < least:
         raise NoDotsError(
             f"{source}: {len(blobs)} dots found, at least {least} needed: is the lamp on, the picture sharp, "
@@ -125,11 +132,15 @@ def _filled(mask: Image, expected: float) -> Image:
     return np.where(small[label], 1, mask).astype(np.uint8)
 
 
-def _apart(blobs: NDArray[np.float64], usual: float) -> NDArray[np.float64]:
-    """Blobs without those that crowd another: of two too close, the one whose size is less usual is no dot."""
+def _apart(blobs: NDArray[np.float64], usual: float, kept_px: float) -> NDArray[np.float64]:
+    """Blobs without those that crowd another: of two too close, the one whose size is less usual is no dot.
+
+    Args:
+        blobs: (N, 4) x, y, diameter, cut. usual: diameter, px. kept_px: dots of the design may lie as close as this.
+    """
     while len(blobs) > 3:
         nearest, other = nearest_other(blobs[:, :2])
-        close = np.flatnonzero(nearest < CROWDED * np.median(nearest))
+        close = np.flatnonzero(nearest < min(CROWDED * float(np.median(nearest)), kept_px))
         if len(close) == 0:
             break
         pair = np.unique(np.concatenate([close, other[close]]))

@@ -159,4 +159,4 @@ def model_input(
     Raises:
         NoDotsError: the reference has no dots. FrameError: it cannot be decoded.
     """
-    return ModelInput(DotTracker(reference, config), shape, params, camera, radial)
+    return ModelInput(DotTracker(reference, config, params=params), shape, params, camera, radial)

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
+from cad.params import EndcapParams
+from sensing.camera.dot_look import dot_look
 from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
@@ -35,6 +37,9 @@ TRUST = (0.1, 0.4)  # leave-one-out residual of an inlier over the spacing, at l
 VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
 FEWEST_WHOLE = 8  # with fewer dots than this, those that the frame's edge cuts are better than none
 LARGEST_STRETCH = 0.5  # that a window starts from
+LARGEST_DOTS = (
+    2.0  # times the released size, to which windows grow with the dots (D = 100 mm at 4 mm): then time counts
+)
 MOST_DROPPED = 12  # contradicted dots a judgement
 
 
@@ -83,20 +88,29 @@ class DotTracker:
         reference: the undeformed picture.
         config: knobs.
         dots: dots in pixels of the working picture; found in the reference if not given.
+        params: the endcap, whose dots are looked for; None for dots that look like the released ones.
 
     Raises:
         NoDotsError: the reference has no dots.
     """
 
-    def __init__(self, reference: Frame, config: TrackerConfig | None = None, dots: Dots | None = None) -> None:
+    def __init__(
+        self,
+        reference: Frame,
+        config: TrackerConfig | None = None,
+        dots: Dots | None = None,
+        params: EndcapParams | None = None,
+    ) -> None:
         self.config = config or TrackerConfig()
         self.size = frame_size(reference)
         self.reduction = working_reduction(self.size, self.config.short_side_px)
         gray = decode_gray(reference, self.reduction)
         self._working_shape = gray.shape
         self._image = smoothed(gray)  # used again for every frame
-        found = find_dots(gray, source=reference.source) if dots is None else dots
-        largest = max(12, round(12 * min(gray.shape) / FULL_SIZE_PX))
+        look = None if params is None else dot_look(params)
+        found = find_dots(gray, source=reference.source, look=look) if dots is None else dots
+        larger = 1.0 if look is None else float(np.clip(look.scale, 1.0, LARGEST_DOTS))
+        largest = max(12, round(12 * larger * min(gray.shape) / FULL_SIZE_PX))
         half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, largest))
         patches = cut_patches(self._image, found.position_px, half)
         kept = np.ones(len(found), bool) if dots is not None else _steady(found, patches)

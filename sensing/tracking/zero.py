@@ -26,6 +26,7 @@ from cad.errors import EndcapError, FileError
 from cad.identity import Identity, recorded, require_same
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
+from sensing.camera.dot_look import dot_look
 from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, working_reduction
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
@@ -70,6 +71,11 @@ class Zero:
     made_of: Identity | None = None
 
     @property
+    def params(self) -> EndcapParams | None:
+        """The design; None where nobody has said."""
+        return None if self.made_of is None else self.made_of.design
+
+    @property
     def digest(self) -> str:
         """SHA-256 of the picture, by which fields and weights can name their reference."""
         return hashlib.sha256(np.ascontiguousarray(self.image).tobytes()).hexdigest()
@@ -100,8 +106,12 @@ class Drift:
     brightness: float
 
 
-def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
+def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapParams | None = None) -> Zero:
     """Average an interval without contact.
+
+    Args:
+        frames: of the untouched sensor. sensor: its name.
+        params: its design, whose dots are looked for; None for dots that look like the released ones.
 
     Raises:
         ZeroError: fewer than three frames, sizes that differ, or dots that moved (then the offender is named).
@@ -112,14 +122,15 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap") -> Zero:
     pictures = [decode_bgr(frame) for frame in frames]
     if len({p.shape for p in pictures}) > 1:
         raise ZeroError(f"frames of different sizes {sorted({p.shape[:2] for p in pictures})}: fix the camera mode")
-    tracker = DotTracker(frames[0])
+    tracker = DotTracker(frames[0], params=params)
     limit = STILL_PX * min(tracker.size) / 480.0
     moved = []
     for frame in frames:
         tracks = tracker.update(frame)
         if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is named as what it is
             reduction = working_reduction(tracker.size)
-            find_dots(decode_gray(frame, reduction), least=max(1, len(tracker.dots) // 2), source=frame.source)
+            look = None if params is None else dot_look(params)
+            find_dots(decode_gray(frame, reduction), max(1, len(tracker.dots) // 2), frame.source, look)
         live = ~tracks.lost
         largest = np.percentile(np.linalg.norm(tracks.displacement_px[live], axis=1), 95) if live.any() else np.inf
         if tracks.lost.mean() > LOST_SHARE or largest > limit:

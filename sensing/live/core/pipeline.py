@@ -201,7 +201,7 @@ class EndcapPipeline:
 
     def _build(self, zero: Zero) -> FieldMethod:
         if self.model.method == "dots":
-            tracker = DotTracker(zero.frame())
+            tracker = DotTracker(zero.frame(), params=self.endcap.params)
             rest = self._rest_camera(zero, tracker)
             method = ModelInput(tracker, self.model.shape, self.endcap.params, rest.camera, self.model.radial)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from cad.errors import EndcapError
+from cad.params import EndcapParams
+from sensing.camera.dot_look import DotLook, dot_look
 from sensing.decode import decode_gray
 from sensing.records import Frame
 from sensing.tracking.dots import find_dots
@@ -20,16 +22,21 @@ PERIOD_S = 0.4  # between looks at one endcap
 
 
 class Preview:
-    """Of one endcap."""
+    """Of one endcap.
 
-    def __init__(self) -> None:
+    Args:
+        params: the endcap, whose dots are looked for.
+    """
+
+    def __init__(self, params: EndcapParams) -> None:
+        self._dot_look = dot_look(params)
         self._next_s = 0.0
         self._last: dict[str, Any] = {}
 
     def detail(self, frame: Frame, number: int) -> dict[str, Any]:
         """As :func:`sensing.live.web.state.detail`: dots as [x, y, 1], no field, and a line in words."""
         if time.monotonic() >= self._next_s:
-            self._last = _look(frame)
+            self._last = _look(frame, self._dot_look)
             self._next_s = time.monotonic() + PERIOD_S
         size = frame.size or self._last.get("size") or (640, 480)
         return {
@@ -38,10 +45,10 @@ class Preview:
         }  # fmt: skip
 
 
-def _look(frame: Frame) -> dict[str, Any]:
+def _look(frame: Frame, look: DotLook) -> dict[str, Any]:
     try:
         gray = decode_gray(frame)
-        dots = find_dots(gray, least=0).position_px
+        dots = find_dots(gray, least=0, look=look).position_px
     except EndcapError as error:
         return {"preview": str(error)}
     bright, contrast = float(gray.mean()), float(np.percentile(gray, 95) - np.percentile(gray, 5))

@@ -23,6 +23,7 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import MISPLACED_PX
+from sensing.camera.dot_look import dot_look
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
@@ -138,7 +139,7 @@ class ReferenceTaker:
         if self._count == 1:
             zero = single_zero(frames[0], self._name)
             return Reference(zero, self._build(zero))
-        zero = take_zero(frames, self._name)
+        zero = take_zero(frames, self._name, self._params)
         method = self._build(zero)
         if not self._confirmed and isinstance(method, ModelInput):
             if last is not None and last.image.shape == zero.image.shape:
@@ -175,7 +176,7 @@ def misplaced_px(zero: Zero, params: EndcapParams) -> float:
     """
     gray = decode_gray(zero.frame())
     size = gray.shape[1], gray.shape[0]
-    dots = find_dots(gray)
+    dots = find_dots(gray, look=dot_look(params))
     try:
         fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, try_in_place=True)
     except CalibrationError:

@@ -76,7 +76,7 @@ class PageServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._sent: dict[int, tuple[str, int]] = {}
         self._files = 0  # recordings that the page's process knows
-        self._previews = [Preview() for _ in run.config.endcaps]
+        self._previews = [Preview(endcap.params) for endcap in run.config.endcaps]
         self._thread = threading.Thread(target=self._talk, daemon=True)
         self._closing, self._failed = False, ""
 

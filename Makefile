@@ -74,7 +74,7 @@ train: $(if $(OTHER),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train D=180 T
 	  $(DOTTED) $(if $(material),--silicone "$$material"),true)
 
 # Of another design: pressed in proportion to the range of its weights.
-TESTED = exports/wrench_test$(if $(OTHER),_D$${D:-130}_T$${T:-8}$(if $(dots),_$$dots)$(if $(dot_mm),_$$dot_mm)$(if $(material),_$$material))
+TESTED = exports/wrench_test$(if $(OTHER),_D$${D:-130}_T$${T:-8}$(if $(dots),_$${dots})$(if $(dot_mm),_$${dot_mm})$(if $(material),_$${material}))
 evaluate: $(if $(OTHER),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10 material=...]
 	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) $(if $(OTHER),--loads design) --out "$(TESTED)"
 	@$(BIN)/python -m sensing.evaluate "$(TESTED)" \

@@ -80,3 +80,9 @@ def test_clean_removes_only_an_environment_that_make_has_set_up(workshop):
     assert (other / "pyvenv.cfg").exists() and (workshop / ".venv").exists()
     assert make("clean", folder=workshop).returncode == 0
     assert not (workshop / ".venv").exists()
+
+
+def test_the_test_data_of_each_design_have_a_folder_of_their_own(workshop):
+    """``$dots_$dot_mm`` is the variable ``dots_`` to a shell, which is empty."""
+    words = make("evaluate", "D=187.3", "T=12.6", "dots=1-5-11", "dot_mm=6.3", "material=Ecoflex", folder=workshop)
+    assert words.stdout.splitlines().count("exports/wrench_test_D187.3_T12.6_1-5-11_6.3_Ecoflex") == 2

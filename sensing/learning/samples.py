@@ -177,7 +177,7 @@ def read_samples(
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
     seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()
-    stamp = f"14 {method} {shape} {here.digest} {seen_as} " + " ".join(
+    stamp = f"15 {method} {shape} {here.digest} {seen_as} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()

@@ -73,6 +73,11 @@ def lens_px(off_axis: float) -> float:
     return module.focal_per_row * FRAME_PX[1] * off_axis * radial
 
 
+def repeat_deg(params: EndcapParams) -> float:
+    """Turn after which the pattern looks alike: 360 over the greatest common divisor of its rings' counts."""
+    return 360.0 / math.gcd(*params.dot_rings[1:])
+
+
 def disc_px() -> float:
     """Radius at which the picture of the shell ends."""
     return lens_px(math.radians(DISC_DEG))

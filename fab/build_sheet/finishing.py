@@ -13,7 +13,17 @@ from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import INTERPRETER, camera_setting, program_command
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import FRAME_PX, SQUARE_PX, camera_pixels, disc_px, dots_in, first_light, gores, ruler
+from fab.build_sheet.dots import (
+    FRAME_PX,
+    SQUARE_PX,
+    camera_pixels,
+    disc_px,
+    dots_in,
+    first_light,
+    gores,
+    repeat_deg,
+    ruler,
+)
 from fab.build_sheet.steps import stage_blocks, steps
 
 RELEASED = EndcapParams(130.0, 8.0)
@@ -105,11 +115,21 @@ def light_check(data: SheetData) -> list[Block]:
                 ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
                 "fixed by hand"),
                 ("dots of the common meridian", "one straight line to the right", "turn the picture, not the camera"),
+                *_repeats(params),
             ),
             (1.4, 2.2, 2),
         ),
         *_first_run(data),
     ]  # fmt: skip
+
+
+def _repeats(params: EndcapParams) -> list[tuple[str, str, str]]:
+    """A row where the dots look alike after less than half a turn: no picture shows then how the camera is turned."""
+    repeat = repeat_deg(params)
+    if repeat >= 180.0:
+        return []
+    good = f"within {repeat / 2:.3g}° of upright: these dots look alike every {repeat:.3g}°, so no program sees more"
+    return [("turn of the camera", good, "loosen its screws and turn it")]
 
 
 def _first_run(data: SheetData) -> list[Block]:

@@ -79,11 +79,10 @@ def _scores(mounted: MountedCamera, blobs_px: Array, points: Array, angles: Arra
     usual, most = REACH * spacing_px(blobs_px), MOST_PX * min(size) / 480
     maps = Scores(blobs_px, size, min(usual, most))
     ratio = np.minimum(neighbour_ratio(mounted, points), max(most / usual, 1.0))
-    found = []
-    for angle in angles:
-        pixels = turned(mounted, float(angle)).project(points)
-        found.append(maps.of(np.where(np.isfinite(pixels), pixels, -1.0), ratio))
-    return np.array(found)
+    c, s, still = np.cos(angles), np.sin(angles), np.zeros(len(angles))
+    turns = np.stack([c, -s, still, s, c, still, still, still, still + 1], axis=-1).reshape(-1, 3, 3)
+    pixels = mounted.project(points @ turns.transpose(0, 2, 1))  # turned camera, or turned points: the same picture
+    return np.asarray(maps.of(np.where(np.isfinite(pixels), pixels, -1.0), ratio))
 
 
 def _wrapped(angle_rad: Array) -> Array:

@@ -102,6 +102,13 @@ def test_dots_that_a_narrow_lens_does_not_see_are_painted_and_not_counted(monkey
     assert table.rows[0][3] == "1" and table.rows[-1][3] == "0"
 
 
+@pytest.mark.parametrize(("rings", "row"), [((1, 6, 12, 18), "within 30°"), ((1, 5, 11), None), ((1, 6, 10), None)])
+def test_a_pattern_that_looks_alike_when_turned_asks_for_an_upright_camera(rings, row):
+    data = SheetData(MoldLayout(EndcapParams(130.0, 8.0, rings)), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    text = str(light_check(data))
+    assert ("these dots look alike" in text) == (row is not None) and (row or "") in text
+
+
 def test_ruler_is_a_hundred_millimetres_long():
     drawing = ruler()
     assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg

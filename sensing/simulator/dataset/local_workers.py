@@ -39,8 +39,9 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
     with _one_thread_each(), _interrupted_between() as interrupted:
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
-            for _ in range(workers):  # nobody is idle yet: each starts one
-                pool.submit(os.getpid)
+            with _deaf_children():
+                for _ in range(workers):  # nobody is idle yet: each starts one
+                    pool.submit(os.getpid)
             let_a_cut_result_end(pool)
             while True:
                 running |= {pool.submit(job, *each) for each in islice(waiting, 2 * workers - len(running))}
@@ -75,6 +76,19 @@ def _interrupted_between() -> Iterator[list[int]]:
         yield seen
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes started inside do not hear Ctrl-C from their first instruction; this one hears it at the end.
+
+    Until :func:`_follow_parent` runs, a worker imports modules for a second, and would end in a traceback.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit it
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _follow_parent() -> None:

@@ -47,7 +47,7 @@ def address():
 def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
     began, halted, ended = threading.Event(), threading.Event(), []
 
-    def slow(collected, name):
+    def slow(collected, name, params):
         began.set()
         assert halted.wait(PATIENCE_S)
         ended.append(len(collected))

@@ -22,6 +22,7 @@ from sensing.calibration.dots import (
     pattern_points,
 )
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.camera.dot_look import dot_look
 from sensing.camera.nominal import nominal_mount
 from sensing.doctor.finding import Finding, Verdict, above, below, finding
 from sensing.records import Image
@@ -33,6 +34,7 @@ SECTORS = 12  # of a ring of silicone, REACH of the way from the middle to the p
 REACH = (0.55, 0.95)
 EVEN = (0.9, 0.82)  # darkest sector over the brightest: 0.91 to 0.93 on the photos, 0.88 with three of nine LEDs off
 EDGE_PX = (5.4, 6.6)  # from dark to light at a dot's rim: 3.9 to 5.0 on the photos
+SMALL_RIM = 0.4  # M: power of the dots' size with which the measured width of sharp rims falls (0.34 to 1 times)
 PAINT = 1.12  # M: radius of the ink over that of the dent
 SIZE = (0.9, 1.2), (0.75, 1.4)  # dot radius over the painted design's: good, worth a look
 MISSING = (0.04, 0.12)  # of the dots that there should be
@@ -51,7 +53,7 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
     centres, radii = find_blobs(image_bgr, params)
     if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
         return [*light, _no_dots(len(centres))]
-    dots = [_focus(gray, centres, radii), _dot_size(radii, centres, params, gray.shape)]
+    dots = [_focus(gray, centres, radii, dot_look(params).scale), _dot_size(radii, centres, params, gray.shape)]
     return [*light, *dots, _missing(centres, params, gray.shape)]
 
 
@@ -93,8 +95,15 @@ def _no_dots(count: int) -> Finding:
     )  # fmt: skip
 
 
-def _focus(gray: Array, centres: Array, radii: Array) -> Finding:
-    """Width of the dots' rims: contrast over the steepest slope, median over the dots."""
+def _focus(gray: Array, centres: Array, radii: Array, dot_scale: float) -> Finding:
+    """Width of the dots' rims: contrast over the steepest slope, median over the dots.
+
+    The steepest slope is a quantile over a window of 1.8 radii, a tenth from the top at the released size; a rim of the
+    same width fills the less of its window the larger the dot is (``dot_scale`` times the released). Of smaller dots
+    the window is nearly all rim, and the width comes out smaller, as the limits are then.
+    """
+    steepest = 100.0 - 10.0 / max(1.0, dot_scale)
+    good, worst = (limit * min(1.0, dot_scale) ** SMALL_RIM for limit in EDGE_PX)
     scale = gray.shape[0] / REFERENCE_HEIGHT_PX
     smooth = cv2.GaussianBlur(gray, (0, 0), 0.7 * scale)
     slope = np.hypot(cv2.Sobel(smooth, cv2.CV_64F, 1, 0), cv2.Sobel(smooth, cv2.CV_64F, 0, 1)) / 8
@@ -104,11 +113,11 @@ def _focus(gray: Array, centres: Array, radii: Array) -> Finding:
         top, left = max(0, round(v) - reach), max(0, round(u) - reach)
         window = np.s_[top : round(v) + reach + 1, left : round(u) + reach + 1]
         depth = float(np.percentile(smooth[window], 90) - np.percentile(smooth[window], 5))
-        widths.append(depth / max(float(np.percentile(slope[window], 90)), 1e-6))
+        widths.append(depth / max(float(np.percentile(slope[window], steepest)), 1e-6))
     width = float(np.median(widths)) / scale
     return finding(
-        "focus", below(width, *EDGE_PX), f"the dots' rims are {width:.1f} px wide",
-        f"turn the lens until the rims are under {EDGE_PX[0]:g} px; wipe it", {"rim_px": width},
+        "focus", below(width, good, worst), f"the dots' rims are {width:.1f} px wide",
+        f"turn the lens until the rims are under {good:.2g} px; wipe it", {"rim_px": width},
     )  # fmt: skip
 
 

@@ -54,6 +54,21 @@ def test_a_good_picture_has_no_complaint_at_any_size(nominal):
         assert {each.name: each.verdict for each in found} == ALL_GOOD and not any(each.fix for each in found)
 
 
+OTHERS = [(100.0, 8.0, 4.0), (250.0, 10.0, 4.0), (130.0, 8.0, 6.0), (250.0, 8.0, 2.9)]
+
+
+@pytest.mark.parametrize(("diameter_mm", "wall_mm", "dot_mm"), OTHERS)
+def test_other_sizes_are_judged_alike_sharp_and_out_of_focus(diameter_mm, wall_mm, dot_mm):
+    params = EndcapParams(diameter_mm, wall_mm, dot_mm=dot_mm)
+    picture = DomeRenderer(params, nominal_mount(params), SETTINGS.at_level("data")).render()
+    sharp = picture_findings(picture.image_bgr, params)
+    assert {each.name: each.verdict for each in sharp} == ALL_GOOD
+    soft = cv2.GaussianBlur(picture.image_bgr, (0, 0), 2.2)
+    found = {each.name: each.verdict for each in picture_findings(soft, params)}
+    smallest = dot_mm < 3  # dots of 6 px are lost before their rims are wide
+    assert found["dots" if smallest else "focus"] is not GOOD
+
+
 @pytest.mark.parametrize(
     ("changes", "name", "verdict", "fix"),
     [

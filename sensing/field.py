@@ -20,9 +20,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG, show, transient
+from cad.params import EndcapParams
 from cad.whole_file import replace_file, require_place
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
@@ -54,6 +56,7 @@ def compute_fields(
     frames: Iterable[Frame],
     shape: tuple[int, int] = (30, 30),
     channels: tuple[str, ...] = ("u", "v"),
+    params: EndcapParams | None = None,
 ) -> Iterator[FieldResult]:
     """Fields of frames against one undeformed reference, one by one.
 
@@ -63,11 +66,12 @@ def compute_fields(
         frames: pictures of the same size.
         shape: (H, W) of the field.
         channels: any of :data:`sensing.tracking.gelslim.CHANNELS`; changes (du ...) only with ``gelslim``.
+        params: the design, whose dots ``dots`` looks for; None for dots that look like the released ones.
 
     Raises:
         EndcapError: unknown method or channel, no dots in the reference, a frame of another size or unreadable.
     """
-    worker = _worker(method, reference, shape, channels)
+    worker = _worker(method, reference, shape, channels, params)
     full = decode_bgr(reference).shape
     for frame in frames:
         if frame.size is not None and frame.size != (full[1], full[0]):
@@ -103,8 +107,9 @@ def _run(options: argparse.Namespace) -> None:
         raise ParameterError(f"--out {options.out}: the name must end in .npy or .npz", name="out", value=options.out)
     for path in filter(None, (options.out, options.picture)):
         require_place(path)
-    stored = options.reference.suffix == ".npz"
-    reference = load_zero(options.reference).frame() if stored else read_picture(options.reference)
+    zero = load_zero(options.reference) if options.reference.suffix == ".npz" else None
+    reference = zero.frame() if zero else read_picture(options.reference)
+    params = (zero.params if zero else None) or design_of(options)  # a zero knows what it was taken of
     frames: Iterable[Frame]
     if options.video is None:
         frames = [read_picture(options.frame)]
@@ -112,7 +117,7 @@ def _run(options: argparse.Namespace) -> None:
         frames = FolderSource(options.video) if options.video.is_dir() else VideoSource(options.video)
     channels = tuple(name.strip() for name in options.channels.split(","))
     results = []
-    for result in compute_fields(options.method, reference, frames, options.shape, channels):
+    for result in compute_fields(options.method, reference, frames, options.shape, channels, params):
         results.append(result)
         if options.video is not None:
             transient(f"{len(results)} frames")
@@ -125,7 +130,9 @@ def _run(options: argparse.Namespace) -> None:
     show(_summary(options.method, results))
 
 
-def _worker(method: str, reference: Frame, shape: tuple[int, int], channels: tuple[str, ...]) -> FieldMethod:
+def _worker(
+    method: str, reference: Frame, shape: tuple[int, int], channels: tuple[str, ...], params: EndcapParams | None
+) -> FieldMethod:
     if method == "gelslim":
         return GelslimField(reference, GelslimConfig(shape, channels))
     GelslimConfig(shape, channels)  # the same bounds for all methods
@@ -134,7 +141,7 @@ def _worker(method: str, reference: Frame, shape: tuple[int, int], channels: tup
         raise ParameterError(
             f"channels={','.join(changes)}: only --method gelslim gives them", name="channels", value=channels
         )
-    return field_method(method, reference, shape)
+    return field_method(method, reference, shape, params)
 
 
 def _with_channels(field: ShearField, channels: tuple[str, ...]) -> ShearField:
@@ -208,6 +215,7 @@ def _parser() -> argparse.ArgumentParser:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--frame", type=Path, help="one picture")
     what.add_argument("--video", type=Path, help="a video file, or a folder of pictures")
+    add_design_arguments(parser)
     parser.add_argument("--shape", type=_shape, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
     parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
     parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")

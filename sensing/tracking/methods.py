@@ -8,6 +8,7 @@ import numpy as np
 
 from cad import plugins
 from cad.errors import ParameterError
+from cad.params import EndcapParams
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField, normalised
 from sensing.tracking.gelslim import CROP_PX, GelslimConfig, GelslimField
@@ -39,8 +40,10 @@ class DotField:
         tracks: tracks of the last frame, None before the first.
     """
 
-    def __init__(self, reference: Frame, config: TrackerConfig | None = None) -> None:
-        self.tracker = DotTracker(reference, config)
+    def __init__(
+        self, reference: Frame, config: TrackerConfig | None = None, params: EndcapParams | None = None
+    ) -> None:
+        self.tracker = DotTracker(reference, config, params=params)
         self.tracks: DotTracks | None = None
 
     def update(self, frame: Frame) -> ShearField:
@@ -56,19 +59,22 @@ class DotField:
         return ShearField(tracks.time_s, channels, valid=operator.valid(~tracks.lost))
 
 
-def field_method(name: str, reference: Frame, shape: tuple[int, int] = (30, 30)) -> FieldMethod:
+def field_method(
+    name: str, reference: Frame, shape: tuple[int, int] = (30, 30), params: EndcapParams | None = None
+) -> FieldMethod:
     """The method of that name, ready for frames of the same camera as the reference.
 
     Args:
         name: one of :func:`known_methods`.
         reference: the undeformed picture.
         shape: (H, W) of the field.
+        params: the design, whose dots ``dots`` looks for; None for dots that look like the released ones.
 
     Raises:
         ParameterError: no such method.
     """
     if name == "dots":
-        return DotField(reference, TrackerConfig(shape=shape))
+        return DotField(reference, TrackerConfig(shape=shape), params)
     if name == "gelslim":
         return GelslimField(reference, GelslimConfig(shape=shape))
     if name == "farneback":

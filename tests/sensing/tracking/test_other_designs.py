@@ -10,6 +10,7 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import find_blobs, in_frame, pattern_points
 from sensing.camera.dot_look import dot_look
 from sensing.camera.nominal import nominal_mount
+from sensing.field import main as field
 from sensing.records import Frame
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
@@ -74,3 +75,16 @@ def test_a_reference_is_taken_with_the_dots_of_the_design():
     frames = [Frame(0.1 * k, k, "a", image=dome.render(None, frame=k).image_bgr) for k in range(3)]
     quiet, plain = (np.median(take_zero(frames, "a", known).noise_px) for known in (params, None))
     assert quiet < 0.5 * plain  # windows that hold the dots' outlines
+
+
+def test_the_field_command_looks_for_the_dots_of_the_design(tmp_path, capsys):
+    params = EndcapParams(100.0, 8.0, (1, 5, 10, 12), dot_mm=8.0)
+    photo = tmp_path / "a.png"
+    cv2.imwrite(str(photo), renderer(params).render().image_bgr)
+    words = ["--reference", str(photo), "--frame", str(photo), "--out", str(tmp_path / "a.npz")]
+    counts = []
+    for design in ([], ["--diameter", "100", "--wall", "8", "--dot-rings", "1-5-10-12", "--dot-mm", "8"]):
+        status = field([*words, *design])
+        counts.append(len(np.load(tmp_path / "a.npz", allow_pickle=False)["reference_px"]) if status == 0 else 0)
+        capsys.readouterr()
+    assert counts[1] >= 10 > counts[0]

@@ -85,6 +85,8 @@ def build_flange(params: EndcapParams) -> Solid:
     """
     from build123d import Pos, Rot
 
+    import cad.serial_booleans  # noqa: F401 - before the first boolean
+
     sphere = params.outer_radius_mm - COLLAR_CLEARANCE_MM
     ring = _revolved(params, params.bore_radius_mm, 0.0, sphere, 0.0, params.flange_thickness_mm)
     hole = _cylinder(bought_mm("screw_m3", "clearance_hole") / 2, SCREW_HOLE_TOP_MM + 1)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from build123d import Face, Plane, Rot, Vector, Wire
 
+import cad.serial_booleans  # noqa: F401 - before the first boolean
 from cad.errors import GeometryError
 
 

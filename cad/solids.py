@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 
 from build123d import Axis, Face, Plane, Rot, Shape, Solid
 
+import cad.serial_booleans  # noqa: F401 - before the first boolean
 from cad.errors import GeometryError
 
 SEAM_DEG = 5.0  # revolved surfaces begin here: on the meridian of dots their seam would run through the bumps

@@ -36,7 +36,7 @@ from cad.design_arguments import design_words
 from cad.params import EndcapParams
 from cad.pattern import rings_text
 from sensing.calibrate import main as calibrate
-from sensing.calibration.dots import find_blobs, in_frame, pattern_points
+from sensing.calibration.dots import find_blobs, pattern_points
 from sensing.camera.dot_look import dot_look
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -111,7 +111,7 @@ def measured(scene: Scene) -> tuple:
     """One row of the table."""
     params, look = scene.params, dot_look(scene.params)
     rest = scene.renderer.render(None, frame=1).image_bgr
-    seen = scene.mounted.project(scene.points[in_frame(scene.mounted, scene.points)])
+    seen = scene.mounted.project(scene.points[scene.mounted.sees(scene.points)])
     dot_px = RELEASED_DOT_PX * look.scale
     margin = dot_px / 2
     inside = seen[((seen > margin) & (seen < np.array([639, 479]) - margin)).all(axis=1)]
@@ -150,7 +150,7 @@ def _calibrated(scene: Scene, image: np.ndarray) -> tuple[int, float, float]:
             return status, float("nan"), float("nan")
         found = MountedCamera.load(out)
     azimuth = np.degrees(camera_vector(found)[7] - camera_vector(scene.mounted)[7])
-    points = scene.points[in_frame(scene.mounted, scene.points)]
+    points = scene.points[scene.mounted.sees(scene.points)]
     away = np.linalg.norm(found.project(points) - scene.mounted.project(points), axis=1)
     return 0, float(azimuth), float(np.median(away))
 

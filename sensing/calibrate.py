@@ -21,11 +21,12 @@ from cad.extras import program
 from cad.identity import identity
 from cad.messages import LOG, show
 from cad.whole_file import require_place
-from sensing.calibration.dots import CalibrationError, find_blobs, read_dots
+from sensing.calibration.dots import CalibrationError, find_blobs, pattern_points, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.other_design import design_fit, require_design
 from sensing.calibration.picture import draw_fit, read_image, write_image
+from sensing.calibration.turns import best_turn
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
 
@@ -94,11 +95,12 @@ def _from_dots(options: argparse.Namespace) -> int:
         alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)
         if alike:
             LOG.warning(f"sensing.calibrate: {alike}")
-    if result.repeats_deg < RELEASED_REPEATS_DEG - 1:
+    repeats_deg = best_turn(result.mounted, found, *pattern_points(params), options.azimuth_hint).repeats_deg
+    if repeats_deg < RELEASED_REPEATS_DEG - 1:
         LOG.warning(
-            f"sensing.calibrate: the dots look alike every {result.repeats_deg:.3g} degrees: of all such turns the one "
+            f"sensing.calibrate: the dots look alike every {repeats_deg:.3g} degrees: of all such turns the one "
             f"nearest to --azimuth-hint {options.azimuth_hint:g} is taken; a camera turned by more than "
-            f"{result.repeats_deg / 2:.3g} degrees from it would give wrong directions"
+            f"{repeats_deg / 2:.3g} degrees from it would give wrong directions"
         )
     result.mounted.save(options.out, identity(params))
     if options.picture:

@@ -64,7 +64,7 @@ def find_blobs(image_bgr: NDArray[np.uint8], params: EndcapParams | None = None)
     scale = image_bgr.shape[0] / REFERENCE_HEIGHT_PX
     gray = image_bgr[..., :2].astype(np.float32).mean(-1)
     gray = cv2.GaussianBlur(gray, (0, 0), BLUR_PX * scale)
-    size = scale if params is None else scale * dot_look(params).scale
+    size = scale * dot_look(params).scale
     window = round(BACKGROUND_PX * size / 2) * 2 + 1
     background = cv2.medianBlur(np.clip(gray, 0, 255).astype(np.uint8), window).astype(np.float32)
     contrast = (background - gray) / np.maximum(background, 25)
@@ -120,14 +120,7 @@ def fewest_dots(camera: MountedCamera, points: Array) -> int:
     Args:
         camera: the nominal one. points: (n, 3) dots of the pattern, endcap frame, mm.
     """
-    return min(FEWEST, max(FEWEST_TO_FIT, math.ceil(FEWEST_SHARE * int(in_frame(camera, points).sum()))))
-
-
-def in_frame(camera: MountedCamera, points: Array) -> NDArray[np.bool_]:
-    """(n,) which points (n, 3) in the endcap frame, mm, the camera sees."""
-    pixels = camera.project(points)
-    size = np.array([camera.camera.width_px, camera.camera.height_px])
-    return np.asarray(((pixels > 0) & (pixels < size - 1)).all(axis=1))
+    return min(FEWEST, max(FEWEST_TO_FIT, math.ceil(FEWEST_SHARE * int(camera.sees(points).sum()))))
 
 
 def neighbour_ratio(camera: MountedCamera, points: Array) -> Array:
@@ -136,7 +129,7 @@ def neighbour_ratio(camera: MountedCamera, points: Array) -> Array:
     Args:
         camera: the camera. points: (n, 3) dots of the pattern, endcap frame, mm.
     """
-    pixels, seen = camera.project(points), in_frame(camera, points)
+    pixels, seen = camera.project(points), camera.sees(points)
     ratio = np.ones(len(points))
     if seen.sum() > 1:
         away = np.linalg.norm(pixels[seen, None] - pixels[None, seen], axis=-1)
@@ -152,7 +145,7 @@ def possible_pairs(mounted: MountedCamera, points: Array, blobs_px: Array) -> in
     Args:
         mounted: the camera. points: (n, 3) dots of the pattern, endcap frame, mm. blobs_px: (m, 2) blob centres.
     """
-    return min(len(blobs_px), int(in_frame(mounted, points).sum()))
+    return min(len(blobs_px), int(mounted.sees(points).sum()))
 
 
 def mutual_nearest(

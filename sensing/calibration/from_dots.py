@@ -23,7 +23,6 @@ from sensing.calibration.dots import CalibrationError, fewest_dots, pattern_poin
 from sensing.calibration.fit import Fit, Problem
 from sensing.calibration.in_place import assign_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS, MountPrior
-from sensing.calibration.turns import best_turn
 from sensing.camera.model import Array, FisheyeCamera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -43,7 +42,6 @@ class Calibration:
         scatter: of the dots, over that of hand-painted ones.
         probabilities: of the hypotheses by name, most probable first; empty where a prior or a lens was given.
         log_evidence: of the dots, up to a constant of the dots alone.
-        repeats_deg: turn after which the dots look alike, so that the azimuth is known to half of it from the hint.
     """
 
     mounted: MountedCamera
@@ -54,7 +52,6 @@ class Calibration:
     scatter: float
     probabilities: dict[str, float]
     log_evidence: float
-    repeats_deg: float
 
     @property
     def rms_px(self) -> float:
@@ -115,7 +112,7 @@ def calibrate_from_dots(
     wide = Problem.of(start, prior or OTHER_LENS, lens is not None)
     placed = assign_in_place(found_px, params, start, wide.refine) if try_in_place else None
     pairs, mounted = placed or assign_dots(found_px, params, start, wide.refine, azimuth_hint_deg)
-    pattern, rings = pattern_points(params)
+    pattern = pattern_points(params)[0]
     if len(pairs.blob_index) < (fewest := fewest_dots(start, pattern)):
         raise CalibrationError(
             f"{len(pairs.blob_index)} dots matched, at least {fewest} needed: sharper photo or dots CSV"
@@ -130,11 +127,9 @@ def calibrate_from_dots(
     rows = zip(NAMES, fit.vector, deviation, fit.prior_deviation, strict=True)
     values = {name: (float(v), float(s), float(p)) for name, v, s, p in rows}
     residual = camera.project(points) - pixels
-    turn = best_turn(camera, found_px, pattern, rings, azimuth_hint_deg)
     return Calibration(
-        camera, residual, pairs.pattern_index, found_px, values, fit.scatter, probabilities, fit.log_evidence,
-        turn.repeats_deg,
-    )  # fmt: skip
+        camera, residual, pairs.pattern_index, found_px, values, fit.scatter, probabilities, fit.log_evidence
+    )
 
 
 def most_probable(widest: Fit, start: MountedCamera, points: Array, pixels: Array) -> tuple[Fit, dict[str, float]]:

@@ -24,6 +24,8 @@ from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.parameters import camera_vector
 
+NEAR = 0.2  # of the dots' spacing
+
 
 def assign_in_place(
     blobs_px: Array, params: EndcapParams, start: MountedCamera, fit: Fit
@@ -33,14 +35,28 @@ def assign_in_place(
     Args:
         blobs_px: (n, 2) blob centres. params: the design. start: the camera. fit: refines it.
     """
+    pairs = pairs_in_place(blobs_px, params, start, NEAR)
+    if pairs is None:
+        return None
+    points = pattern_points(params)[0]
+    mounted = fit(start, points[pairs.pattern_index], blobs_px[pairs.blob_index])
+    reach = NEAR * spacing_px(blobs_px) * neighbour_ratio(start, points)
+    return mutual_nearest(blobs_px, mounted, points, np.ones(len(points), bool), reach), mounted
+
+
+def pairs_in_place(blobs_px: Array, params: EndcapParams, camera: MountedCamera, near: float) -> DotPairs | None:
+    """Dots near where a camera sees them; None unless these are nearly all, and no turn of the pattern fits better.
+
+    Args:
+        blobs_px: (n, 2) blob centres. params: the design. camera: the one assumed.
+        near: how far a dot may lie from its place, over the dots' spacing.
+    """
     points, rings = pattern_points(params)
     if len(blobs_px) < FEWEST_TO_FIT:
         return None
-    every, near = np.ones(len(points), bool), 0.2 * spacing_px(blobs_px) * neighbour_ratio(start, points)
-    pairs = mutual_nearest(blobs_px, start, points, every, near)
-    if len(pairs.blob_index) < SURE * possible_pairs(start, points, blobs_px):
+    reach = near * spacing_px(blobs_px) * neighbour_ratio(camera, points)
+    pairs = mutual_nearest(blobs_px, camera, points, np.ones(len(points), bool), reach)
+    if len(pairs.blob_index) < SURE * possible_pairs(camera, points, blobs_px):
         return None
-    if best_turn(start, blobs_px, points, rings, np.degrees(camera_vector(start)[7])).angle_rad:
-        return None
-    mounted = fit(start, points[pairs.pattern_index], blobs_px[pairs.blob_index])
-    return mutual_nearest(blobs_px, mounted, points, every, near), mounted
+    azimuth_deg = float(np.degrees(camera_vector(camera)[7]))
+    return None if best_turn(camera, blobs_px, points, rings, azimuth_deg).angle_rad else pairs

@@ -19,19 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cad.params import EndcapParams
-from sensing.calibration.dots import (
-    CalibrationError,
-    DotPairs,
-    mutual_nearest,
-    neighbour_ratio,
-    pattern_points,
-    possible_pairs,
-    spacing_px,
-)
+from sensing.calibration.dots import CalibrationError, pattern_points
 from sensing.calibration.fit import OUTLIER, STEP, Problem, numeric_jacobian
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.calibration.in_place import pairs_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
-from sensing.calibration.turns import best_turn
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -42,7 +34,6 @@ FALSE_ALARM = 1e-3  # of a camera within tolerance
 # as moves a dot by 0.4 px, 0.1 degrees, 0.1 mm
 TOLERANCE_FOCAL, TOLERANCE_CENTRE_PX, TOLERANCE_K = 0.002, 0.5, (0.0015, 0.0005)
 TOLERANCE_DEG, TOLERANCE_MM = 0.1, 0.1
-LEAST_MATCHED = 0.85  # of the dots: with fewer on their places a full search decides
 NEAR = 0.3  # of the dots' spacing
 VIEW_ANGLE_DEG = 60.0  # from the axis, at which another lens law is reported
 
@@ -75,14 +66,14 @@ def camera_misfit(
         params: the endcap. camera: the one assumed, its covariance adding to the tolerance; None for the nominal one.
     """
     assumed = nominal_mount(params, *size_px) if camera is None else camera
-    points, rings = pattern_points(params)
-    pairs, statistic, p_value = _on_their_places(dots_px, assumed, points), np.inf, 0.0
-    matched, azimuth = len(pairs.blob_index), float(np.degrees(camera_vector(assumed)[7]))
-    is_turned = len(dots_px) > 1 and bool(best_turn(assumed, dots_px, points, rings, azimuth).angle_rad)
-    if not is_turned and matched >= LEAST_MATCHED * possible_pairs(assumed, points, dots_px) and matched > len(NAMES):
-        statistic, p_value = _statistic(assumed, points[pairs.pattern_index], dots_px[pairs.blob_index])
+    statistic, p_value = np.inf, 0.0
+    pairs = pairs_in_place(dots_px, params, assumed, NEAR)  # with fewer on their places a full search decides
+    if pairs is not None and len(pairs.blob_index) > len(NAMES):
+        points = pattern_points(params)[0][pairs.pattern_index]
+        statistic, p_value = _statistic(assumed, points, dots_px[pairs.blob_index])
         if p_value >= FALSE_ALARM:
             return Misfit(statistic, p_value, True)
+    azimuth = np.degrees(camera_vector(assumed)[7])
     try:
         found = calibrate_from_dots(dots_px, params, size_px, azimuth_hint_deg=azimuth)
     except CalibrationError as error:
@@ -112,12 +103,6 @@ def differences(assumed: MountedCamera, found: Calibration) -> str:
     ]  # fmt: skip
     clear = sorted((r for r in rivals if r[0] > 2.5), reverse=True) or [max(rivals)]
     return "; ".join(text for _, text in clear[:3])
-
-
-def _on_their_places(dots_px: Array, camera: MountedCamera, points: Array) -> DotPairs:
-    """Dots near where the camera sees those of the pattern."""
-    reach = NEAR * spacing_px(dots_px) * neighbour_ratio(camera, points) if len(dots_px) > 1 else 0.0
-    return mutual_nearest(dots_px, camera, points, np.full(len(points), True), reach)
 
 
 def _statistic(camera: MountedCamera, points: Array, pixels: Array) -> tuple[float, float]:

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.calibration.dots import in_frame, neighbour_ratio, spacing_px
+from sensing.calibration.dots import neighbour_ratio, spacing_px
 from sensing.calibration.search import DOUBT, Scores
 from sensing.camera.model import Array
-from sensing.camera.mount import MountedCamera
+from sensing.camera.mount import MountedCamera, rotation_matrix
 from sensing.camera.parameters import camera_vector
 
 SAME_DEG = 2.0  # turns that lie this near to each other are one: no ring has as many as 180 dots
@@ -46,7 +46,7 @@ def best_turn(
         points: (n, 3) of the pattern, endcap frame, mm. rings: (n,) their ring numbers.
         azimuth_hint_deg: expected turn of the camera about its axis.
     """
-    angles = turns_of(rings[in_frame(mounted, points) & (rings > 0)], rings)
+    angles = turns_of(rings[mounted.sees(points) & (rings > 0)], rings)
     scores = _scores(mounted, blobs_px, points, angles)
     alike = angles[scores >= scores.max() - DOUBT]
     away = camera_vector(mounted)[7] + alike - np.radians(azimuth_hint_deg)
@@ -58,7 +58,7 @@ def best_turn(
 def turned(mounted: MountedCamera, angle_rad: float) -> MountedCamera:
     """The camera turned about the endcap's axis: it sees the pattern as it did the one turned the other way."""
     turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(angle_rad), -np.sin(angle_rad)], [np.sin(angle_rad), np.cos(angle_rad)]]
+    turn[:3, :3] = rotation_matrix([0.0, 0.0, angle_rad])
     return replace(mounted, T_camera_endcap=mounted.T_camera_endcap @ turn)
 
 
@@ -79,9 +79,9 @@ def _scores(mounted: MountedCamera, blobs_px: Array, points: Array, angles: Arra
     usual, most = REACH * spacing_px(blobs_px), MOST_PX * min(size) / 480
     maps = Scores(blobs_px, size, min(usual, most))
     ratio = np.minimum(neighbour_ratio(mounted, points), max(most / usual, 1.0))
-    c, s, still = np.cos(angles), np.sin(angles), np.zeros(len(angles))
-    turns = np.stack([c, -s, still, s, c, still, still, still, still + 1], axis=-1).reshape(-1, 3, 3)
-    pixels = mounted.project(points @ turns.transpose(0, 2, 1))  # turned camera, or turned points: the same picture
+    across = (points[:, 0] + 1j * points[:, 1]) * np.exp(1j * angles)[:, None]  # turned points, as from a turned camera
+    height = np.broadcast_to(points[:, 2], across.shape)
+    pixels = mounted.project(np.stack([across.real, across.imag, height], axis=-1))
     return np.asarray(maps.of(np.where(np.isfinite(pixels), pixels, -1.0), ratio))
 
 

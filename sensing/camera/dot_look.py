@@ -33,13 +33,13 @@ class DotLook:
 
 
 @cache
-def dot_look(params: EndcapParams = RELEASED) -> DotLook:
-    """The look of a design; of one dot or none, the released pitch.
+def dot_look(params: EndcapParams | None = None) -> DotLook:
+    """The look of a design.
 
     Args:
-        params: the design.
+        params: the design; None for the released one.
     """
-    median, pitch = _measured(params)
+    median, pitch = _measured(params or RELEASED)
     return DotLook(median / _measured(RELEASED)[0], pitch)
 
 
@@ -50,7 +50,7 @@ def _measured(params: EndcapParams) -> tuple[float, float]:
     short = min(mounted.camera.width_px, mounted.camera.height_px)
     points = np.array([dot_position_mm(params, dot) for dot in dot_pattern(params)])
     pixels = mounted.project(points)
-    seen = ((pixels > 0) & (pixels < [mounted.camera.width_px - 1, mounted.camera.height_px - 1])).all(axis=1)
+    seen = mounted.sees(points)
     apart = np.linalg.norm(pixels[seen, None] - pixels[None, seen], axis=-1)
     np.fill_diagonal(apart, np.inf)
     return float(np.median(disc_radius_px(mounted, points[seen], params))) / short, float(apart.min()) / short

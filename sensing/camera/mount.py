@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cad.errors import FileError
 from cad.identity import Identity, recorded, require_same
@@ -57,6 +57,12 @@ class MountedCamera:
     def project(self, points_endcap_mm: ArrayLike) -> Array:
         """Pixels (..., 2) of points (..., 3) in the endcap frame; ``nan`` beyond the view."""
         return self.camera.project(self.to_camera(points_endcap_mm))
+
+    def sees(self, points_endcap_mm: ArrayLike) -> NDArray[np.bool_]:
+        """Which points (..., 3) in the endcap frame lie within the picture."""
+        pixels = self.project(points_endcap_mm)
+        size = np.array([self.camera.width_px, self.camera.height_px])
+        return np.asarray(((pixels > 0) & (pixels < size - 1)).all(axis=-1))
 
     @property
     def pupil_endcap_mm(self) -> Array:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
-from sensing.camera.dot_look import DotLook, dot_look
+from cad.params import EndcapParams
+from sensing.camera.dot_look import dot_look
 from sensing.records import Image
 from sensing.tracking.nearest import nearest_other
 
@@ -50,20 +51,19 @@ class Dots:
         return len(self.position_px)
 
 
-def find_dots(gray: Image, least: int = 1, source: str = "reference", look: DotLook | None = None) -> Dots:
+def find_dots(gray: Image, least: int = 1, source: str = "reference", params: EndcapParams | None = None) -> Dots:
     """All dots of a gray picture (H, W), sorted by row then column of their centres.
 
     Args:
         gray: uint8 picture; at least 120 px on its short side (dots of 5 px).
         least: how many dots there must be.
         source: named in the error.
-        look: of the design's dots (:func:`sensing.camera.dot_look.dot_look`); None for the released design's.
+        params: the design, whose dots are looked for; None for dots that look like the released ones.
 
     Raises:
         NoDotsError: fewer than ``least`` dots.
     """
-    look = look or dot_look()
-    short = min(gray.shape)
+    look, short = dot_look(params), min(gray.shape)
     expected = DIAMETER_SHARE * short * look.scale
     contrast, background = _contrast(gray, expected)
     blobs = _blobs(contrast, expected)

@@ -37,9 +37,7 @@ TRUST = (0.1, 0.4)  # leave-one-out residual of an inlier over the spacing, at l
 VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
 FEWEST_WHOLE = 8  # with fewer dots than this, those that the frame's edge cuts are better than none
 LARGEST_STRETCH = 0.5  # that a window starts from
-LARGEST_DOTS = (
-    2.0  # times the released size, to which windows grow with the dots (D = 100 mm at 4 mm): then time counts
-)
+LARGEST_DOTS = 2.0  # times the released size: windows grow with the dots up to it (4 mm at D = 100), then time counts
 MOST_DROPPED = 12  # contradicted dots a judgement
 
 
@@ -107,9 +105,8 @@ class DotTracker:
         gray = decode_gray(reference, self.reduction)
         self._working_shape = gray.shape
         self._image = smoothed(gray)  # used again for every frame
-        look = None if params is None else dot_look(params)
-        found = find_dots(gray, source=reference.source, look=look) if dots is None else dots
-        larger = 1.0 if look is None else float(np.clip(look.scale, 1.0, LARGEST_DOTS))
+        found = find_dots(gray, source=reference.source, params=params) if dots is None else dots
+        larger = float(np.clip(dot_look(params).scale, 1.0, LARGEST_DOTS))
         largest = max(12, round(12 * larger * min(gray.shape) / FULL_SIZE_PX))
         half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, largest))
         patches = cut_patches(self._image, found.position_px, half)

@@ -26,7 +26,6 @@ from cad.errors import EndcapError, FileError
 from cad.identity import Identity, recorded, require_same
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
-from sensing.camera.dot_look import dot_look
 from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, working_reduction
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
@@ -129,8 +128,7 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapPar
         tracks = tracker.update(frame)
         if tracks.lost.mean() > LOST_SHARE:  # a dark or empty picture is named as what it is
             reduction = working_reduction(tracker.size)
-            look = None if params is None else dot_look(params)
-            find_dots(decode_gray(frame, reduction), max(1, len(tracker.dots) // 2), frame.source, look)
+            find_dots(decode_gray(frame, reduction), max(1, len(tracker.dots) // 2), frame.source, params)
         live = ~tracks.lost
         largest = np.percentile(np.linalg.norm(tracks.displacement_px[live], axis=1), 95) if live.any() else np.inf
         if tracks.lost.mean() > LOST_SHARE or largest > limit:

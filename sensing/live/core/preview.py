@@ -13,7 +13,6 @@ import numpy as np
 
 from cad.errors import EndcapError
 from cad.params import EndcapParams
-from sensing.camera.dot_look import DotLook, dot_look
 from sensing.decode import decode_gray
 from sensing.records import Frame
 from sensing.tracking.dots import find_dots
@@ -29,14 +28,14 @@ class Preview:
     """
 
     def __init__(self, params: EndcapParams) -> None:
-        self._dot_look = dot_look(params)
+        self._params = params
         self._next_s = 0.0
         self._last: dict[str, Any] = {}
 
     def detail(self, frame: Frame, number: int) -> dict[str, Any]:
         """As :func:`sensing.live.web.state.detail`: dots as [x, y, 1], no field, and a line in words."""
         if time.monotonic() >= self._next_s:
-            self._last = _look(frame, self._dot_look)
+            self._last = _look(frame, self._params)
             self._next_s = time.monotonic() + PERIOD_S
         size = frame.size or self._last.get("size") or (640, 480)
         return {
@@ -45,10 +44,10 @@ class Preview:
         }  # fmt: skip
 
 
-def _look(frame: Frame, look: DotLook) -> dict[str, Any]:
+def _look(frame: Frame, params: EndcapParams) -> dict[str, Any]:
     try:
         gray = decode_gray(frame)
-        dots = find_dots(gray, least=0, look=look).position_px
+        dots = find_dots(gray, least=0, params=params).position_px
     except EndcapError as error:
         return {"preview": str(error)}
     bright, contrast = float(gray.mean()), float(np.percentile(gray, 95) - np.percentile(gray, 5))

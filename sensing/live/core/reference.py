@@ -23,7 +23,6 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import MISPLACED_PX
-from sensing.camera.dot_look import dot_look
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
@@ -176,7 +175,7 @@ def misplaced_px(zero: Zero, params: EndcapParams) -> float:
     """
     gray = decode_gray(zero.frame())
     size = gray.shape[1], gray.shape[0]
-    dots = find_dots(gray, look=dot_look(params))
+    dots = find_dots(gray, params=params)
     try:
         fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, try_in_place=True)
     except CalibrationError:

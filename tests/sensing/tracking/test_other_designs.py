@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cad.params import EndcapParams
-from sensing.calibration.dots import find_blobs, in_frame, pattern_points
+from sensing.calibration.dots import find_blobs, pattern_points
 from sensing.camera.dot_look import dot_look
 from sensing.camera.nominal import nominal_mount
 from sensing.field import main as field
@@ -37,9 +37,9 @@ def test_both_finders_find_the_dots_of_the_design_and_nothing_else(name):
     params = DESIGNS[name]
     image = renderer(params).render().image_bgr
     mounted, points = nominal_mount(params), pattern_points(params)[0]
-    pixels = mounted.project(points[in_frame(mounted, points)])
+    pixels = mounted.project(points[mounted.sees(points)])
     inside = pixels[((pixels > 10) & (pixels < [629, 469])).all(axis=1)]
-    tracked = find_dots(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), look=dot_look(params))
+    tracked = find_dots(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), params=params)
     for centres in (find_blobs(image, params)[0], tracked.position_px[~tracked.cut]):
         away = np.linalg.norm(inside[:, None] - centres[None], axis=-1)
         assert (away.min(axis=1) < 3 + 3 * dot_look(params).scale).mean() >= 0.93  # hand-painted, and smeared

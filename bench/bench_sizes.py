@@ -32,7 +32,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench.sizes import STANDING, WATCHED, Made, Size, code_digest, make, option_sizes, random_sizes, survey
+from bench.sizes import WATCHED, Made, Size, code_digest, make, older_digests, option_sizes, random_sizes, survey
 from cad.errors import EndcapError, ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.mold_layout import JOINT_CLEARANCE_MM
@@ -121,7 +121,8 @@ def _named(text: str) -> Size:
 
 
 def _open_sizes(code: str, only: str | None) -> list[Size]:
-    standing = [row for row in _rows() if row["code"] == code or (row["code"] in STANDING and not row["failed"])]
+    older = older_digests()
+    standing = [row for row in _rows() if row["code"] == code or (row["code"] in older and not row["failed"])]
     done = {_key(row) for row in standing}
     return [size for size in survey() if size.key not in done and only in (None, size.kind)]
 

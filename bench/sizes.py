@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import math
 import random
@@ -35,6 +36,7 @@ if TYPE_CHECKING:  # the CAD kernel is loaded where a size is made
     from fab.checks.check import Check
 
 ROOT = Path(__file__).resolve().parent.parent
+OLDER_CODE = Path(__file__).with_name("sizes_code.csv")  # what a size passed by it stands for, and why
 SEED = 12
 RANDOM_SIZES = 1000
 # What decides whether a size comes out: solids, meshes, gates and the sweeps of the steps.
@@ -44,22 +46,6 @@ CODE = (
 )
 # How files get their names, workers end and lines are printed; not what is in a file.
 NOT_OF_THEM = ("cad/whole_file.py", "cad/pools.py", "cad/messages.py")
-
-# Codes whose sizes that passed stand for this one. The second is the first with messages in its digest. Since the third
-# meshes are finer below D = 105, and in walls under 7 mm a gyroid that the ball hardly reaches is moved along its axis.
-# Since the fourth bumps that lie close together are found one by one, fins of flash in bumps do not count as cast, and
-# the facets of a low ramp have their say in a piece's way out. The sizes that any of this changes have been made again.
-# The fifth is the fourth with a formula and an argument in fewer places: same files to the byte. Since the sixth the
-# kernel cuts copies, so that a body keeps the mesh it has; of all those sizes only one that failed had lost it. Since
-# the seventh the gyroid's wall grows less, which changes 35 sizes, and the volume of a STEP file is integrated more
-# finely. Since the eighth dents of less than 4 mm are less deep. The ninth has another call in assemblies. Since the
-# tenth a joint's gap may miss by the tolerance of the kernel's own edges as well: what passed before passes. Since the
-# eleventh booleans run on one thread: the same files to the byte.
-STANDING = (
-    *("134816d2214b", "e19dc5ab5678", "74e3d63669aa", "0b44dc088495"),
-    *("8be68e84ddd5", "7e3f0b23dcd2", "e2cd9c5644a2", "a12aebd8638a"),
-    *("85b9ef987723", "cf94b4cbaea8"),
-)
 
 # Checks whose value changes from size to size, as the last word of their names: how much of the limit each has used.
 WATCHED = (
@@ -205,6 +191,12 @@ def code_digest() -> str:
         for path in sorted(set(ROOT.glob(pattern)) - {ROOT / name for name in NOT_OF_THEM}):
             digest.update(f"{path.relative_to(ROOT)}\0".encode() + path.read_bytes())
     return digest.hexdigest()[:12]
+
+
+def older_digests() -> frozenset[str]:
+    """Digests of older code whose sizes that passed stand for this code: what it changed since does not reach them."""
+    with OLDER_CODE.open(newline="", encoding="utf-8") as stream:
+        return frozenset(row["digest"] for row in csv.DictReader(stream))
 
 
 def used_shares(checks: Iterable[Check]) -> dict[str, float]:

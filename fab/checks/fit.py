@@ -92,13 +92,13 @@ def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
 
+    as_its_kind = {TopAbs_ShapeEnum.TopAbs_EDGE: TopoDS.Edge_s, TopAbs_ShapeEnum.TopAbs_VERTEX: TopoDS.Vertex_s}
     found = BRepExtrema_DistShapeShape(first.wrapped, second.wrapped)
     allowed = 0.0
     for number in range(1, found.NbSolution() + 1):
         ends = found.SupportOnShape1(number), found.SupportOnShape2(number)
-        edges = [TopoDS.Edge_s(end) for end in ends if end.ShapeType() == TopAbs_ShapeEnum.TopAbs_EDGE]
-        corners = [TopoDS.Vertex_s(end) for end in ends if end.ShapeType() == TopAbs_ShapeEnum.TopAbs_VERTEX]
-        allowed = max(allowed, sum(BRep_Tool.Tolerance_s(end) for end in (*edges, *corners)))
+        bounds = [as_its_kind[end.ShapeType()](end) for end in ends if end.ShapeType() in as_its_kind]
+        allowed = max(allowed, sum(BRep_Tool.Tolerance_s(bound) for bound in bounds))
     return found.Value(), allowed
 
 

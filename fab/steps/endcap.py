@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cad.mold_layout import MoldLayout
+from fab.steps.cast import cast_steps
 from fab.steps.mold import TO_DOME, TO_RIM, Ways, mold_steps
 from fab.steps.record import Leg, Move, Step
 
@@ -11,27 +12,31 @@ HARDWARE = ("camera", "ring_spacer", "led_ring")
 
 def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
     """From the base to the endcap on the robot."""
-    return (*_into_the_base(), *_under_the_dome(layout))
+    return (_inserts(), *_into_the_base(), *_under_the_dome(layout))
+
+
+def _inserts() -> Step:
+    """Threads for the screws of the adapter."""
+    return Step(
+        "inserts",
+        "assemble",
+        "Heat-set inserts into the lugs of the base",
+        (
+            "Five M4 inserts, one in the hole under each lug. Base upside down on the table.",
+            "Iron at 230 °C, insert on its tip. Let weight and heat sink it straight in 10 to 15 s; no force.",
+            "Stop when it is flush or 0.2 mm below; press a flat piece of metal on it for 10 s while it cools.",
+            "Turn a screw in by hand: it must run freely and stand upright.",
+        ),
+        look="dome down",
+        shown=("base",),
+        extras=("inserts",),
+    )
 
 
 def _into_the_base() -> tuple[Step, ...]:
     """Camera, spacer and LED ring."""
     up = (Leg(TO_DOME, 40.0),)
     return (
-        Step(
-            "inserts",
-            "assemble",
-            "Heat-set inserts into the lugs of the base",
-            (
-                "Five M4 inserts, one in the hole under each lug. Base upside down on the table.",
-                "Iron at 230 °C, insert on its tip. Let weight and heat sink it straight in 10 to 15 s; no force.",
-                "Stop when it is flush or 0.2 mm below; press a flat piece of metal on it for 10 s while it cools.",
-                "Turn a screw in by hand: it must run freely and stand upright.",
-            ),
-            look="dome down",
-            shown=("base",),
-            extras=("inserts",),
-        ),
         Step(
             "camera",
             "assemble",
@@ -102,4 +107,4 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
 
 def all_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
     """Every step of the build, in order."""
-    return (*mold_steps(layout, ways), *endcap_steps(layout))
+    return (*mold_steps(layout, ways), *cast_steps(layout, ways), *endcap_steps(layout))

@@ -14,7 +14,7 @@ from cad.params import EndcapParams
 from fab.checks.cavity import cavity_body
 from fab.checks.core_filler import bump_fillers, core_filler
 from fab.checks.extraction import TOUCH_MM, core_path, depth_in_cast
-from fab.steps.mold import mold_steps
+from fab.steps.cast import cast_steps
 from fab.steps.sweep import FLASH_MM, step_bodies
 
 INSIDE_MM = 0.05
@@ -37,7 +37,7 @@ def test_a_filler_stands_in_every_bump_so_deep_under_its_surface(dot_mm):
 def test_the_swept_silicone_has_no_fin_in_a_bump_that_a_joint_cuts(released_mold):
     layout, _, meshes = released_mold
     ways = {name: core_path(layout, name, meshes[name]) for name in REMOVAL_ORDER}
-    out = next(step for step in mold_steps(layout, ways) if step.key == "wedges_out")
+    out = next(step for step in cast_steps(layout, ways) if step.key == "wedges_out")
     out = replace(out, moves=[replace(move, past=("shell",)) for move in out.moves])
     silicone = step_bodies(layout, [out], meshes)["shell"]
     inside = bump_fillers(layout.params, 2 * FLASH_MM)

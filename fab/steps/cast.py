@@ -1,0 +1,162 @@
+"""Steps of the cast: silicone into the closed mold, and the way back to the endcap."""
+
+from __future__ import annotations
+
+from cad.mold_layout import MoldLayout
+from fab.checks.extraction import Leg
+from fab.steps.mold import BOWL, CENTRE, COLLAR, CORE, KEYS, TO_DOME, TO_RIM, UPPER, WEDGES, Ways
+from fab.steps.record import Move, Step, one_by_one
+
+
+def cast_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
+    """From the two halves of the mold to the demolded endcap, in order.
+
+    Args:
+        layout: mold sizes.
+        ways: way out of every core piece (:func:`fab.checks.extraction.core_path`).
+    """
+    return (*_poured(), *_closed(layout), *_opened(layout), *_core_out(layout, ways))
+
+
+def _poured() -> tuple[Step, ...]:
+    return (
+        Step(
+            "mix",
+            "cast",
+            "Weigh, mix, degas",
+            (
+                "{part_a_g} g A and {part_b_g} g B into one cup. The clock runs.",
+                "Mix until no streak is left; degas until the foam has risen and fallen.",
+            ),
+        ),
+        Step(
+            "pour",
+            "cast",
+            "Pour",
+            (
+                "A thin stream onto one spot of the bowl; the silicone finds its level.",
+                "Pour {poured_g} g, the cup's loss on the scale: it stands {fill_depth_mm} mm below the seam, not over "
+                "it. The rest stays in the cup.",
+            ),
+            look="dome down",
+            shown=BOWL,
+            extras=("silicone",),
+        ),
+    )
+
+
+def _closed(layout: MoldLayout) -> tuple[Step, ...]:
+    stroke = layout.seam_height_mm - layout.dam_top_mm
+    return (
+        Step(
+            "close",
+            "cast",
+            "Lower the upper half",
+            (
+                "Turn the upper half over, core down. Lower it upright, slowly: the silicone climbs into the gyroid.",
+                f"Last {stroke:.0f} mm: the collar slides into the bowl's dam.",
+            ),
+            (Move(UPPER, (Leg(TO_RIM, layout.stand_height_mm),), BOWL),),
+            look="dome down, from the side",
+            drawn_mm=0.8 * layout.params.tip_height_mm,
+        ),
+        Step(
+            "closed",
+            "cast",
+            "Close, and look at the wells",
+            (
+                "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats.",
+                "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
+                "while: air under the flat flange runs along it to that vent.",
+                "All wells on the hanger show silicone: the mold is full; they hold the {overflow_ml} ml beyond it. A "
+                "dry well: press, wait, tap.",
+                "Leave it for {cure_h} h at room temperature.",
+            ),
+            screws=("cup_collar",),
+            look="dome down, from the side",
+            shown=(*BOWL, *UPPER, "shell"),
+            cut=(*BOWL, *UPPER, "shell"),
+        ),
+    )
+
+
+def _opened(layout: MoldLayout) -> tuple[Step, ...]:
+    """Bowl, hanger and collar off."""
+    far = layout.params.tip_height_mm
+    to_dome, to_rim = (Leg(TO_DOME, far),), (Leg(TO_RIM, far),)
+    cast = ("shell", "interface")
+    return (
+        Step(
+            "bowl_off",
+            "demold",
+            "Bolts out, bowl off",
+            (
+                "Take the six bolts out.",
+                "Draw the bowl's segments off one by one, straight away from the collar.",
+            ),
+            one_by_one(BOWL, to_dome, (*UPPER, "shell"), False),
+            False,
+            ("cup_collar",),
+            look="dome down, from the side",
+        ),
+        Step(
+            "hanger_off",
+            "demold",
+            "Hanger off",
+            ("All screws out; lift the hanger.", "Plugs of silicone in the vents tear: that is right."),
+            (Move(("hanger",), to_rim, (*COLLAR, *CORE, *cast)),),
+            False,
+            ("hanger_to",),
+            look="dome down, from the side",
+        ),
+        Step(
+            "collar_off",
+            "demold",
+            "Collar off",
+            ("Lift its segments straight up one by one, past the rim of the interface.",),
+            one_by_one(COLLAR, to_rim, (*CORE, *cast), False),
+            False,
+            look="dome down, from the side",
+        ),
+    )
+
+
+def _core_out(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
+    """The core's pieces out of the cast."""
+    far = layout.params.tip_height_mm
+    cast = ("shell", "interface")
+
+    def core(key: str, title: str, lines: tuple[str, ...], names: tuple[str, ...], later: tuple[str, ...]) -> Step:
+        moves = one_by_one(names, dict(ways), (*cast, *later), False)
+        return Step(key, "demold", title, lines, moves, False, look="dome down", cut=cast, drawn_mm=1.2 * far)
+
+    return (
+        core(
+            "centre_out",
+            "Centre of the core out",
+            (
+                "Two of the core's screws in its holes are your handle.",
+                "Straight out: it is tapered by one degree and free after the first millimetre.",
+            ),
+            CENTRE,
+            (*KEYS, *WEDGES),
+        ),
+        core(
+            "keys_out",
+            "Keys out",
+            (
+                "Grip: turn one of its own screws 6 mm into its hole, hold the head with flat pliers.",
+                "One after the other: inward, toward the axis, until clear of the silicone; then out.",
+                "Stuck: a few drops of alcohol along the seam, wait a minute, press the dome from outside. No knife.",
+            ),
+            KEYS,
+            WEDGES,
+        ),
+        core(
+            "wedges_out",
+            "Wedges out",
+            ("The same way, with the same grip.", "Trim the flash at seam and vents. Weigh the endcap."),
+            WEDGES,
+            (),
+        ),
+    )

@@ -84,6 +84,7 @@ for at_s in (estimator.newest_s, estimator.newest_s + 0.02):
 """
 
 
+@pytest.mark.long  # compiles nearly everything anew
 @pytest.mark.parametrize("code", [PICTURES, MECHANICS, ROBOT], ids=["pictures", "mechanics", "robot"])
 def test_kernels_have_one_signature_and_the_same_bits_compiled_or_loaded(code: str, tmp_path: Path) -> None:
     compiled, loaded = run(code, tmp_path), run(code, tmp_path)

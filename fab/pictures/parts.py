@@ -22,6 +22,7 @@ from fab.pictures.canvas import Canvas, Frame, Point, Surface, View, write_png
 WIDTH_PX = 1600
 LABEL_RATIO = 0.015  # size of the names, of the picture's width
 SMALL_RATIO = 0.7  # size of the second line, of the first
+LETTER_RATIO = 0.55  # mean width of a letter, of its size
 GREY = (0.42, 0.45, 0.50)
 EXPLODED_VIEW = View.looking_from((0.50, -0.72, 0.46), up=(-0.90, -0.45, 0.0))
 SECTION_VIEW = View.looking_from((0.0, -1.0, 0.30), up=(0.0, 0.0, 1.0))
@@ -70,16 +71,31 @@ def render_exploded(
     places = [item.seen.vertices + np.array(item.offset) for item in _some(items)]
     low, high = _bounds(view, places)
     label = _label_px(width_px)
-    band = 3 * label  # below the parts, for their names
+    band = math.ceil(4.5 * label)  # below the parts, for two rows of names
     scale = (width_px - 2 * label) / (high[0] - low[0])
     drawn = math.ceil((high[1] - low[1]) * scale) + 2 * label
     frame = Frame(view, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
     canvas = Canvas(width_px, drawn + band)
     canvas.panel(frame, [Surface(p, i.seen.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
-    for item, points in zip(items, places, strict=True):
-        x = frame.pixels(points)[:, 0]
-        canvas.text((float(x.min() + x.max()) / 2, band / 2), _title(item.name), label)
+    middles = [float(np.mean((x.min(), x.max()))) for x in (frame.pixels(points)[:, 0] for points in places)]
+    names = [_title(item.name) for item in items]
+    for name, middle, row in zip(names, middles, name_rows(names, middles, label), strict=True):
+        canvas.text((middle, band - (1.5 + 1.5 * row) * label), name, label)
     _save(canvas, path)
+
+
+def name_rows(names: Sequence[str], middles_px: Sequence[float], size_px: int) -> list[int]:
+    """In which of two rows each name stands, so that neighbours do not run into one another.
+
+    Args:
+        names: what is written. middles_px: (n,) where each is centred. size_px: of the letters.
+    """
+    rows, ends = [0] * len(names), [-math.inf, -math.inf]
+    for k in sorted(range(len(names)), key=lambda k: middles_px[k]):
+        half = (len(names[k]) + 1) * LETTER_RATIO * size_px / 2
+        rows[k] = 0 if middles_px[k] - half >= ends[0] or ends[0] <= ends[1] else 1
+        ends[rows[k]] = middles_px[k] + half
+    return rows
 
 
 def render_section(

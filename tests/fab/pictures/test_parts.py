@@ -91,3 +91,10 @@ def test_bad_input_leaves_no_file(items, tmp_path):
     with pytest.raises(FileError, match="cannot be written"):
         render_parts(items, tmp_path / "gone" / "a.png", width_px=200)
     assert not list(tmp_path.iterdir())
+
+
+def test_names_of_neighbours_do_not_run_into_one_another():
+    names = ["camera", "ring spacer", "LED ring", "interface"]
+    assert render.name_rows(names, [0.0, 200.0, 400.0, 600.0], 24) == [0, 0, 0, 0]
+    assert render.name_rows(names, [0.0, 150.0, 200.0, 330.0], 24) == [0, 0, 1, 0]
+    assert render.name_rows(names[::-1], [330.0, 200.0, 150.0, 0.0], 24) == [0, 1, 0, 0]  # in the order of places

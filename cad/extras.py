@@ -113,7 +113,8 @@ def explain(error: ImportError, command: str) -> str | None:
 def prepare_command() -> None:
     """Make a command that was started with ``python -m`` end with one line where a library is missing.
 
-    And give its linear algebra one thread (:mod:`cad.threads`).
+    And where Ctrl-C comes while its libraries are loaded, before it can handle that itself. Its linear algebra gets one
+    thread (:mod:`cad.threads`).
     """
     command = started_module(sys.orig_argv)
     if not extra_of_command(command):
@@ -122,12 +123,15 @@ def prepare_command() -> None:
     before = sys.excepthook
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if isinstance(error, KeyboardInterrupt):
+            LOG.error(f"{command}: interrupted")
+            raise SystemExit(130)  # what a hook raises decides on the exit status
         line = explain(error, command) if isinstance(error, ImportError) else None
         if line is None:
             before(kind, error, trace)
             return
         LOG.error(f"{command}: {line}")
-        raise SystemExit(2)  # what a hook raises decides on the exit status
+        raise SystemExit(2)
 
     sys.excepthook = hook
 

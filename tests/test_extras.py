@@ -182,6 +182,18 @@ def test_other_errors_keep_their_traceback():
     assert "libgl1" in extras.explain(ImportError("libGL.so.1: cannot open shared object file"), "fab.molds")
 
 
+def test_ctrl_c_while_libraries_are_loaded_is_one_line(tmp_path):
+    (tmp_path / "cv2.py").write_text("raise KeyboardInterrupt\n")
+    run = subprocess.run(
+        [sys.executable, "-m", "sensing.calibrate", "--photo", "a.jpg"],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "sensing.calibrate: interrupted\n")
+
+
 def test_importing_from_a_program_changes_nothing():
     code = (
         "import os, sys; before = sys.excepthook, dict(os.environ); import fab, sensing; "

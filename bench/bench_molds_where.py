@@ -1,0 +1,112 @@
+"""Where the processor time of `make molds` goes: everything in one process on one core, by the functions that do it.
+
+    python bench/bench_molds_where.py            D=130 T=8
+    python bench/bench_molds_where.py 150 9      yours
+
+Writes bench/molds_where.csv: what, processor seconds, share of the whole. The profiler costs a few per cent; shares
+hold from computer to computer better than seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import csv
+import importlib
+import os
+import pstats
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.sizes import Inline
+
+TABLE = Path(__file__).with_name("molds_where.csv")
+# What no other line holds, and the function, in its file, that does it and nothing else.
+PIECES = {
+    "sweeps of the steps, screws on their way, balance of volumes": ("fab/checks/gates.py", "silicone_gates"),
+    "pictures": ("fab/exports/writer.py", "write_pictures"),
+    "cup, base, hardware: solids and meshes": ("fab/packed.py", "packed_group"),
+    "core, shell, interface: solids": ("fab/design.py", "build_core_solids"),
+    "core, shell, hanger: meshes": ("fab/design.py", "build_design"),
+    "interface with its gyroid: mesh": ("fab/kept.py", "kept_interface_mesh"),
+    "gyroid's imprint in the shell": ("fab/design.py", "imprinted"),
+    "files of each part, read back": ("fab/checks/gates.py", "_file_checks"),
+    "gyroid and nuts": ("fab/checks/gates.py", "_interface_checks"),
+    "overlaps of the assemblies": ("fab/checks/gates.py", "_overlap_checks"),
+    "wall, bumps, leak, air": ("fab/checks/gates.py", "cavity_gates"),
+    "ways out of core and cup": ("fab/checks/gates.py", "run_gates"),
+    "joints, screw axes, walls, overhangs, beds": ("fab/checks/gates.py", "fit_gates"),
+    "3MF": ("fab/exports/writer.py", "write_3mf"),
+    "STL": ("fab/exports/writer.py", "write_meshes"),
+    "STEP": ("fab/exports/writer.py", "write_solids"),
+    "assemblies": ("fab/exports/writer.py", "write_assemblies"),
+    "preview of the page": ("fab/exports/preview_parts.py", "preview_glb"),
+}
+INSIDE = {  # of these the rest counts, once those that run inside of them are taken off
+    "core, shell, hanger: meshes": (
+        "cup, base, hardware: solids and meshes",
+        "core, shell, interface: solids",
+        "interface with its gyroid: mesh",
+        "gyroid's imprint in the shell",
+    ),
+    "ways out of core and cup": (
+        "sweeps of the steps, screws on their way, balance of volumes",
+        "files of each part, read back",
+        "gyroid and nuts",
+        "overlaps of the assemblies",
+        "wall, bumps, leak, air",
+        "joints, screw axes, walls, overhangs, beds",
+    ),
+}
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_molds_where.py"
+    )
+    parser.add_argument("D", nargs="?", default="130")
+    parser.add_argument("T", nargs="?", default="8")
+    options = parser.parse_args()
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
+    for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
+        importlib.import_module(module)
+    from fab.command import VARIANT_DEFAULTS, parse_variant
+    from fab.molds import make_molds
+
+    variant = parse_variant({**VARIANT_DEFAULTS, "D": options.D, "T": options.T})
+    profile = cProfile.Profile(time.process_time)
+    with tempfile.TemporaryDirectory(prefix="molds-") as folder:
+        profile.runcall(make_molds, variant, Path(folder), Inline(), print)
+    rows, all_s = where(pstats.Stats(profile))
+    with TABLE.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(("what", "cpu_s", "share"))
+        writer.writerows((what, f"{seconds:.2f}", f"{seconds / all_s:.3f}") for what, seconds in rows)
+    for what, seconds in rows:
+        print(f"{seconds:6.1f} s {100 * seconds / all_s:5.1f} %  {what}")
+
+
+def where(stats: pstats.Stats) -> tuple[list[tuple[str, float]], float]:
+    """(what, processor seconds) in falling order, with what is left last; and the seconds of all."""
+    spent = {
+        what: sum(
+            entry[3]
+            for (file, _, name), entry in stats.stats.items()  # type: ignore[attr-defined]
+            if name == function and file.endswith(path)
+        )
+        for what, (path, function) in PIECES.items()
+    }
+    for what, others in INSIDE.items():
+        spent[what] -= sum(spent[other] for other in others)
+    all_s = stats.total_tt  # type: ignore[attr-defined]
+    rows = sorted(spent.items(), key=lambda row: -row[1])
+    return [*rows, ("everything else", all_s - sum(spent.values()))], all_s
+
+
+if __name__ == "__main__":
+    main()

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -58,7 +58,7 @@ class Run:
     wall_s: float
     cpu_s: float
     other_work_ratio: float
-    steps: tuple[tuple[str, float], ...] = field(default=())
+    steps: tuple[tuple[str, float], ...]
 
 
 def main() -> None:
@@ -78,19 +78,17 @@ def main() -> None:
 def runs_of(size: str) -> list[Run]:
     """All runs of one size, each printed when it ends."""
     cores, runs = sorted(os.sched_getaffinity(0)), []
-    other = f"joint_clearance={OTHER_CLEARANCE_MM:g}"
-    for name, use, words, fresh in zip(
-        RUNS, (cores[:1], cores, cores, cores), ((), (), (other,), ()), (True, True, False, False), strict=True
-    ):
-        if fresh:
-            folder = tempfile.TemporaryDirectory(prefix="molds-")
-        runs.append(timed(size, name, use, words, Path(folder.name)))
-        run = runs[-1]
-        print(
-            f"D/T {size}, {name}: {run.wall_s:.1f} s, {run.cpu_s:.1f} s of a processor, other work took "
-            f"{100 * run.other_work_ratio:.0f} % of {run.cores} cores",
-            flush=True,
-        )
+    with tempfile.TemporaryDirectory(prefix="molds-") as alone, tempfile.TemporaryDirectory(prefix="molds-") as kept:
+        other = f"joint_clearance={OTHER_CLEARANCE_MM:g}"
+        asked = ((cores[:1], alone, ()), (cores, kept, ()), (cores, kept, (other,)), (cores, kept, ()))
+        for name, (use, folder, words) in zip(RUNS, asked, strict=True):
+            run = timed(size, name, use, words, Path(folder))
+            runs.append(run)
+            print(
+                f"D/T {size}, {name}: {run.wall_s:.1f} s, {run.cpu_s:.1f} s of a processor, other work took "
+                f"{100 * run.other_work_ratio:.0f} % of {run.cores} cores",
+                flush=True,
+            )
     return runs
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import cProfile
 import csv
-import importlib
 import os
 import pstats
 import sys
@@ -23,6 +22,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.sizes import Inline
+from fab.command import VARIANT_DEFAULTS, parse_variant
+from fab.molds import load_libraries, make_molds
 
 TABLE = Path(__file__).with_name("molds_where.csv")
 # What no other line holds, and the function, in its file, that does it and nothing else.
@@ -73,11 +74,7 @@ def main() -> None:
     parser.add_argument("T", nargs="?", default="8")
     options = parser.parse_args()
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
-    for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
-        importlib.import_module(module)
-    from fab.command import VARIANT_DEFAULTS, parse_variant
-    from fab.molds import make_molds
-
+    load_libraries(print)
     variant = parse_variant({**VARIANT_DEFAULTS, "D": options.D, "T": options.T})
     profile = cProfile.Profile(time.process_time)
     with tempfile.TemporaryDirectory(prefix="molds-") as folder:

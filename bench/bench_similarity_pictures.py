@@ -66,8 +66,8 @@ def main(arguments: list[str] | None = None) -> int:
                 row = {"diameter_mm": diameter, "wall_mm": wall, "silicone": options.silicone, "states": name}
                 row |= {"train_seed": seed, "range_n": request.scale.top_n, "score": said.removesuffix(", test")}
                 rows.append(row | score.row())
-            axes = {axis: f"{row[axis]:.3f}" for axis in row if axis.startswith("rmse_")}
-            print(f"{name}, training {seed}, {said}: {axes}", flush=True)
+                axes = {axis: f"{value:.3f}" for axis, value in score.row().items() if axis.startswith("rmse_")}
+                print(f"{name}, training {seed}, {said}: {axes}", flush=True)
     for said in dict.fromkeys(row["score"] for row in rows):
         print(said, *(f"{what} {ratio(rows, said, what):.2f}" for what in ("n", "nm")))
     with (HERE / "similarity_pictures.csv").open("w", newline="") as stream:

@@ -11,16 +11,16 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
+from run_cache import FOLDER, shared
 
-CACHE_OF_THESE_TESTS = "ENDCAP_TESTS_CACHE"
 LONGEST_FIRST = (  # 115 to 15 s of processor time: must not be the last thing that one process does alone
     "test_kernels.py",  # what it compiles, the others load
     "fab/test_molds.py",
-    "cad/test_mold.py",
+    "fab/test_steps.py",  # makes the released mold that others read
     "cad/test_base.py",
+    "cad/test_mold.py",
     "fab/checks/test_extraction.py",
     "docs/test_tutorials.py",
-    "fab/test_steps.py",
     "cad/test_base_released.py",
 )
 
@@ -34,9 +34,9 @@ def pytest_configure(config: pytest.Config) -> None:
     for number in (signal.SIGINT, signal.SIGHUP):  # ignored under nohup and in the background: programs inherit that
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
-    if CACHE_OF_THESE_TESTS not in os.environ:
+    if FOLDER not in os.environ:
         folder = tempfile.mkdtemp(prefix="endcap-tests-cache-")
-        os.environ[CACHE_OF_THESE_TESTS] = os.environ["XDG_CACHE_HOME"] = folder
+        os.environ[FOLDER] = os.environ["XDG_CACHE_HOME"] = folder
         # Compiled kernels stay for the next run: numba looks at the source's date.
         if cache := getattr(config, "cache", None):
             os.environ["NUMBA_CACHE_DIR"] = str(cache.mkdir("numba"))
@@ -53,22 +53,28 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def _remove_cache(folder: str) -> None:
     shutil.rmtree(folder, ignore_errors=True)
-    os.environ.pop(CACHE_OF_THESE_TESTS, None)
+    os.environ.pop(FOLDER, None)
 
 
 @pytest.fixture(scope="session")
 def released_mold():
     """Layout, parts by name and meshes by name of cup and core at D=130 T=8."""
-    from cad.mold_core import core_body, core_parts
-    from cad.mold_cup import cup_parts
     from cad.mold_layout import MoldLayout
     from cad.params import EndcapParams
-    from fab.meshing.parts import PartMeshes
 
     layout = MoldLayout(EndcapParams(130.0, 8.0))
-    made = [*core_parts(layout, core_body(layout)), *cup_parts(layout)]
-    meshes = PartMeshes()
-    return layout, {part.name: part for part in made}, {part.name: meshes.of(part) for part in made}
+    made = [part.unpacked() for part in shared("released_mold", lambda: packed_mold(layout))]
+    return layout, {part.name: part for part, _ in made}, {part.name: mesh for part, mesh in made}
+
+
+def packed_mold(layout):
+    """Cup and core with their meshes."""
+    from cad.mold_core import core_body, core_parts
+    from cad.mold_cup import cup_parts
+    from fab.meshing.mesh import TOLERANCE_MM
+    from fab.packed import _packed
+
+    return _packed([*core_parts(layout, core_body(layout)), *cup_parts(layout)], TOLERANCE_MM)
 
 
 @pytest.fixture

@@ -20,7 +20,10 @@ import sys
 from sensing.live.ending import end_at_once, leave
 end_at_once()
 import sensing.live.open_endcaps as endcaps
+import known_cameras
 from live_stand_in import stand_in
+from sensing.live.core import pipeline
+pipeline.rest_camera = known_cameras.rest_camera
 endcaps.load_model = lambda *_: stand_in()
 import sensing.live.run
 from live_stand_in import PATIENCE_S

@@ -42,6 +42,7 @@ OLD: dict[str, str] = {  # pattern -> what to write instead
     r"of everything drawn": "of the random numbers",
 }
 PATTERNS = {re.compile(f"{START}(?:{pattern}){END}"): instead for pattern, instead in OLD.items()}
+ROUGH = re.compile("|".join(OLD))  # ten times as fast: most lines hold none, as a word or inside one
 LEGITIMATE = re.compile(r"[Ss]pherical cap|cap angle|cap\.(?:read|set|get|release|isOpened)\(|(?:stream|self)\.tell\(")
 
 
@@ -49,6 +50,8 @@ def old_words(text: str) -> list[tuple[int, str, str]]:
     """Line number, old word, replacement."""
     found = []
     for number, line in enumerate(text.splitlines(), 1):
+        if not ROUGH.search(line):
+            continue
         plain = LEGITIMATE.sub("", line)
         for pattern, instead in PATTERNS.items():
             found += [(number, match.group(), instead) for match in pattern.finditer(plain)]

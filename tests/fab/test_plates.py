@@ -93,6 +93,7 @@ def test_no_finer_cut_of_the_cup_would_fit_a_smaller_bed(params):
     assert max(sides["cup_bowl"], sides["cup_collar"]) < min(whole)
 
 
+@pytest.mark.long
 def test_outlines_in_closed_form_are_those_of_the_solids():
     layout = MoldLayout(EndcapParams(98.9, 6.5))
     made = {"base": base_part(layout.params), "arm_adapter": adapter_part(layout.params), "hanger": hanger_part(layout)}

@@ -56,6 +56,7 @@ def test_distance_of_the_axis_from_triangles():
     assert axis_distances_mm(triangles) == pytest.approx([3.0, 8**0.5, 0.0, 4.0], abs=1e-12)
 
 
+@pytest.mark.long
 def test_bodies_called_apart_share_nothing():
     rng = np.random.default_rng(3)
     apart = shared = 0

@@ -23,6 +23,7 @@ def test_faces_leave_nothing_uncertain_and_a_shifted_piece_fails():
         assert check.ok == fits, gap_mm
 
 
+@pytest.mark.long
 def test_an_edge_that_the_kernel_knows_to_a_micrometre_only_is_no_narrow_joint():
     """D=126.92 T=10.77: a B-spline edge 0.15 mm long, beside its cone by 0.0011 mm; every face has its gap."""
     layout = MoldLayout(EndcapParams(126.92, 10.77))

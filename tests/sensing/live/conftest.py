@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-import numpy as np
+import known_cameras
 import pytest
 from live_stage import Stage
 from live_stand_in import Shown
@@ -22,19 +22,8 @@ def compiled() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def looked_for_once():
-    """All drawn references are the same picture: its camera is looked for once, a second, not once a test."""
-    look, known = pipeline.rest_camera, {}
-
-    def remembered(reference, dots_px, params, given=None):
-        if given is not None:
-            return look(reference, dots_px, params, given)
-        key = (np.asarray(dots_px).tobytes(), params)
-        if key not in known:
-            known[key] = look(reference, dots_px, params)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "rest_camera", remembered)
+    """All drawn references are the same picture: its camera is looked for once."""
+    with known_cameras.known_to(pipeline):
         yield
 
 

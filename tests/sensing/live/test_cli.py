@@ -25,7 +25,9 @@ def address():
         yield url
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, *(pytest.param(n, marks=pytest.mark.long) for n in (signal.SIGTERM, signal.SIGHUP))]
+)
 def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
     path = tmp_path / "run.mcap"
     with program("--url", address, "--port", "0", "--record", str(path)) as process:

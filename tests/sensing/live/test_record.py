@@ -201,6 +201,7 @@ def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
     assert re.search(r"cut at byte \d+", str(check.end))
 
 
+@pytest.mark.long
 def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path):
     class Slow(io.FileIO):
         pause_s = 0.1

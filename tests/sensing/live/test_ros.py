@@ -77,6 +77,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.long
 def test_a_second_process_sees_topics_transforms_and_the_service(monkeypatch):
     monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)

@@ -34,7 +34,7 @@ class Hand:
         ]
 
     def camera(self, number: int):
-        rng = np.random.default_rng(number)
+        rng = np.random.default_rng(7)  # all untouched endcaps look alike, to have one camera
 
         def source():
             for count, frame in enumerate(endless(self.rest, 100)()):

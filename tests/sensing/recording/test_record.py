@@ -183,6 +183,7 @@ def test_bad_input_is_one_line(tmp_path, capsys):
         assert said in error and error.count("\n") == 1
 
 
+@pytest.mark.long
 def test_a_recording_trains(pressed, tmp_path, capsys):
     pytest.importorskip("torch")
     from sensing import train

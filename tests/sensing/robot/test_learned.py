@@ -51,6 +51,7 @@ def test_the_domes_softness_is_learned_from_contacts_that_are_loaded_and_unloade
     assert abs(found.softness - true) < 3 * found.softness_sd
 
 
+@pytest.mark.long
 def test_a_bar_without_gyroscope_is_followed_through_a_walk():
     """Its angular velocity is learned from cables and contacts: with a zero instead, its anchors would not roll."""
     walk = simulate_walk(ROBOT, Terrain.FLAT, seed=2, duration_s=12.0)
@@ -79,6 +80,7 @@ def test_a_gyroscope_that_is_heard_late_has_a_bias_and_no_angular_velocity():
     assert np.isfinite(state.rate_s[bar])
 
 
+@pytest.mark.long
 def test_a_robot_that_stands_does_not_come_to_know_its_softness_worse_than_at_first():
     _, samples = standing_samples(ROBOT, 30.0, rate_hz=50.0, every=2)
     settings = Settings(softness_stays_s=3.0)  # thirty seconds are then as long as five hundred

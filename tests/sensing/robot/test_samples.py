@@ -158,6 +158,7 @@ def test_a_force_above_the_range_counts_less():
     assert one.normal_sd_rad >= two.normal_sd_rad and one.friction_ratio_sd > two.friction_ratio_sd
 
 
+@pytest.mark.long
 def test_a_reading_that_waits_for_the_next_frame_says_nothing():
     """The same bits as without a number; used as a measurement, a wrong force shows in the estimate."""
 
@@ -177,6 +178,7 @@ def test_a_reading_that_waits_for_the_next_frame_says_nothing():
     assert any((one.covariance != two.covariance).any() for one, two in zip(held.bars, taken.bars, strict=True))
 
 
+@pytest.mark.long
 def test_a_long_time_of_standing():
     _, samples = standing_samples(ROBOT, SECONDS, rate_hz=25.0, every=3)
     estimator = RobotEstimator(ROBOT, Settings(history_s=2.0))

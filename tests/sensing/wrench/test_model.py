@@ -213,6 +213,7 @@ def test_what_a_field_may_leave_grows_with_the_load(model, data):
     assert model.out_of_range(np.array([light, heavy]) + odd).tolist() == [True, False]
 
 
+@pytest.mark.long
 def test_contacts_of_other_kinds_teach_doubt_and_nothing_else(data):
     """Fields bent otherwise by the same wrenches: unflagged without, flagged with others of their kind in training."""
 

@@ -37,6 +37,7 @@ def test_a_killed_run_goes_on_and_ends_the_same(small_set: Path, tmp_path: Path)
     assert write_dataset(small_request(), tmp_path) == 0
 
 
+@pytest.mark.long
 def test_a_full_disk_is_one_line_and_what_was_written_stays(small_set: Path, tmp_path: Path) -> None:
     run = subprocess.run(command("full", tmp_path), env=environment(), capture_output=True, text=True)
     assert run.returncode == 2, run.stderr
@@ -96,6 +97,7 @@ def test_ctrl_c_is_no_exception_while_futures_are_locked(monkeypatch: pytest.Mon
     assert whole and signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.long
 def test_ctrl_c_while_a_worker_writes_its_result_ends(tmp_path: Path) -> None:
     assert subprocess.run(command("cut", tmp_path / "begun"), env=environment(), timeout=60).returncode == 0
 

@@ -99,6 +99,7 @@ def test_a_lighter_robot_on_softer_cables_has_the_same_tips():
     assert lighter.over((0, 2, 5), 2) is Tips(ROBOT).over((0, 2, 5), 2)
 
 
+@pytest.mark.long
 def test_six_bars_walk_and_are_followed():
     walk = simulate_walk(SIX, Terrain.FLAT, TippingGait(30.0), seed=1, duration_s=6.0)
     assert walk.path_m() > 1.0

@@ -29,6 +29,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+from cad.errors import EndcapError
+from fab.command import VARIANT_DEFAULTS, parse_variant
+
 HERE = Path(__file__).parent
 ROOT = HERE.parent
 TABLE = HERE / "molds.csv"
@@ -66,13 +69,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_molds.py"
     )
-    parser.add_argument("--size", action="append", metavar="D/T", help=f"default: {' '.join(SIZES)}")
+    parser.add_argument("--size", action="append", type=_size, metavar="D/T", help=f"default: {' '.join(SIZES)}")
     parser.add_argument("--plot", action="store_true", help="draw only")
     options = parser.parse_args()
     if not options.plot:
         runs = [run for size in options.size or SIZES for run in runs_of(size)]
         _write(runs)
     _draw(_read())
+
+
+def _size(text: str) -> str:
+    """D/T as typed.
+
+    Raises:
+        argparse.ArgumentTypeError: it is of another form, or lies outside the valid region.
+    """
+    diameter, _, wall = text.partition("/")
+    try:
+        parse_variant({**VARIANT_DEFAULTS, "D": diameter, "T": wall})
+    except EndcapError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: give D/T in mm, such as 150/9: {error}") from None
+    return text
 
 
 def runs_of(size: str) -> list[Run]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -28,6 +29,7 @@ from cad.pattern import step_deg
 from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import Calibration, MountPrior, calibrate_from_dots
 from sensing.calibration.picture import read_image
+from sensing.camera.mount import MountedCamera
 
 HERE = Path(__file__).parent
 PHOTOS = HERE.parent.parent / "shared" / "reference" / "photos"
@@ -36,6 +38,27 @@ STEP_DEG = step_deg(PARAMS.dot_rings)
 HEIGHTS_MM = (0, 5, 10, 14, 17, 20, 25, 30, 35)
 LENSES = {"k1, k2 free": ((1.0, 1.0), (-0.033, -0.007)), "equisolid": ((1e-6, 1e-6), (-1 / 24, 1 / 1920))}
 HUBER_PX = 1.5
+
+
+@dataclass(frozen=True)
+class LensPrior(MountPrior):
+    """About another lens than the module's.
+
+    Attributes:
+        k_centre: its distortion k1, k2.
+    """
+
+    k_centre: tuple[float, float] = (0.0, 0.0)
+
+    def mean(self, start: MountedCamera, hold_lens: bool) -> np.ndarray:
+        """As of any prior, with this lens.
+
+        Args:
+            start: the start camera. hold_lens: whether its lens is held.
+        """
+        vector = super().mean(start, hold_lens)
+        vector[3:5] = self.k_centre
+        return vector
 
 
 def robust_cost(result: Calibration) -> float:
@@ -49,7 +72,7 @@ def height_rows(name: str, found: np.ndarray, size: tuple[int, int]) -> list[tup
     rows: list[tuple] = []
     for lens, (sigma, centre) in LENSES.items():
         for height in HEIGHTS_MM:
-            prior = MountPrior(k=sigma, k_centre=centre, height_mm=1e-3, height_centre_mm=float(height))
+            prior = LensPrior(k=sigma, k_centre=centre, height_mm=1e-3, height_centre_mm=float(height))
             result = calibrate_from_dots(found, PARAMS, size, prior=prior)
             focal = result.values["f_px"][0] * 480 / size[1]
             quality = round(result.rms_px, 3), round(result.median_px, 3), round(robust_cost(result), 2)
@@ -98,7 +121,8 @@ def main() -> int:
     """Run on the photos of the command line, else on those beside the repository; returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("photos", nargs="*", metavar="PHOTO", help="of undeformed sensors, D = 130, T = 8")
-    photos = parser.parse_args().photos or sorted(map(str, PHOTOS.glob("*.jp*g")))
+    here = [str(path) for path in sorted(PHOTOS.glob("*")) if path.suffix in (".jpg", ".png")]
+    photos = parser.parse_args().photos or here
     if not photos:
         print("no photos of an undeformed sensor: nothing measured; name some on the command line")
         return 0

@@ -104,7 +104,8 @@ class Alone:
         """States of the shell."""
         node = self.node
         known = np.isfinite(node.wrench).all(axis=1)
-        return ShellStates(*(np.nan_to_num(values) for values in (node.surface, node.wrench, node.labels)), known)
+        surface, wrench, labels = (np.nan_to_num(values) for values in (node.surface, node.wrench, node.labels))
+        return ShellStates(surface, wrench, labels, known)
 
 
 def own_states(design: tuple[float, float], folder: Path) -> Alone:

@@ -18,7 +18,7 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.design import build_core_solids
 from fab.meshing.mesh import TOLERANCE_MM, tessellate
-from fab.packed import HARDWARE
+from fab.packed import packed_group
 
 HERE = Path(__file__).parent
 TOLERANCES_MM = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
@@ -29,7 +29,7 @@ def main() -> None:
     """Measure, write, plot."""
     layout = MoldLayout(EndcapParams(130, 8))
     parts = [*cup_parts(layout), *build_core_solids(layout, lambda _: None)]
-    parts += [maker(layout.params) for maker in HARDWARE]
+    parts += [packed.unpacked()[0] for packed in packed_group("hardware", layout, None)]
     solids = {part.name: part.solid for part in parts if part.role != "bought"}
     rows = []
     for tolerance in TOLERANCES_MM:

@@ -72,9 +72,9 @@ def measured_noise(data: LabelledSet) -> Noise:
     print("displacement px, rms error px, dots:", *(f"{m:.2f} {s:.4f} {n:.0f};" for m, s, n in binned))
     terms = np.column_stack([np.ones_like(middle), moved_part(middle) ** 2, middle**2])
     weight = np.sqrt(count) / sd**2
-    share = nnls(terms * weight[:, None], weight * sd**2)[0]
-    law = Noise(*np.sqrt(share), 0.0, 1.0)
-    return Noise(*np.sqrt(share), *_alikeness(at, error / np.maximum(law.sd(far), 1e-6)[..., None]))
+    still, moving, share = np.sqrt(nnls(terms * weight[:, None], weight * sd**2)[0])
+    law = Noise(still, moving, share, 0.0, 1.0)
+    return Noise(still, moving, share, *_alikeness(at, error / np.maximum(law.sd(far), 1e-6)[..., None]))
 
 
 def _alikeness(at: Array, scaled: Array) -> tuple[float, float]:

@@ -43,7 +43,7 @@ from sensing.tensegrity.samples import FootSample
 Array = NDArray[np.float64]
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
-RANGE_N, RANGE_DEG, LEAST_N = 60.0, 60.0, 1.0  # of the weights' training; load from which a reading is one of a contact
+RANGE_N, RANGE_DEG, LEAST_N = 75.0, 78.0, 1.0  # of the weights' training; load from which a reading is one of a contact
 INSIDE_95 = 1.96
 SHOWN_S, VIEW_PX = 18.5, (320, 240)  # moment of the run, and size of a view on the sheet
 SEEDS = (101, 201)  # the first one was looked at, and a defect corrected, before the second was made
@@ -56,7 +56,7 @@ class ReadingErrors:
 
     Attributes:
         robot, seed, source: which run, and whether of pictures or of the noise model.
-        where: ``inside`` 60 N and 60 degrees, ``beyond``, or ``free``: no contact.
+        where: ``inside`` 75 N and 78 degrees, ``beyond``, or ``free``: no contact.
         readings: how many. rmse_force_n, rmse_torque_nm: of an axis. median_force_percent: of the load.
         covered: part of the axes within 1.96 stated standard deviations. flagged: part with ``out_of_range``.
         unconfirmed: part that the pipeline marks so: a sudden change that no second picture has confirmed yet.

@@ -20,9 +20,9 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE_LINES, FUNCTION_LINES = 300, 40
 MOST = {
     "file": 1,
-    "function": 4,
+    "function": 3,
     "args": 0,
-}  # over the limits on 25 November 2026; public functions without Args: none
+}  # over the limits on 26 November 2026; public functions without Args: none
 PACKAGES = ("cad", "endcap", "fab", "sensing", "bench", "scripts", "tests")
 PUBLIC = ("cad", "endcap", "fab", "sensing")
 

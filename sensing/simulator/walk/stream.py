@@ -49,8 +49,8 @@ class SensorSet:
         gyro_walk, acceleration_walk: their random walks, rad/s and m/s2 a root s (E).
         length_m: standard deviation of a cable's length.
         wrench_noise: factor on the errors of ``wrench_noise.csv``. beyond_noise: further factor on those beyond the
-            range of training; their stated deviation grows by its square root only (from pictures: 5,
-            docs/robot_accuracy.md).
+            range of training; their stated deviation grows by its square root only (1 is more than pictures
+            show, docs/robot_accuracy.md).
         force_scale: of every force and torque, as a wrong silicone makes it.
         inertial_delay_s, length_delay_s, wrench_delay_s: from capture to arrival. jitter_s: of the wrenches'.
         gyroscopes: how many sensors report, those with an accelerometer first.

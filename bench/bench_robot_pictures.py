@@ -46,7 +46,7 @@ FOLDER = HERE.parent / "exports" / "bench" / "robot_pictures"
 RANGE_N, RANGE_DEG, LEAST_N = 75.0, 78.0, 1.0  # of the weights' training; load from which a reading is one of a contact
 INSIDE_95 = 1.96
 SHOWN_S, VIEW_PX = 18.5, (320, 240)  # moment of the run, and size of a view on the sheet
-SEEDS = (101, 201)  # the first one was looked at, and a defect corrected, before the second was made
+SEEDS = (301, 201)  # on neither was anything chosen; the first was made when all choices stood
 ROBOTS = {"12kg": 1.0, "6kg": 0.5}  # mass and cables' stiffness as parts of those of the robot that ships
 
 
@@ -217,7 +217,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="The robot's estimate from rendered frames through the live pipeline.")
     parser.add_argument("what", choices=("run", "picture"))
     parser.add_argument("--robots", nargs="+", choices=tuple(ROBOTS), default=["6kg"], help="(default: 6kg)")
-    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="of the runs (default: 101 201)")
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="of the runs (default: 301 201)")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
     parser.add_argument("--hz", type=float, default=10.0, help="frames a second of an endcap (default: %(default)g)")
     parser.add_argument("--workers", type=int, default=1, help="processes that solve contacts (default: %(default)s)")

@@ -102,11 +102,11 @@ coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and thei
 	@$(BIN)/python -m fab.coupons $(ASKED)
 
 # Three processes on two cores: a third of the time tests wait for cameras, browsers and processes.
-test: $(VENV)/all.stamp ## the tests, but for those marked long: under ten minutes on two quiet cores
+test: $(VENV)/all.stamp ## the tests, but for those marked long: 15 minutes on two slow cores, half of that on quick ones
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m 'not long'
 
-test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: five minutes
+test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: as long again
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m long
 

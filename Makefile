@@ -106,7 +106,7 @@ test: $(VENV)/all.stamp ## the tests, but for those marked long: 15 minutes on t
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m 'not long'
 
-test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: as long again
+test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: ten minutes on two slow cores
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m long
 

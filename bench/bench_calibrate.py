@@ -121,7 +121,7 @@ def main() -> int:
     """Run on the photos of the command line, else on those beside the repository; returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("photos", nargs="*", metavar="PHOTO", help="of undeformed sensors, D = 130, T = 8")
-    here = [str(path) for path in sorted(PHOTOS.glob("*")) if path.suffix in (".jpg", ".png")]
+    here = [str(path) for path in sorted(PHOTOS.glob("*")) if path.suffix in (".jpg", ".jpeg", ".png")]
     photos = parser.parse_args().photos or here
     if not photos:
         print("no photos of an undeformed sensor: nothing measured; name some on the command line")

@@ -217,7 +217,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="The robot's estimate from rendered frames through the live pipeline.")
     parser.add_argument("what", choices=("run", "picture"))
     parser.add_argument("--robots", nargs="+", choices=tuple(ROBOTS), default=["6kg"], help="(default: 6kg)")
-    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="of the runs (default: 301 201)")
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS), help="of the runs (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)g)")
     parser.add_argument("--hz", type=float, default=10.0, help="frames a second of an endcap (default: %(default)g)")
     parser.add_argument("--workers", type=int, default=1, help="processes that solve contacts (default: %(default)s)")

@@ -50,9 +50,9 @@ def old_words(text: str) -> list[tuple[int, str, str]]:
     """Line number, old word, replacement."""
     found = []
     for number, line in enumerate(text.splitlines(), 1):
-        if not ROUGH.search(line):
-            continue
         plain = LEGITIMATE.sub("", line)
+        if not ROUGH.search(plain):
+            continue
         for pattern, instead in PATTERNS.items():
             found += [(number, match.group(), instead) for match in pattern.finditer(plain)]
     return found

@@ -25,7 +25,7 @@ import matplotlib.pyplot as plt
 
 from cad.errors import EndcapError
 from cad.params import EndcapParams
-from sensing.calibration.dots import find_dots, pattern_points
+from sensing.calibration.dots import find_dots
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.picture import read_image
 from sensing.camera.nominal import nominal_mount
@@ -86,7 +86,7 @@ def places(image: np.ndarray) -> np.ndarray:
     """(2, n): distance of every matched dot to the picture's centre, and to where the calibration puts it, px."""
     size = image.shape[1], image.shape[0]
     found = calibrate_from_dots(find_dots(image), PARAMS, size)
-    pixels = found.mounted.project(pattern_points(PARAMS)[0][found.pattern_index]) - found.residual_px
+    pixels = found.matched_px
     away = np.linalg.norm(pixels - np.array(size) / 2, axis=1)
     return np.array([away, np.linalg.norm(found.residual_px, axis=1)])
 

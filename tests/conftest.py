@@ -16,12 +16,14 @@ from run_cache import FOLDER, shared
 LONGEST_FIRST = (  # 115 to 15 s of processor time: must not be the last thing that one process does alone
     "test_kernels.py",  # what it compiles, the others load
     "fab/test_molds.py",
+    "docs/test_tutorials.py",  # compiles most kernels, while the others make parts
     "fab/test_steps.py",  # makes the released mold that others read
+    "sensing/robot/test_anew.py",  # compiles the robot's kernels
     "cad/test_base.py",
     "cad/test_mold.py",
+    "fab/meshing/test_gyroid.py",
     "fab/checks/test_extraction.py",
-    "docs/test_tutorials.py",
-    "cad/test_base_released.py",
+    "fab/checks/test_gates.py",
 )
 
 

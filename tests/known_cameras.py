@@ -1,6 +1,6 @@
 """Cameras of drawn pictures, looked for once by all processes of a test run.
 
-The drawn dome is flat, so that other diameters are tried for every reference of it: eight seconds a picture.
+The drawn dome is flat, so that other diameters are tried for every reference of it: over a second a picture.
 """
 
 from __future__ import annotations

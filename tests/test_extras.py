@@ -94,9 +94,15 @@ def test_every_library_that_is_imported_has_its_extras():
     assert used - NOT_OURS - set(extras.EXTRAS_OF_MODULE) == set()
 
 
+@pytest.fixture(scope="module")
+def distributions():
+    """Names of the installed distributions by the modules that they bring; a second of reading."""
+    return packages_distributions()
+
+
 @pytest.mark.parametrize("module", sorted(extras.EXTRAS_OF_MODULE))
-def test_the_extras_of_a_module_bring_its_distribution(module):
-    known = {name.lower().replace("_", "-") for name in packages_distributions().get(module, ())}
+def test_the_extras_of_a_module_bring_its_distribution(module, distributions):
+    known = {name.lower().replace("_", "-") for name in distributions.get(module, ())}
     if not known:
         pytest.skip(f"{module} is not installed here")
     brings = {extra for extra in PROJECT["optional-dependencies"] if requirements(extra) & known}

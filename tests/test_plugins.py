@@ -100,6 +100,7 @@ def test_a_field_method_is_used_by_its_name(installed, picture, capsys):
     assert "nothing" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_an_indenter_gives_what_the_same_body_here_gives(installed, capsys):
     said = []
     for body in ("ball", "sphere"):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from long_cases import others_long
 
 pytest.importorskip("mujoco")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "bench"))
@@ -23,7 +24,7 @@ from sensing.tensegrity.robot_file import load_robot
 ROBOT, SEED = load_robot(), 201
 
 
-@pytest.mark.parametrize("terrain", [pytest.param(Terrain.STAIRS, marks=pytest.mark.long), Terrain.SLOPE])
+@pytest.mark.parametrize("terrain", others_long([Terrain.SLOPE, Terrain.STAIRS]))
 def test_a_robot_with_slow_inertial_sensors_is_followed_where_the_ground_is_not_level(terrain):
     walk = simulate_walk(ROBOT, terrain, held_out_gait(SEED), SEED, 8.0)
     assert walk.path_m() > 0.4  # else it would look at a robot that stands

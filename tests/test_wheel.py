@@ -74,6 +74,7 @@ def test_the_modules_are_those_of_the_wheel_and_their_data_is_read(installed, tm
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_commands_run_from_an_empty_folder(installed, tmp_path):
     result = run(installed, tmp_path, "-m", "endcap", "--help")
     assert result.returncode == 0 and "endcap COMMAND" in result.stdout, result.stderr

@@ -23,6 +23,7 @@ PAINT_MM = 0.2  # scatter of the ink's centre on the dome (M: with the finder's 
 FINDER_PX = 0.45  # of a found centre at 480 rows (M: rendered frames, 0.3 at the tip to 0.6 at the rim)
 OUTLIER = 1.5  # residuals beyond so many deviations (smears, clipped dots) count linearly instead of squared
 MOST_STEPS = 50
+LEAST_GAIN, NEAR_ENOUGH = 1e-10, 1e-3  # of the cost, by a last step: of a result, of a camera that only sorts dots
 LEAST_SCATTER = 0.05  # dots of a drawing scatter less than painted ones, but rounding is no evidence
 
 
@@ -67,13 +68,17 @@ class Problem:
         return cls(start, prior.mean(start, hold_lens), prior.deviations(start, hold_lens))
 
     def refine(self, mounted: MountedCamera, points: Array, pixels: Array) -> MountedCamera:
-        """Refined camera (the callback of the assignment).
+        """Refined camera (the callback of the assignment): near enough to know each dot from its neighbours.
 
         Args:
             mounted: where the fit starts. points: (n, 3) dots of the pattern, endcap frame, mm. pixels: (n, 2) of the
                 same dots.
         """
-        return self.solve(mounted, points, pixels).mounted
+        start = self._start(mounted)
+        if not (self.sigma > 0).any():
+            return self.start
+        vector, *_ = self._solve(start, points, pixels, self.whitening(mounted, points), NEAR_ENOUGH)
+        return camera_at(vector, self.start)
 
     def solve(self, near: MountedCamera, points: Array, pixels: Array, scatter: float | None = None) -> Fit:
         """Maximum of the posterior.
@@ -82,7 +87,7 @@ class Problem:
             near: where to start. points: (n, 3) endcap frame. pixels: (n, 2) where they are seen.
             scatter: of the dots against the assumed one; None to estimate it.
         """
-        start = np.where(self.sigma > 0, camera_vector(near), self.mean)
+        start = self._start(near)
         whiten = self.whitening(near, points)
         factor, fit = scatter or 1.0, None
         if not (self.sigma > 0).any():
@@ -99,7 +104,12 @@ class Problem:
         vector, covariance, evidence = fit
         return Fit(camera_at(vector, self.start), vector, covariance, self.sigma, factor, evidence)
 
-    def _solve(self, start: Array, points: Array, pixels: Array, whiten: Array) -> tuple[Array, Array, float]:
+    def _start(self, near: MountedCamera) -> Array:
+        return np.where(self.sigma > 0, camera_vector(near), self.mean)
+
+    def _solve(
+        self, start: Array, points: Array, pixels: Array, whiten: Array, least_gain: float = LEAST_GAIN
+    ) -> tuple[Array, Array, float]:
         """(vector, covariance, log evidence) with known scatter."""
         free = self.sigma > 0
         known = np.isfinite(self.sigma) & free
@@ -113,7 +123,7 @@ class Problem:
             return np.concatenate([error.reshape(*values.shape[:-1], -1), far], axis=-1)
 
         squared = np.arange(2 * len(points) + np.count_nonzero(known)) >= 2 * len(points)  # the prior: no outliers
-        values, cost, information = minimise(residual, start[free], STEP[free], squared)
+        values, cost, information = minimise(residual, start[free], STEP[free], squared, least_gain)
         vector, covariance = start.copy(), np.zeros((len(start), len(start)))
         vector[free] = values
         covariance[np.ix_(free, free)] = np.linalg.inv(information)
@@ -168,13 +178,18 @@ class Problem:
 
 
 def minimise(
-    residual: Callable[[Array], Array], start: Array, scale: Array, squared: NDArray[np.bool_]
+    residual: Callable[[Array], Array],
+    start: Array,
+    scale: Array,
+    squared: NDArray[np.bool_],
+    least_gain: float = LEAST_GAIN,
 ) -> tuple[Array, float, Array]:
     """Least squares that count outliers linearly (Levenberg and Marquardt's steps, reweighted).
 
     Args:
         residual: (..., n) numbers to (..., m) residuals in deviations. start: (n,). scale: (n,) typical sizes.
         squared: (m,) residuals that count squared however large.
+        least_gain: ends the steps: a step lowers the cost by less than this share.
 
     Returns:
         (numbers, cost, information (n, n)): the information is that of plain least squares at the minimum.
@@ -195,7 +210,7 @@ def minimise(
         else:
             break
         gained, at, error, cost, damping = cost - lower, at + step, new, lower, max(damping / 10, 1e-9)
-        if gained <= 1e-10 * (1 + cost):
+        if gained <= least_gain * (1 + cost):
             break
     J = numeric_jacobian(residual, at, scale)
     return at, cost, J.T @ J

@@ -37,7 +37,7 @@ class Calibration:
         mounted: camera, pose and their covariance.
         residual_px: (n, 2) predicted minus found, for the matched dots.
         pattern_index: (n,) which dot of ``cad.dots.dot_pattern`` each residual belongs to.
-        found_px: (m, 2) all blobs.
+        matched_px: (n, 2) where these were found. found_px: (m, 2) all blobs.
         values: parameter name -> (value, posterior deviation, prior deviation; ``inf`` where free, 0 where held).
         scatter: of the dots, over that of hand-painted ones.
         probabilities: of the hypotheses by name, most probable first; empty where a prior or a lens was given.
@@ -47,6 +47,7 @@ class Calibration:
     mounted: MountedCamera
     residual_px: Array
     pattern_index: NDArray[np.intp]
+    matched_px: Array
     found_px: Array
     values: dict[str, tuple[float, float, float]]
     scatter: float
@@ -88,7 +89,7 @@ def calibrate_from_dots(
     prior: MountPrior | None = None,
     lens: FisheyeCamera | None = None,
     azimuth_hint_deg: float = 0.0,
-    try_in_place: bool = False,
+    near: MountedCamera | None = None,
 ) -> Calibration:
     """Camera and pose from the dots of one undeformed image.
 
@@ -100,8 +101,8 @@ def calibrate_from_dots(
         lens: intrinsics to hold fixed, for example from a board; only the pose is then fitted.
         azimuth_hint_deg: expected turn of the camera about its axis, because patterns repeat: the released one after
             180 degrees.
-        try_in_place: first without a search: four times as quick where the nominal camera sees nearly all dots on
-            their places; a dot between two places may find another partner then.
+        near: a camera that may see the dots about on their places: no search where it sees nearly all of them there,
+            a third less work; a dot between two places may find another partner then.
 
     Raises:
         CalibrationError: pattern not recognised or too few dots.
@@ -110,7 +111,7 @@ def calibrate_from_dots(
     if lens is not None:
         start = MountedCamera(lens, start.T_camera_endcap)
     wide = Problem.of(start, prior or OTHER_LENS, lens is not None)
-    placed = assign_in_place(found_px, params, start, wide.refine) if try_in_place else None
+    placed = None if near is None else assign_in_place(found_px, params, near, wide.refine)
     pairs, mounted = placed or assign_dots(found_px, params, start, wide.refine, azimuth_hint_deg)
     pattern = pattern_points(params)[0]
     if len(pairs.blob_index) < (fewest := fewest_dots(start, pattern)):
@@ -127,9 +128,8 @@ def calibrate_from_dots(
     rows = zip(NAMES, fit.vector, deviation, fit.prior_deviation, strict=True)
     values = {name: (float(v), float(s), float(p)) for name, v, s, p in rows}
     residual = camera.project(points) - pixels
-    return Calibration(
-        camera, residual, pairs.pattern_index, found_px, values, fit.scatter, probabilities, fit.log_evidence
-    )
+    evidence = probabilities, fit.log_evidence
+    return Calibration(camera, residual, pairs.pattern_index, pixels, found_px, values, fit.scatter, *evidence)
 
 
 def most_probable(widest: Fit, start: MountedCamera, points: Array, pixels: Array) -> tuple[Fit, dict[str, float]]:

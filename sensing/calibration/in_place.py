@@ -1,7 +1,6 @@
 """Which dot of the pattern is which blob where the assumed camera sees nearly all of them on their places: no search.
 
-A fifth of the time of :func:`sensing.calibration.assign.assign_dots`; a blob between two places may find another
-partner.
+Less work than :func:`sensing.calibration.assign.assign_dots`; a blob between two places may find another partner.
 """
 
 from __future__ import annotations

@@ -18,8 +18,12 @@ from sensing.calibration.dots import CalibrationError, pattern_points
 from sensing.calibration.fit import Problem
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
+from sensing.calibration.turns import turned
 from sensing.camera.dot_look import disc_radius_px
 from sensing.camera.model import Array
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
+from sensing.camera.parameters import camera_vector
 
 STEP_MM, SPAN = 10.0, 1.3  # other diameters are looked at in such steps, up to this factor smaller and larger
 INK_SCALE, INK_SIGMA = 1.12, 0.08  # ink radius over dent radius: M on the photos; E from painter to painter
@@ -74,12 +78,12 @@ def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams)
     Args:
         calibration: of the photo. radius_px: (m,) of all found dots. params: the design.
     """
-    found, matched_px = calibration.found_px, _matched_pixels(calibration, params)
-    distance = np.linalg.norm(found[:, None] - matched_px[None], axis=-1)
+    found, matched = calibration.found_px, calibration.matched_px
+    distance = np.linalg.norm(found[:, None] - matched[None], axis=-1)
     radius = radius_px[distance.argmin(axis=0)]
     points = pattern_points(params)[0][calibration.pattern_index]
     scale = float(np.median(radius / disc_radius_px(calibration.mounted, points, params)))
-    strays = len(found) - len(matched_px)
+    strays = len(found) - len(matched)
     size = -0.5 * ((scale - INK_SCALE) / INK_SIGMA) ** 2
     whiten = Problem.of(calibration.mounted, OTHER_LENS).whitening(calibration.mounted, points) / calibration.scatter
     scatter = float(np.log(np.linalg.det(whiten)).sum())  # a millimetre of paint is fewer pixels on a larger dome
@@ -100,7 +104,8 @@ def rivals(
     for diameter in _diameters(given.params.diameter_mm):
         try:
             params = replace(given.params, diameter_mm=float(diameter))
-            other = calibrate_from_dots(given.calibration.found_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg)
+            near, dots_px = _transferred(given.calibration, params, size_px), given.calibration.found_px
+            other = calibrate_from_dots(dots_px, params, size_px, azimuth_hint_deg=azimuth_hint_deg, near=near)
         except (ParameterError, CalibrationError):
             continue
         found.append(design_fit(other, radius_px, params))
@@ -130,10 +135,13 @@ def require_design(
     return ""
 
 
-def _matched_pixels(calibration: Calibration, params: EndcapParams) -> Array:
-    """(n, 2) the found dots that a calibration matched, in the order of its residuals."""
-    points = pattern_points(params)[0][calibration.pattern_index]
-    return calibration.mounted.project(points) - calibration.residual_px
+def _transferred(calibration: Calibration, params: EndcapParams, size_px: tuple[int, int]) -> MountedCamera:
+    """The camera that sees the same dots of the same pattern on another diameter where a calibration matched them."""
+    start, points = nominal_mount(params, *size_px), pattern_points(params)[0]
+    turn_rad = camera_vector(calibration.mounted)[7] - camera_vector(start)[7]
+    both = calibration.pattern_index < len(points)  # outer rings end where the wall does
+    points, pixels = points[calibration.pattern_index[both]], calibration.matched_px[both]
+    return Problem.of(start, OTHER_LENS).refine(turned(start, turn_rad), points, pixels)
 
 
 def _diameters(given_mm: float) -> Array:

@@ -75,6 +75,6 @@ def left_by_calibration(design: EndcapParams) -> NDArray[np.float64]:
     place = camera.project(pattern_points(design)[0])
     place = place[((place > 0) & (place < np.array(FRAME_PX) - 1)).all(axis=1)]
     beside = PAINT_PX * np.random.default_rng(0).standard_normal(place.shape)
-    found = calibrate_from_dots(place + beside, design, FRAME_PX, try_in_place=True).mounted.covariance
+    found = calibrate_from_dots(place + beside, design, FRAME_PX, near=camera).mounted.covariance
     assert found is not None
     return found

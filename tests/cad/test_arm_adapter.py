@@ -6,6 +6,7 @@ import math
 
 import pytest
 from build123d import Solid
+from long_cases import others_long
 
 from cad.arm_adapter import THICKNESS_MM, adapter_part, arm_places_mm
 from cad.base import base_part
@@ -13,7 +14,7 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from cad.robot_sides import HUB_RADIUS_MM, robot_side, robot_sides
 
-SIZES = [(98.86, 6.5), (130.0, 8.0), (250.0, 25.0)]
+SIZES = others_long([(98.86, 6.5), (130.0, 8.0), (250.0, 25.0)])
 
 
 @pytest.mark.parametrize("size", SIZES)

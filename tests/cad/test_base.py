@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from build123d import Face, GeomType, Pos, Rectangle, Solid
+from long_cases import others_long
 from OCP.BRep import BRep_Builder
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
@@ -19,12 +20,7 @@ from cad.led_ring import led_ring_part
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
 
-DESIGNS = [
-    (98.86, 6.5),
-    (130.0, 8.0),
-    (250.0, 25.0),
-    *(pytest.param(size, marks=pytest.mark.long) for size in ((100.0, 6.5), (121.0, 8.0), (180.0, 10.0))),
-]
+DESIGNS = others_long([(98.86, 6.5), (130.0, 8.0), (250.0, 25.0), (100.0, 6.5), (121.0, 8.0), (180.0, 10.0)])
 FACT_MM = 0.05  # agreement with the released base
 
 

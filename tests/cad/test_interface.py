@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from long_cases import others_long
 from scipy.integrate import quad
 
 from cad import interface
@@ -13,7 +14,9 @@ from cad.bought import bought_mm
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 
-SIZES = [(130, 8), (180, 10), (98.86, 6.5), (99, 8.1), (130, 6.5), (130, 13), (250, 6.5), (250, 25)]
+SIZES = others_long(
+    [(98.86, 6.5), (130, 8), (250, 25), (99, 8.1), (180, 10), (130, 6.5), (130, 13), (250, 6.5)], 3, unpack=True
+)
 
 
 def slab_mm3(radius: float, low: float, high: float) -> float:

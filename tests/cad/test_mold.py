@@ -7,6 +7,7 @@ import math
 
 import pytest
 from build123d import Plane, Pos, Rot, Solid
+from long_cases import others_long
 
 from cad import mold_core
 from cad.dots import dot_pattern
@@ -19,12 +20,10 @@ from cad.params import EndcapParams
 from cad.shell import shell_part
 from cad.solids import drill, one_solid, revolved
 
-CORNERS = [(98.86, 6.5), (99.0, 8.1), (130.0, 8.0), (130.0, 13.0), (250.0, 6.5), (250.0, 25.0)]
-CUT = [  # corners whose pieces are made; a bowl that needs a steeper skirt
-    (98.86, 6.5),
-    pytest.param((250.0, 25.0), marks=pytest.mark.long),
-    pytest.param((155.0, 8.0), marks=pytest.mark.long),
-]
+CORNERS = others_long([(98.86, 6.5), (130.0, 8.0), (250.0, 25.0), (99.0, 8.1), (130.0, 13.0), (250.0, 6.5)], 3)
+CUT = others_long(
+    [(98.86, 6.5), (250.0, 25.0), (155.0, 8.0)], 0
+)  # pieces are made; the last: a bowl with a steep skirt
 KERNEL_RATIO = 1e-6  # OCCT's own integrals
 
 

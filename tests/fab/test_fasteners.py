@@ -41,6 +41,7 @@ def test_nuts_pass_the_mouths_of_their_pockets_and_nothing_else():
     assert (nuts.translate([0.0, 0.0, 0.2]) ^ flange).volume() > 20.0
 
 
+@pytest.mark.long
 def test_inserts_pass_the_holes_of_the_lugs_and_nothing_else():
     base, inserts = to_manifold(tessellate(base_part(PARAMS).solid)), inserts_on_their_way(PARAMS)
     assert (inserts ^ base).volume() < OVERLAP_MM3

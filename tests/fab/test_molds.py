@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from pathlib import Path
 
 import pytest
 from started_molds import SMALL, left_in, start
@@ -17,28 +18,35 @@ from fab.command import VARIANT_DEFAULTS, parse_variant
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    """The whole command three times: folders and what was printed. The last takes what the first put in the cache."""
-    made = []
-    for k, use in enumerate(("yes", "no", "yes")):
-        exports = tmp_path_factory.mktemp(f"exports{k}")
-        process = start(*SMALL, f"exports={exports}", f"cache={use}", cache=tmp_path_factory.getbasetemp() / "cache")
+def run(tmp_path_factory):
+    """The whole command: folder and what was printed."""
+    cache = tmp_path_factory.mktemp("cache")
+
+    def made(use: str) -> tuple[Path, str, str]:
+        exports = tmp_path_factory.mktemp("exports")
+        process = start(*SMALL, f"exports={exports}", f"cache={use}", cache=cache)
         out, err = process.communicate()
         assert process.returncode == 0, err
-        made.append((exports / "D100_T8", out, err))
+        return exports / "D100_T8", out, err
+
     return made
 
 
 @pytest.fixture(scope="module")
-def written(runs):
-    return runs[0][0], json.loads((runs[0][0] / "manifest.json").read_text())
+def first(run):
+    return run("yes")
 
 
-def test_in_a_pipe_the_command_prints_a_plain_line_a_step_and_one_line_of_result(runs):
-    for folder, out, err in runs[:2]:
-        assert len(out.splitlines()) == 1 and str(folder) in out and "checks passed" in out
-        assert len(err.splitlines()) > 5 and "\r" not in err and "\033" not in err
-        assert all(re.fullmatch(r" *\d+\.\d s \S.*", line) for line in err.splitlines()), err
+@pytest.fixture(scope="module")
+def written(first):
+    return first[0], json.loads((first[0] / "manifest.json").read_text())
+
+
+def test_in_a_pipe_the_command_prints_a_plain_line_a_step_and_one_line_of_result(first):
+    folder, out, err = first
+    assert len(out.splitlines()) == 1 and str(folder) in out and "checks passed" in out
+    assert len(err.splitlines()) > 5 and "\r" not in err and "\033" not in err
+    assert all(re.fullmatch(r" *\d+\.\d s \S.*", line) for line in err.splitlines()), err
 
 
 def test_manifest_has_parameters_and_digest(written):
@@ -95,19 +103,20 @@ def test_manifest_has_every_check_with_its_number(written):
     assert [name for name in wanted if name not in checks] == []
 
 
-def test_a_second_run_reproduces_every_mesh_and_the_manifest(runs):
-    first, second = runs[0][0], runs[1][0]
-    names = [*sorted(path.name for path in first.glob("*.stl")), "manifest.json"]
-    assert len(names) > 15
-    assert [n for n in names if (first / n).read_bytes() != (second / n).read_bytes()] == []
+@pytest.mark.long
+def test_a_second_run_reproduces_every_mesh_and_the_manifest(run, first):
+    folder, out, _ = run("no")
+    names = [*sorted(path.name for path in first[0].glob("*.stl")), "manifest.json"]
+    assert len(names) > 15 and "from the cache" not in out
+    assert [n for n in names if (first[0] / n).read_bytes() != (folder / n).read_bytes()] == []
 
 
-def test_the_cache_gives_the_same_bytes_without_building_anything(runs):
-    first, third, out, err = runs[0][0], *runs[2]
-    names = sorted(path.name for path in first.iterdir())
-    assert names == sorted(path.name for path in third.iterdir())
-    assert [n for n in names if (first / n).read_bytes() != (third / n).read_bytes()] == []
-    assert "from the cache" in out and "from the cache" not in runs[0][1] + runs[1][1]
+def test_the_cache_gives_the_same_bytes_without_building_anything(run, first):
+    folder, out, err = run("yes")
+    names = sorted(path.name for path in first[0].iterdir())
+    assert names == sorted(path.name for path in folder.iterdir())
+    assert [n for n in names if (first[0] / n).read_bytes() != (folder / n).read_bytes()] == []
+    assert "from the cache" in out and "from the cache" not in first[1]
     assert [line.split(" s ")[1] for line in err.splitlines()] == ["cache"]
 
 

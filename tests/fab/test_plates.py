@@ -104,6 +104,7 @@ def test_outlines_in_closed_form_are_those_of_the_solids():
         assert np.ptp(points[:, 2]) == pytest.approx(np.ptp(closed[:, 2]), abs=0.01), name
 
 
+@pytest.mark.long
 def test_a_size_too_large_for_a_printer_is_refused_with_the_largest_that_fits(capsys):
     layout = MoldLayout(EndcapParams(180.0, 10.0))
     said = r"a1_mini: base, arm_adapter, hanger, interface of D=180 .* largest D of .* is \d+.*; D=180 needs printer="

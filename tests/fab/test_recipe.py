@@ -10,6 +10,7 @@ import re
 
 import pytest
 import trimesh
+from long_cases import others_long
 
 from cad.errors import FileError, GeometryError, ParameterError
 from cad.fasteners import ScrewJoint
@@ -149,7 +150,9 @@ def fits():
     return {j.name: (j, meshes) for j in joints}
 
 
-@pytest.mark.parametrize(("name", "length"), [("base_to_interface", 8.0), ("hanger_to_interface", 12.0)])
+@pytest.mark.parametrize(
+    ("name", "length"), others_long([("base_to_interface", 8.0), ("hanger_to_interface", 12.0)], unpack=True)
+)
 def test_the_real_screws_hold_all_of_their_nuts(fits, name, length):
     group, meshes = fits[name]
     fit = fitted(group, meshes)

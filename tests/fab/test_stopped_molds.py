@@ -13,6 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from long_cases import others_long
 from started_molds import SMALL, left_in, start
 
 from fab import molds
@@ -114,7 +115,7 @@ def test_interruption_leaves_nothing(stub, tmp_path, capsys):
 
 
 # While the CAD kernel is loaded, and while parts are made.
-@pytest.mark.parametrize("wait_s", [pytest.param(2.0, marks=pytest.mark.long), 8.0])
+@pytest.mark.parametrize("wait_s", others_long([2.0, 8.0]))
 def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, wait_s):
     process = start(*SMALL, f"exports={tmp_path}")
     time.sleep(wait_s)
@@ -171,6 +172,7 @@ def test_sigterm_ends_the_workers_and_leaves_nothing(tmp_path):
     assert left_in(tmp_path) == []
 
 
+@pytest.mark.long
 def test_a_killed_run_leaves_no_worker_and_the_next_start_sweeps_its_folder(tmp_path):
     process, workers = started_with_workers(tmp_path)
     process.kill()

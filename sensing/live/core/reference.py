@@ -23,6 +23,7 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import MISPLACED_PX
+from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
@@ -177,7 +178,7 @@ def misplaced_px(zero: Zero, params: EndcapParams) -> float:
     size = gray.shape[1], gray.shape[0]
     dots = find_dots(gray, params=params)
     try:
-        fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, try_in_place=True)
+        fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, near=nominal_mount(params, *size))
     except CalibrationError:
         return 0.0
     return fitted.most_px * 480.0 / min(size)

@@ -34,6 +34,7 @@ def test_a_filler_stands_in_every_bump_so_deep_under_its_surface(dot_mm):
     assert radius.max() == pytest.approx(params.inner_radius_mm + params.dent_depth_mm - INSIDE_MM, abs=1e-4)
 
 
+@pytest.mark.long
 def test_the_swept_silicone_has_no_fin_in_a_bump_that_a_joint_cuts(released_mold):
     layout, _, meshes = released_mold
     ways = {name: core_path(layout, name, meshes[name]) for name in REMOVAL_ORDER}

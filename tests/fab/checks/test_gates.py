@@ -237,6 +237,7 @@ def test_a_mold_that_is_missing_a_segment_has_no_wall(released_mold):
     assert wall_check(layout, {k: m for k, m in meshes.items() if k != "cup_bowl_2"}).value == math.inf
 
 
+@pytest.mark.long
 def test_the_cavity_balances_and_a_core_that_is_not_pressed_home_does_not(released_mold):
     layout, _, meshes = released_mold
     outside = box(1, 1, 1, at=(0, 0, -50))  # no TPU

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from long_cases import others_long
 
 from cad.mold_core import core_profile, ramp_end
 from cad.mold_layout import MoldLayout
@@ -16,7 +17,7 @@ from fab.checks.molding_faces import molding_faces
 from fab.meshing.mesh import tessellate
 
 
-@pytest.mark.parametrize("size", [(99.3, 9.92), (130.0, 8.0), (250.0, 25.0)])
+@pytest.mark.parametrize("size", others_long([(99.3, 9.92), (130.0, 8.0), (250.0, 25.0)]))
 def test_the_molding_faces_are_sphere_and_ramp(size):
     layout = MoldLayout(EndcapParams(*size))
     params = layout.params

@@ -104,6 +104,7 @@ def test_camera_numbers_go_back_and_forth() -> None:
 
 
 # --- the test of the assumed camera -------------------------------------------------------------------------------
+@pytest.mark.long
 def test_false_alarms_come_at_the_stated_rate() -> None:
     """Cameras drawn within tolerance: p-values are uniform (few are small), so FALSE_ALARM is what it says."""
     rng, root = np.random.default_rng(7), np.linalg.cholesky(_tolerance(NOMINAL))

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from live_stand_in import pipeline
+from long_cases import others_long
 
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
@@ -54,7 +55,7 @@ def test_a_good_picture_has_no_complaint_at_any_size(nominal):
         assert {each.name: each.verdict for each in found} == ALL_GOOD and not any(each.fix for each in found)
 
 
-OTHERS = [(100.0, 8.0, 4.0), (250.0, 10.0, 4.0), (130.0, 8.0, 6.0), (250.0, 8.0, 2.9)]
+OTHERS = others_long([(100.0, 8.0, 4.0), (250.0, 8.0, 2.9), (250.0, 10.0, 4.0), (130.0, 8.0, 6.0)], unpack=True)
 
 
 @pytest.mark.parametrize(("diameter_mm", "wall_mm", "dot_mm"), OTHERS)

@@ -109,6 +109,7 @@ def test_quantile_of_equal_paths_is_that_of_their_rows() -> None:
     assert np.array_equal(path_quantile(values, path, 1.0), values.max(axis=0))
 
 
+@pytest.mark.long
 def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     manifest = {"format": 2, "phases": [], "request": {"protocol": "wide", "seed": 1}}
     rng = np.random.default_rng(3)

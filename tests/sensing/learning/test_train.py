@@ -8,6 +8,7 @@ import known_cameras
 import numpy as np
 import pytest
 from live_stand_in import stand_in
+from long_cases import others_long
 from pictured_set import DOTS, write_set
 
 from cad.errors import ParameterError
@@ -70,7 +71,7 @@ def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
     assert len(read_samples(folder)) == 4
 
 
-@pytest.mark.parametrize("mounted", ["the found camera", "a recording's camera.json", "no file"])
+@pytest.mark.parametrize("mounted", others_long(["the found camera", "a recording's camera.json", "no file"]))
 def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
     """To the bit: simulated frames with the camera a user finds, recordings with theirs, or without one."""
     folder = write_set(tmp_path / "set", 2, 3)
@@ -102,7 +103,7 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
     out, by_cell = tmp_path / "table.csv", tmp_path / "cells.csv"
     arguments = [str(folders[1]), "--weights", str(weights), "--train", str(folders[0]), "--csv", str(out)]
     arguments += ["--cells-csv", str(by_cell)]
-    assert evaluate.main([*arguments, "--paper-epochs", "3"]) == 0
+    assert evaluate.main([*arguments, "--paper-epochs", "1"]) == 0
     said = capsys.readouterr().out
     for name in (
         "ours, test",
@@ -167,6 +168,7 @@ def test_turning_a_field_turns_place_and_direction():
     assert np.abs(reported - expected).max() < 0.02
 
 
+@pytest.mark.long
 def test_physics_inverse_finds_place_and_force_of_a_made_up_compliance(folders):
     """Fields from an axisymmetric law at two tilts; the inverse is tried at other azimuths."""
     from dataclasses import replace

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from long_cases import others_long
 
 from cad.identity import identity
 from cad.params import EndcapParams
@@ -123,7 +124,7 @@ def test_no_camera_is_taken_from_the_picture_of_another_diameter_or_of_a_pressed
     assert FLAG in wrong.estimate.flags and "is it pressed?" in pipeline.note
 
 
-@pytest.mark.parametrize("parallax", [False, True], ids=["parallax left in", "parallax taken out"])
+@pytest.mark.parametrize("parallax", others_long([False, True]), ids=["parallax left in", "parallax taken out"])
 def test_spread_is_the_change_of_the_wrench_with_the_camera(frames, parallax) -> None:
     """Against the whole path with each camera, in the directions that change the wrench most."""
     model, rest = load_wrench_model(PARAMS), frames["turned"][0]

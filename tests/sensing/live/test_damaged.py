@@ -77,6 +77,7 @@ def check(tmp_path: Path, data: bytes):
     return verify(path, read_config(path), lambda _: stand_in())
 
 
+@pytest.mark.long
 def test_a_flipped_bit_is_found_where_it_is(tmp_path, whole, capsys):
     place, length = chunks(whole)[2]
     data = bytearray(whole)

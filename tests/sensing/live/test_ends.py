@@ -158,6 +158,7 @@ def test_a_full_disk_while_recording_is_reported_and_gives_status_1(address, tmp
     assert f"; {check.frames} frames are kept" in said and check.frames > 0 and isinstance(check.end, CutError)
 
 
+@pytest.mark.long
 def test_json_to_a_full_disk_is_reported_and_gives_status_1(address):
     with open("/dev/full", "w") as full, program("--url", address, "--no-page", "--json", stdout=full) as process:
         assert process.wait(PATIENCE_S) == 1

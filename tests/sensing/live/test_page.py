@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from live_site import Site, press_button, talk
 from live_stand_in import PATIENCE_S, dots, wait_for
+from long_cases import others_long
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -232,7 +233,7 @@ LOOK = """JSON.stringify({
 })"""
 
 
-@pytest.mark.parametrize("size", [(1400, 1150), (390, 844)], ids=["desk", "phone"])
+@pytest.mark.parametrize("size", others_long([(390, 844), (1400, 1150)]), ids=["phone", "desk"])
 def test_the_page_draws_everything_in_a_browser(site, tab, size):
     with tab.sized(*size):
         tab.open(site.url)

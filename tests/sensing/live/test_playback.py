@@ -94,6 +94,7 @@ def test_sent_to_a_moment_it_starts_anew_a_second_before_and_shows_one_picture_w
     assert np.array_equal(whole, recorded_wrenches(recording, "endcap_1"))
 
 
+@pytest.mark.long
 def test_what_a_moment_gives_is_compared_with_the_recording(recording):
     models = lambda _: stand_in()  # noqa: E731
     check = verify(recording, read_config(recording), models, from_s=1.19)
@@ -121,6 +122,7 @@ def test_a_moment_is_found_by_the_heads_of_the_records_also_in_a_cut_file(record
         wait_for(lambda: len(seen.numbers()) > count and not engine.wait(0))
 
 
+@pytest.mark.long
 def test_all_feeds_end_when_the_run_does_whatever_they_wait_for(recording):
     for options in ({"paused": True}, {"at_end": AtEnd.STAY, "speed": 0}, {"speed": 0.01}):
         _, seen, engine = played(recording, **options)

@@ -153,6 +153,7 @@ def test_the_contact_set_of_six_endcaps_follows_the_scene(film):
     assert [truth for truth, _ in judged] == [reported for _, reported in judged]
 
 
+@pytest.mark.long
 def test_the_default_model_reports_contacts_and_weight_of_the_scene(film):
     try:
         model = load_model("default", EndcapParams(130, 8))

@@ -77,6 +77,7 @@ def test_endcaps_are_named_in_the_order_in_which_they_are_touched(tmp_path, monk
     assert "written" in said[-1]
 
 
+@pytest.mark.long
 def test_a_touch_that_nobody_sees_writes_nothing(tmp_path, monkeypatch, quick):
     monkeypatch.setattr(setup, "TOUCH_S", 0.3)
     monkeypatch.setattr(setup, "open_endcaps", Hand(2).endcaps)

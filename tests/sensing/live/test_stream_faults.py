@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+import pytest
 from live_program import program
 from live_stand_in import PATIENCE_S, film, wait_for
 
@@ -109,6 +110,7 @@ def test_a_stream_that_begins_to_drip_is_silent_and_comes_back():
     assert not any("reopened" in line for line in said)  # the stream was never broken
 
 
+@pytest.mark.long
 def test_reopened_counts_returns_not_attempts():
     pictures = itertools.cycle(film([0] * 30))
     refused = []

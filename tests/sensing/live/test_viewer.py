@@ -13,6 +13,8 @@ from page_axe import VIOLATIONS, axe
 from sensing.live.mcap_records import read_records
 from sensing.live.replay import read_config, verify
 
+pytestmark = pytest.mark.long
+
 
 def test_nothing_is_below_the_fold_of_a_notebook(stage):
     stage.free()

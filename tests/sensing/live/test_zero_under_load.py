@@ -63,6 +63,7 @@ def test_zero_under_load_is_refused_until_confirmed_and_can_be_undone(press):
     assert "no earlier" in pipe.request_undo()
 
 
+@pytest.mark.long
 def test_a_press_that_begins_after_the_button_is_found_in_the_new_reference(press):
     pipe, feed = zeroed(press)
     feed(press[0], 3)

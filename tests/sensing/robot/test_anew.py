@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from long_cases import others_long
 from standing_robot import feed, standing_samples
 
 from sensing.robot.estimator import RobotEstimator
@@ -54,11 +55,14 @@ def worst_turn_deg(estimate, poses) -> float:
 
 @pytest.mark.parametrize(
     ("spoil", "note"),
-    [
-        (silent_gyroscopes, "several gyroscopes were silent"),
-        (late_endcap, "begun without the force"),
-        (moving_start, "begun while the robot moved"),
-    ],
+    others_long(
+        [
+            (late_endcap, "begun without the force"),
+            (silent_gyroscopes, "several gyroscopes were silent"),
+            (moving_start, "begun while the robot moved"),
+        ],
+        unpack=True,
+    ),
 )
 def test_a_doubtful_shape_is_measured_again_once_the_robot_stands(spoil, note):
     poses, samples = standing_samples(ROBOT, LATER_S + 4.5, rate_hz=100.0)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from long_cases import others_long
 from page_axe import VIOLATIONS, axe
 from standing_robot import feed, standing_samples
 
@@ -51,7 +52,7 @@ def page():
     shown.close()
 
 
-@pytest.fixture(scope="module", params=SIZES)
+@pytest.fixture(scope="module", params=others_long(SIZES))
 def tab(request, page, tmp_path_factory):
     browser = Browser(tmp_path_factory.mktemp("chromium"), SIZES[request.param])
     try:

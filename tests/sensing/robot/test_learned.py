@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from long_cases import others_long
 from standing_robot import feed, standing_samples
 
 pytest.importorskip("mujoco")
@@ -20,6 +21,7 @@ from sensing.tensegrity.samples import InertialSample
 ROBOT = load_robot()
 
 
+@pytest.mark.long
 def test_creep_is_learned_from_contacts_that_pull_apart():
     """Beside the creep of the simulated contacts themselves, by least squares over those that are slow."""
     walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)
@@ -39,7 +41,7 @@ def test_creep_is_learned_from_contacts_that_pull_apart():
     assert true > 3 * spread and abs(state.creep[0] - true) < 3 * spread
 
 
-@pytest.mark.parametrize("compliance", [0.8, 1.25, pytest.param(1.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("compliance", others_long([1.25, 0.8, 1.0]))
 def test_the_domes_softness_is_learned_from_contacts_that_are_loaded_and_unloaded(compliance):
     """Domes of 4 N/mm in the simulation; the settings say something else."""
     walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)

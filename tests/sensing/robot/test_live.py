@@ -146,6 +146,7 @@ def test_what_came_while_the_process_was_held_up_is_all_there_and_in_order():
         assert np.diff(mine).max() < 0.015  # at 100 Hz none is missing
 
 
+@pytest.mark.long
 def test_a_second_process_takes_wrenches_without_covariance(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN + 30))
     participant, _owner = open_participant(DOMAIN + 30)
@@ -174,6 +175,7 @@ def test_a_plain_wrench_has_the_stated_covariance_and_gives_way_to_one_with_its_
     assert source._sample(ros.WRENCH, "endcap_5", plain).endcap == "endcap_5"
 
 
+@pytest.mark.long
 def test_cameras_of_this_computer_through_the_program(tmp_path, monkeypatch):
     """Two endcaps on drawn cameras, the other sensors from topics."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN + 60))

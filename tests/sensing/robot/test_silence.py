@@ -61,6 +61,7 @@ def test_after_a_silence_it_stands_a_while_and_begins_anew():
     assert np.sqrt(last.bars[0].covariance[3, 3]) < 0.02  # gravity says again which way is up
 
 
+@pytest.mark.long
 def test_slow_streams_are_inside_the_covariance_or_flagged():
     _, samples = standing_samples(ROBOT, 90.0, rate_hz=10.0, every=3)
     found = asked(samples, every_s=5.0)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from long_cases import others_long
 from standing_robot import feed, standing_samples
 
 pytest.importorskip("mujoco")
@@ -64,7 +65,7 @@ def first_estimate(samples, settings: Settings = Settings()):  # noqa: B008
     return None
 
 
-@pytest.mark.parametrize("phase_deg", [0, 60, 120, 180, 240, 300])
+@pytest.mark.parametrize("phase_deg", others_long([0, 240, 60, 120, 180, 300], 2))
 def test_a_robot_that_rocks_begins_as_it_is_at_the_end_of_the_start(phase_deg):
     true, samples = rocking_samples(1.0, ROCKS_RAD, math.radians(phase_deg))
     estimator = RobotEstimator(ROBOT)
@@ -75,7 +76,9 @@ def test_a_robot_that_rocks_begins_as_it_is_at_the_end_of_the_start(phase_deg):
     assert tilt @ np.linalg.solve(spread, tilt) < 9.21  # 99 %
 
 
-@pytest.mark.parametrize(("rocks_deg", "phase_deg"), [(2.2, 0), (2.2, 120), (2.4, 240), (2.4, 0)])
+@pytest.mark.parametrize(
+    ("rocks_deg", "phase_deg"), others_long([(2.2, 0), (2.4, 240), (2.2, 120), (2.4, 0)], 2, unpack=True)
+)
 def test_a_robot_that_goes_on_rocking_begins_as_sure_as_it_says(rocks_deg, phase_deg):
     rocks, phase = math.radians(rocks_deg), math.radians(phase_deg)
     estimate = first_estimate(rocking_samples(3.0, rocks, phase)[1])
@@ -112,7 +115,7 @@ def test_the_first_shape_is_as_sure_as_it_says():
     assert (mean > 0.05).all() and (mean < 2).all(), mean
 
 
-SILENT = [(3, 3), (6, 0), *(pytest.param(*case, marks=pytest.mark.long) for case in ((4, 4), (8, 2), (10, 4)))]
+SILENT = others_long([(6, 0), (3, 3), (4, 4), (8, 2), (10, 4)], unpack=True)
 
 
 @pytest.mark.parametrize(("seed", "silent"), SILENT)
@@ -126,7 +129,7 @@ def test_an_endcap_that_is_silent_leaves_the_first_shape_as_sure_as_it_says(seed
     assert squares.max() < 16.3 / 3  # 99.9 %
 
 
-@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize("seed", others_long([1, 5]))
 def test_after_a_drop_the_estimate_waits_until_the_robot_stands(seed):
     walk = simulate_walk(ROBOT, Terrain.DROP, seed=seed, duration_s=6.5)
     squares, time_s, notes = first_squares(walk, seed)

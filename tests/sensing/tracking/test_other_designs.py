@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from long_cases import others_long
 
 from cad.params import EndcapParams
 from sensing.calibration.dots import find_blobs, pattern_points
@@ -32,7 +33,7 @@ def renderer(params: EndcapParams) -> DomeRenderer:
     return DomeRenderer(params, nominal_mount(params), RenderSettings(seed=7).at_level("data"))
 
 
-@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("name", others_long(DESIGNS, 3))
 def test_both_finders_find_the_dots_of_the_design_and_nothing_else(name):
     params = DESIGNS[name]
     image = renderer(params).render().image_bgr
@@ -47,6 +48,7 @@ def test_both_finders_find_the_dots_of_the_design_and_nothing_else(name):
         assert (others.min(axis=0) > 6).sum() <= 1
 
 
+@pytest.mark.long
 def test_windows_grow_with_the_dots():
     """Half a bulge's motion lies under 0.02 px from the truth; windows of 25 px inside dots of 32 doubled that."""
     dome, mounted, points = renderer(SMALL), nominal_mount(SMALL), pattern_points(SMALL)[0]
@@ -77,6 +79,7 @@ def test_a_reference_is_taken_with_the_dots_of_the_design():
     assert quiet < 0.5 * plain  # windows that hold the dots' outlines
 
 
+@pytest.mark.long
 def test_the_field_command_looks_for_the_dots_of_the_design(tmp_path, capsys):
     params = EndcapParams(100.0, 8.0, (1, 5, 10, 12), dot_mm=8.0)
     photo = tmp_path / "a.png"

@@ -149,6 +149,7 @@ def test_a_picture_of_another_design_is_named(tmp_path, capsys):
     assert said.count("\n") == 1 and "does not fit --diameter 99 --wall 8 (" in said
 
 
+@pytest.mark.long
 def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):
     file = str(tmp_path / "endcap3.npz")
     save_zero(take_zero(still(), "endcap 3"), file)

@@ -33,6 +33,7 @@ def test_one_relaxation_time_gives_one_term_or_two_that_act_alike():
     assert np.abs(found.corrected_n - load)[found.used].max() < 0.05
 
 
+@pytest.mark.long
 def test_the_deviation_of_a_strength_is_that_of_repeated_tests():
     runs = [fit_dwell(*creep(noise_n=0.03, seed=seed)[:2]).terms for seed in range(12)]
     slow = [(terms[-1].strength, terms[-1].sd) for terms in runs]

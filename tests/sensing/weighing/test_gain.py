@@ -52,6 +52,7 @@ def test_the_deviation_is_that_of_repeated_weighings(common):
     assert (0.6 if common else 0.3) * np.mean(stated) < spread < 1.1 * np.mean(stated)
 
 
+@pytest.mark.long
 def test_consistent_weights_are_refused_as_often_as_stated():
     rng, refused = np.random.default_rng(8), 0
     for _ in range(3000):

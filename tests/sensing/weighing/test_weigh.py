@@ -104,6 +104,7 @@ def test_weights_of_another_silicone_are_refused_until_it_is_weighed(mine):
     assert configured_models(config)(config.endcaps[0]).method == "dots"
 
 
+@pytest.mark.long
 def test_two_weights_make_a_softer_endcap_right(soft, mine, capsys):
     poses = [f"--pose=tilt=0,grams={weight:g},source={soft[weight]}" for weight in (600.0, 1800.0)]
     before = load_config(mine).endcaps[0]

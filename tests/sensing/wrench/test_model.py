@@ -252,6 +252,7 @@ def test_an_answer_with_a_wide_interval_is_none(data):
     assert model.range.is_beyond(still, covariance, 65.0).nonzero()[0].tolist() == [8]
 
 
+@pytest.mark.long
 def test_covariance_is_scaled_on_the_pictures_of_paths_held_out():
     small, fresh = made_samples(paths=16, seed=3), made_samples(paths=16, seed=5, noise=0.05)
     noisy = replace(made_samples(paths=16, seed=3, noise=0.05), path=small.path)

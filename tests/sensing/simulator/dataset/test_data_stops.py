@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from long_cases import others_long
 from small_data import command, environment, group_lives, same, small_request
 
 from cad.errors import FileError, ParameterError
@@ -102,7 +103,7 @@ def test_ctrl_c_while_a_worker_writes_its_result_ends(tmp_path: Path) -> None:
     assert subprocess.run(command("cut", tmp_path / "begun"), env=environment(), timeout=60).returncode == 0
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.long)])
+@pytest.mark.parametrize("how", others_long([signal.SIGTERM, signal.SIGKILL]))
 def test_workers_go_with_a_command_that_is_ended(tmp_path: Path, how: signal.Signals) -> None:
     """It cannot end them itself then, and nobody stops them."""
     with running(tmp_path) as run:
@@ -143,6 +144,7 @@ def test_a_set_that_is_whole_stays_as_it_is(small_set: Path, tmp_path: Path, wor
     assert same(tmp_path, small_set)
 
 
+@pytest.mark.long
 def test_two_processes_give_the_same_shards(small_set: Path, tmp_path: Path) -> None:
     assert write_dataset(small_request(), tmp_path, workers=2) == 2
     assert same(tmp_path, small_set)
@@ -165,6 +167,7 @@ def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         write_dataset(small_request(), tmp_path, scheduler="tcp://127.0.0.1:9")
 
 
+@pytest.mark.long
 def test_a_set_grows_but_is_never_mixed(small_set: Path, tmp_path: Path) -> None:
     request = small_request()
     assert write_dataset(replace(request, frames=6), tmp_path) == 1

@@ -113,6 +113,7 @@ def test_interpolation_is_third_order() -> None:
     assert (orders > 2.6).all()
 
 
+@pytest.mark.long
 def test_tracing_in_cells_costs_little_and_the_lens_edge_is_whole() -> None:
     exact = DomeRenderer(PARAMS, nominal_mount(PARAMS), replace(PLAIN, mesh=96, cell=1))
     truth = exact.radiance(bulge(exact.surface_mm))
@@ -193,6 +194,7 @@ def test_exposure_brightens_and_motion_smears(renderer: DomeRenderer) -> None:
     assert np.allclose(frame.dots_px, renderer.render().dots_px, equal_nan=True, atol=1e-9)
 
 
+@pytest.mark.long
 def test_paint_options_show_and_are_reported() -> None:
     def ink(paint: Paint) -> tuple[float, int]:
         made = DomeRenderer(PARAMS, nominal_mount(PARAMS), replace(PLAIN, paint=paint))

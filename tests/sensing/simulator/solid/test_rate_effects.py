@@ -129,6 +129,7 @@ def test_prestress_is_the_stress_that_it_says(cube: Solid) -> None:
     assert both == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_pressed_shell_relaxes_as_the_series_says() -> None:
     """A small press of a nearly incompressible shell on a hard plane: the force follows G(t)."""
     model = shell_model(GEOMETRY, hyperelastic_law(0.34, 0.4999), "draft", half=True, penalty_ratio=1000.0)
@@ -142,6 +143,7 @@ def test_a_pressed_shell_relaxes_as_the_series_says() -> None:
             assert state.certificate is not None and state.certificate.wrench_gap < 2e-3
 
 
+@pytest.mark.long
 def test_a_slow_path_is_elastic_and_a_fast_one_has_the_instantaneous_modulus() -> None:
     scene, slow = (Indenter(20.0), 0.5), shell()
     law = slow.solid.law
@@ -154,6 +156,7 @@ def test_a_slow_path_is_elastic_and_a_fast_one_has_the_instantaneous_modulus() -
             assert np.abs(found.wrench - state.wrench).max() < 1e-6 * 65 * 9
 
 
+@pytest.mark.long
 def test_level_2_meets_level_1_with_rate_effects() -> None:
     model = shell()
     press = Press(model, Indenter(20.0), 0.5, PRONY)

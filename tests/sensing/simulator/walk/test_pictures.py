@@ -69,6 +69,7 @@ def off(readings, states) -> tuple[float, float]:
     return float(error[:, :3].max()), float(error[:, 3:].max())
 
 
+@pytest.mark.long
 def test_the_pictures_of_an_episode_give_its_wrench_back(states, episode, pictured):
     readings = pictured(states, episode)
     assert all(reading.valid for reading in readings) and readings[1].contact.touching
@@ -76,11 +77,13 @@ def test_the_pictures_of_an_episode_give_its_wrench_back(states, episode, pictur
     assert force < FORCE_N and torque < TORQUE_NM
 
 
+@pytest.mark.long
 def test_pictures_turned_to_another_azimuth_are_found_out(states, episode, pictured):
     force, _ = off(pictured(states, replace(episode, azimuth_deg=-episode.azimuth_deg)), states)
     assert force > 10 * FORCE_N
 
 
+@pytest.mark.long
 def test_the_states_push_as_the_contacts_do(states, episode):
     """Force from load, pull, tilt and azimuth, by the definition of the contact frame, to the solver's tolerances."""
     tilt, azimuth = np.radians(episode.tilt_deg), np.radians(episode.azimuth_deg)
@@ -134,6 +137,7 @@ def test_contacts_hold_the_force_of_the_run():
     assert pressed > 2 * len(rows)  # it stands on three
 
 
+@pytest.mark.long
 def test_states_are_read_back_and_a_damaged_file_is_named(states, tmp_path: Path):
     save_states(states, path := tmp_path / "states.npz")
     again = load_states(path)

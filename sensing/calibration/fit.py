@@ -74,10 +74,10 @@ class Problem:
             mounted: where the fit starts. points: (n, 3) dots of the pattern, endcap frame, mm. pixels: (n, 2) of the
                 same dots.
         """
-        start = self._start(mounted)
         if not (self.sigma > 0).any():
             return self.start
-        vector, *_ = self._solve(start, points, pixels, self.whitening(mounted, points), NEAR_ENOUGH)
+        whiten = self.whitening(mounted, points)
+        vector, *_ = self._solve(self._start(mounted), points, pixels, whiten, NEAR_ENOUGH)
         return camera_at(vector, self.start)
 
     def solve(self, near: MountedCamera, points: Array, pixels: Array, scatter: float | None = None) -> Fit:

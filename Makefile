@@ -102,7 +102,7 @@ coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and thei
 	@$(BIN)/python -m fab.coupons $(ASKED)
 
 # Three processes on two cores: a third of the time tests wait for cameras, browsers and processes.
-test: $(VENV)/all.stamp ## the tests, but for those marked long: ten minutes on two slow cores, half of that on quick ones
+test: $(VENV)/all.stamp ## the tests, but for those marked long: 10 to 11 minutes on two slow cores, half of that on quick ones
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m 'not long'
 

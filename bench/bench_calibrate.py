@@ -84,9 +84,8 @@ def ring_rows(name: str, found: np.ndarray, size: tuple[int, int]) -> list[tuple
     """One row a ring."""
     result = calibrate_from_dots(found, PARAMS, size)
     rings = pattern_points(PARAMS)[1][result.pattern_index]
-    pixels = result.matched_px
     centre = np.array([0.0, 0.0, PARAMS.centre_height_mm])
-    points = result.mounted.on_sphere(pixels, centre, PARAMS.inner_radius_mm) - centre
+    points = result.mounted.on_sphere(result.matched_px, centre, PARAMS.inner_radius_mm) - centre
     polar = np.degrees(np.arccos(points[:, 2] / PARAMS.inner_radius_mm))
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     rows: list[tuple] = []

@@ -86,8 +86,7 @@ def places(image: np.ndarray) -> np.ndarray:
     """(2, n): distance of every matched dot to the picture's centre, and to where the calibration puts it, px."""
     size = image.shape[1], image.shape[0]
     found = calibrate_from_dots(find_dots(image), PARAMS, size)
-    pixels = found.matched_px
-    away = np.linalg.norm(pixels - np.array(size) / 2, axis=1)
+    away = np.linalg.norm(found.matched_px - np.array(size) / 2, axis=1)
     return np.array([away, np.linalg.norm(found.residual_px, axis=1)])
 
 

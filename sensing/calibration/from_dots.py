@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.calibration.assign import assign_dots
-from sensing.calibration.dots import CalibrationError, fewest_dots, pattern_points
+from sensing.calibration.dots import CalibrationError, DotPairs, fewest_dots, pattern_points
 from sensing.calibration.fit import Fit, Problem
 from sensing.calibration.in_place import assign_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS, MountPrior
@@ -37,7 +37,7 @@ class Calibration:
         mounted: camera, pose and their covariance.
         residual_px: (n, 2) predicted minus found, for the matched dots.
         pattern_index: (n,) which dot of ``cad.dots.dot_pattern`` each residual belongs to.
-        matched_px: (n, 2) where these were found. found_px: (m, 2) all blobs.
+        blob_index: (n,) which blob of ``found_px`` it is. found_px: (m, 2) all blobs.
         values: parameter name -> (value, posterior deviation, prior deviation; ``inf`` where free, 0 where held).
         scatter: of the dots, over that of hand-painted ones.
         probabilities: of the hypotheses by name, most probable first; empty where a prior or a lens was given.
@@ -47,12 +47,22 @@ class Calibration:
     mounted: MountedCamera
     residual_px: Array
     pattern_index: NDArray[np.intp]
-    matched_px: Array
+    blob_index: NDArray[np.intp]
     found_px: Array
     values: dict[str, tuple[float, float, float]]
     scatter: float
     probabilities: dict[str, float]
     log_evidence: float
+
+    @property
+    def matched_px(self) -> Array:
+        """(n, 2) where the matched dots were found."""
+        return self.found_px[self.blob_index]
+
+    @property
+    def strays(self) -> int:
+        """How many blobs are no dot of the pattern."""
+        return len(self.found_px) - len(self.blob_index)
 
     @property
     def rms_px(self) -> float:
@@ -123,13 +133,27 @@ def calibrate_from_dots(
     probabilities: dict[str, float] = {}
     if prior is None and lens is None:
         fit, probabilities = most_probable(fit, start, points, pixels)
+    return _calibration(fit, points, pairs, found_px, probabilities)
+
+
+def _calibration(
+    fit: Fit, points: Array, pairs: DotPairs, found_px: Array, probabilities: dict[str, float]
+) -> Calibration:
+    """A fit with its residuals, and each number beside its deviations."""
     camera = replace(fit.mounted, covariance=fit.covariance)
     deviation = np.sqrt(np.diag(fit.covariance))
     rows = zip(NAMES, fit.vector, deviation, fit.prior_deviation, strict=True)
-    values = {name: (float(v), float(s), float(p)) for name, v, s, p in rows}
-    residual = camera.project(points) - pixels
-    evidence = probabilities, fit.log_evidence
-    return Calibration(camera, residual, pairs.pattern_index, pixels, found_px, values, fit.scatter, *evidence)
+    return Calibration(
+        mounted=camera,
+        residual_px=camera.project(points) - found_px[pairs.blob_index],
+        pattern_index=pairs.pattern_index,
+        blob_index=pairs.blob_index,
+        found_px=found_px,
+        values={name: (float(v), float(s), float(p)) for name, v, s, p in rows},
+        scatter=fit.scatter,
+        probabilities=probabilities,
+        log_evidence=fit.log_evidence,
+    )
 
 
 def most_probable(widest: Fit, start: MountedCamera, points: Array, pixels: Array) -> tuple[Fit, dict[str, float]]:

@@ -58,9 +58,8 @@ class DesignFit:
         """
         c = self.calibration
         other_lens = next(iter(c.probabilities), "") == HYPOTHESES[-1].name
-        strays = len(c.found_px) - len(c.residual_px)
         size = abs(self.ink_scale - INK_SCALE) / INK_SIGMA
-        return other_lens or strays > FEW or _unseen(c, self.params) > FEW or size > FAR_SIGMA
+        return other_lens or c.strays > FEW or _unseen(c, self.params) > FEW or size > FAR_SIGMA
 
     def line(self) -> str:
         """Its numbers in one line."""
@@ -78,16 +77,13 @@ def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams)
     Args:
         calibration: of the photo. radius_px: (m,) of all found dots. params: the design.
     """
-    found, matched = calibration.found_px, calibration.matched_px
-    distance = np.linalg.norm(found[:, None] - matched[None], axis=-1)
-    radius = radius_px[distance.argmin(axis=0)]
+    radius = radius_px[calibration.blob_index]
     points = pattern_points(params)[0][calibration.pattern_index]
     scale = float(np.median(radius / disc_radius_px(calibration.mounted, points, params)))
-    strays = len(found) - len(matched)
     size = -0.5 * ((scale - INK_SCALE) / INK_SIGMA) ** 2
     whiten = Problem.of(calibration.mounted, OTHER_LENS).whitening(calibration.mounted, points) / calibration.scatter
     scatter = float(np.log(np.linalg.det(whiten)).sum())  # a millimetre of paint is fewer pixels on a larger dome
-    odds = STRAY_LOG * strays + UNSEEN_LOG * _unseen(calibration, params)
+    odds = STRAY_LOG * calibration.strays + UNSEEN_LOG * _unseen(calibration, params)
     return DesignFit(params, calibration, scale, float(calibration.log_evidence + scatter + size + odds))
 
 

@@ -21,9 +21,8 @@ from cad.shell import shell_part
 from cad.solids import drill, one_solid, revolved
 
 CORNERS = others_long([(98.86, 6.5), (130.0, 8.0), (250.0, 25.0), (99.0, 8.1), (130.0, 13.0), (250.0, 6.5)], 3)
-CUT = others_long(
-    [(98.86, 6.5), (250.0, 25.0), (155.0, 8.0)], 0
-)  # pieces are made; the last: a bowl with a steep skirt
+# Their pieces are made; the last has a bowl that needs a steeper skirt.
+CUT = others_long([(98.86, 6.5), (250.0, 25.0), (155.0, 8.0)])
 KERNEL_RATIO = 1e-6  # OCCT's own integrals
 
 

@@ -214,12 +214,16 @@ def test_a_double_wall_and_a_scaled_part_are_seen() -> None:
 def flange_checks(monkeypatch: pytest.MonkeyPatch, **sizes: float) -> dict[str, Check]:
     for name, value in sizes.items():
         monkeypatch.setattr(interface, name, value)
+    return checks_of_nuts()
+
+
+def checks_of_nuts() -> dict[str, Check]:
     return by_name(nut_checks(PARAMS, tessellate(build_flange(PARAMS))))
 
 
 @pytest.fixture(scope="module")
 def right_pockets() -> dict[str, Check]:
-    return by_name(nut_checks(PARAMS, tessellate(build_flange(PARAMS))))
+    return checks_of_nuts()
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from live_program import camera, program
 from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, film, stand_in, wait_for
+from long_cases import others_long
 
 from sensing.live.cli import main
 from sensing.live.replay import read_config, verify
@@ -25,9 +26,7 @@ def address():
         yield url
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, *(pytest.param(n, marks=pytest.mark.long) for n in (signal.SIGTERM, signal.SIGHUP))]
-)
+@pytest.mark.parametrize("number", others_long([signal.SIGINT, signal.SIGTERM, signal.SIGHUP]))
 def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
     path = tmp_path / "run.mcap"
     with program("--url", address, "--port", "0", "--record", str(path)) as process:

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, reference_of, sequence, summary
+from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
 from sensing.records import Image
 from sensing.tracking.methods import METHODS, field_method
@@ -36,7 +36,7 @@ def run_picture(image: Image, name: str, level: str, methods: list[str], pattern
     reference = reference_of(image, name)
     bags: dict[tuple[str, str], dict[str, list]] = defaultdict(lambda: defaultdict(list))
     for pattern in range(patterns):
-        workers = {m: field_method(m, reference) for m in methods}
+        workers = {m: ready(field_method(m, reference), reference) for m in methods}
         for scene in sequence(image, pattern, level, seed=1000 * len(name)):
             for method, worker in workers.items():
                 measure(bags[level, method], worker, scene)

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-from field_scenes import LEVELS, PHOTOS, Scene, concatenated, measure, pictures, reference_of, sequence, summary
+from field_scenes import LEVELS, PHOTOS, Scene, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
 from sensing.records import Frame
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField
@@ -28,7 +28,7 @@ from sensing.tracking.tracker import TrackerConfig
 HERE = Path(__file__).resolve().parent
 SHAPE = (30, 30)
 DOT_KNOBS: dict[str, tuple[float, ...]] = {
-    "short_side_px": (100, 200, 400),
+    "short_side_px": (100, 200, 480),
     "window": (0.45, 0.55, 0.7, 0.85, 1.0),
     "iterations": (2, 3, 4, 6, 10, 20),
     "stop_px": (0.005, 0.01, 0.02, 0.05, 0.15),
@@ -88,7 +88,7 @@ def run(knob: str, sequences: list[tuple[Frame, list[Scene]]]) -> list[dict[str,
     for value in values:
         bag: dict[str, list] = defaultdict(list)
         for reference, six in sequences:
-            worker = make(reference, value)
+            worker = ready(make(reference, value), reference)
             for scene in six:
                 measure(bag, worker, scene)
         rows.append({"knob": knob, "value": value, "default": value == default} | summary(concatenated(bag)))

@@ -101,6 +101,15 @@ def reference_of(image: Image, name: str) -> Frame:
     return Frame(0.0, 0, name, jpeg=jpeg, size=(image.shape[1], image.shape[0]))
 
 
+def ready(worker: FieldMethod, reference: Frame) -> FieldMethod:
+    """As live has it before the first frame: what belongs to the reference is made, compiled code is loaded."""
+    worker.update(reference)
+    if isinstance(worker, DotField):
+        _ = worker.tracker.wide
+        worker.tracker.restart()
+    return worker
+
+
 def measure(bag: dict[str, list], worker: FieldMethod, scene: Scene) -> None:
     """Runs one frame and appends its time (CPU time of this thread) and errors to the bag's lists."""
     start = time.thread_time()
@@ -150,4 +159,4 @@ def concatenated(bag: dict[str, list]) -> dict[str, np.ndarray]:
     return {key: np.concatenate(v) if key != "ms" else np.array(v) for key, v in bag.items()}
 
 
-__all__ = ["LEVELS", "PHOTOS", "concatenated", "measure", "pictures", "reference_of", "sequence", "summary"]
+__all__ = ["LEVELS", "PHOTOS", "concatenated", "measure", "pictures", "ready", "reference_of", "sequence", "summary"]

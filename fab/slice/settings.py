@@ -5,7 +5,7 @@ unless marked.
 
 Notes:
     The zone's settings open its sides: without perimeters and without top and bottom layers the slicer's default infill
-    anchors still run along half of the boundary; ``infill_anchor``, ``infill_anchor_max`` and
+    anchors still run along four tenths of the boundary; ``infill_anchor``, ``infill_anchor_max`` and
     ``solid_infill_below_area`` at 0 stop that (M, GYR06).
 """
 

@@ -10,6 +10,7 @@ Units: pixels of the picture searched, but for what :class:`WideSearch` takes an
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,8 +89,8 @@ class WideSearch:
         inside, f = image[MARGIN:-MARGIN, MARGIN:-MARGIN], self._factor
         height, width = (side // f for side in inside.shape)
         result = framed(height, width)
-        blocks = inside[: height * f, : width * f].reshape(height, f, width, f)
-        result[MARGIN:-MARGIN, MARGIN:-MARGIN] = blocks.mean(axis=(1, 3))
+        whole = inside[: height * f, : width * f]
+        result[MARGIN:-MARGIN, MARGIN:-MARGIN] = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
         return result
 
 

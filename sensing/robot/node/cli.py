@@ -32,7 +32,7 @@ endcaps, inertial sensors and cable lengths. Without arguments: a simulated robo
 
   python -m sensing.robot                                  three bars that tip over flat ground
   python -m sensing.robot --terrain rough --seed 3         flat, rough, slope, stairs, low_friction, drop or push
-  python -m sensing.robot --config robot.toml              another robot (docs/robot.md has the format)
+  python -m sensing.robot --config robot.toml              another robot (form: docs/robot.md, Your robot)
   python -m sensing.robot --record run.mcap                every sample and every estimate
   python -m sensing.robot --replay run.mcap                computes them again and compares the bits
   python -m sensing.robot --live --config robot.toml --endcaps endcaps.toml

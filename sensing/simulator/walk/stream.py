@@ -29,7 +29,7 @@ from sensing.tensegrity.description import (
 )
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
-NOISE = Path(__file__).with_name("wrench_noise.csv")  # RMSE of the weights that ship on sensors never seen
+NOISE = Path(__file__).with_name("wrench_noise.csv")  # RMSE on sensors never seen, of the weights before those that ship
 MOST_TILT_DEG, MOST_LOAD_N = 60.0, 60.0  # of their training: beyond it flagged
 TILT_GROWTH_DEG = 10.0  # tilt beyond it that doubles the errors (E)
 TOUCH_N, RELEASE_N = 0.5, 0.3
@@ -147,7 +147,7 @@ def inertial_samples(
 def foot_samples(
     walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, sensors: SensorSet, rng: np.random.Generator
 ) -> list[FootSample]:
-    """Wrenches of one endcap on its mating plane, with the errors of the weights that ship.
+    """Wrenches of one endcap on its mating plane, with the errors of :data:`NOISE`.
 
     Args:
         walk: what happened. robot: whose. endcap: which. sensors: how good it is. rng: of its errors.

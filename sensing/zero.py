@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,9 @@ from cad.identity import Identity, identity
 from cad.messages import LOG, show
 from cad.params import EndcapParams
 from sensing.calibration.misfit import camera_misfit
+from sensing.calibration.rest_picture import light_doubts, picture_doubts
+from sensing.camera.light import light_of
+from sensing.camera.nominal import nominal_mount
 from sensing.live.ending import leave
 from sensing.sources.choose import open_frames
 from sensing.tracking.auto_zero import AutoZero
@@ -44,6 +47,7 @@ MEANING = {
     "lamp": "the light has changed: zero again if it stays",
     "mounting": "camera or dome have moved as a whole: corrected, zero again when untouched",
     "contact": "something touches the dome",
+    "hidden": "dots are not seen: is the lens covered, the lamp off, the picture white?",
 }
 
 
@@ -68,8 +72,10 @@ def _take(options: argparse.Namespace) -> None:
     params = None if made_of is None else made_of.design
     zero = replace(take_zero(interval, options.sensor, params), made_of=made_of)
     save_zero(zero, options.out)
-    if made_of is not None:
-        _compare_with_design(zero, design_of(options), options.out)
+    if params is None:
+        _warn(light_doubts(light_of(zero.image)).values())
+    else:
+        _compare_with_design(zero, params, options.out)
     exposure = "unknown" if np.isnan(zero.exposure) else f"{zero.exposure:g}"
     show(
         f"{options.out}: {zero.sensor}, {zero.date}, {zero.frames} frames, {len(zero.noise_px)} dots, "
@@ -78,7 +84,7 @@ def _take(options: argparse.Namespace) -> None:
 
 
 def _compare_with_design(zero: Zero, params: EndcapParams, path: Path) -> None:
-    """Warn where the dots are not where the nominal camera sees those of the stated design."""
+    """Warn where dots lie elsewhere than the nominal camera sees the design's, are missing, or lack light."""
     tracker = DotTracker(zero.frame(), params=params)
     misfit = camera_misfit(tracker.reference_px, tracker.size, params)
     if not misfit.fits:
@@ -88,6 +94,13 @@ def _compare_with_design(zero: Zero, params: EndcapParams, path: Path) -> None:
             "another design? Then take it again with that one's options; "
             f"else run python -m sensing.calibrate --zero {path} {words}"
         )
+    camera = nominal_mount(params, *tracker.size) if misfit.found is None else misfit.found.mounted
+    _warn(picture_doubts(zero.image, tracker.reference_px, params, camera).values())
+
+
+def _warn(doubts: Iterable[str]) -> None:
+    for doubt in doubts:
+        LOG.warning(f"sensing.zero: warning: {doubt}")
 
 
 def _made_of(options: argparse.Namespace) -> Identity | None:
@@ -136,6 +149,8 @@ def _watch(options: argparse.Namespace) -> None:
 
 def _said(drift: Drift) -> str:
     x, y = drift.shift_px
+    if drift.cause == "hidden":
+        return f"hidden: {drift.unseen:.0%} of the dots are not seen: {MEANING['hidden'].partition(': ')[2]}"
     return (
         f"{drift.cause}: {MEANING[drift.cause]} (shift {x:+.2f}, {y:+.2f} px, "
         f"turn {np.degrees(drift.turn_rad):+.3f} deg, scale {drift.scale:.4f}, "

@@ -14,16 +14,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_DOT_MM
 from sensing.calibration.dots import CalibrationError, find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.misfit import Misfit, camera_misfit
 from sensing.calibration.other_design import design_fit, require_design
+from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.decode import decode_bgr
 from sensing.records import Frame
 
-MISPLACED_PX = 3.1  # E: at 480: nine dots of ten lie nearer to the fitted design; the released photos 2.4 to 2.6
+MISPLACED_PX = (
+    3.1  # E: at 480 and D = 130: nine dots of ten lie nearer to the fitted design; the released photos 2.1 to 2.6
+)
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,15 @@ class RestCamera:
     misfit: Misfit
     found: bool = False
     doubt: str = ""
+
+
+def most_misplaced_px(params: EndcapParams) -> float:
+    """How far dots painted by hand may lie from their places, at 480 rows: so many mm at every design.
+
+    Args:
+        params: the design; a dome of 100 mm is seen twice as large as one of 130 mm, one of 250 mm half as large.
+    """
+    return MISPLACED_PX * dot_look(params).scale * RELEASED_DOT_MM / params.dot_mm
 
 
 def rest_camera(
@@ -69,6 +82,6 @@ def rest_camera(
     except CalibrationError as error:
         return RestCamera(None, misfit, doubt=str(error))
     away_px = found.most_px * 480.0 / min(size_px)
-    if away_px > MISPLACED_PX:
+    if away_px > most_misplaced_px(params):
         return RestCamera(None, misfit, doubt=f"the dots lie up to {away_px:.1f} px from the design's: is it pressed?")
     return RestCamera(found.mounted, misfit, found=True)

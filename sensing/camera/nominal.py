@@ -7,6 +7,7 @@ and pupil height go together (-3.1 px per mm): with another height, another foca
 
 from __future__ import annotations
 
+from cad.errors import ParameterError
 from cad.lens import camera_module
 from cad.params import EndcapParams
 from sensing.camera.model import FisheyeCamera
@@ -14,7 +15,18 @@ from sensing.camera.mount import MountedCamera, mount
 
 
 def nominal_lens(width_px: int = 640, height_px: int = 480) -> FisheyeCamera:
-    """The lens of the module at hand for a frame whose height is the sensor's full height."""
+    """The lens of the module at hand for a frame whose height is the sensor's full height.
+
+    Raises:
+        ParameterError: a picture that stands upright.
+    """
+    if height_px > width_px:
+        raise ParameterError(
+            f"a picture of {width_px}x{height_px} px stands upright: cameras of endcaps give pictures at least as wide "
+            "as high; take out the turn by 90 degrees",
+            name="size",
+            value=(width_px, height_px),
+        )
     module = camera_module()
     focal = module.focal_per_row * height_px
     centre = (width_px - 1) / 2, (height_px - 1) / 2
@@ -26,5 +38,8 @@ def nominal_mount(params: EndcapParams, width_px: int = 640, height_px: int = 48
 
     Args:
         params: the design. width_px, height_px: of the picture.
+
+    Raises:
+        ParameterError: a picture that stands upright.
     """
     return mount(nominal_lens(width_px, height_px), (0.0, 0.0, params.camera_height_mm))

@@ -22,14 +22,15 @@ from sensing.calibration.dots import (
     pattern_points,
 )
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.calibration.rest_camera import most_misplaced_px
 from sensing.camera.dot_look import dot_look
+from sensing.camera.light import DARK_GRAY, Light, light_of
 from sensing.camera.nominal import nominal_mount
 from sensing.doctor.finding import Finding, Verdict, above, below, finding
 from sensing.records import Image
 
 Array = NDArray[np.float64]
-DARK_GRAY, DIM_GRAY, BRIGHT_GRAY = 50.0, 80.0, 225.0
-WHITE_GRAY = 250
+DIM_GRAY, BRIGHT_GRAY, SOME_WHITE = 80.0, 225.0, 0.005  # worth a look
 SECTORS = 12  # of a ring of silicone, REACH of the way from the middle to the picture's edge
 REACH = (0.55, 0.95)
 EVEN = (0.9, 0.82)  # darkest sector over the brightest: 0.91 to 0.93 on the photos, 0.88 with three of nine LEDs off
@@ -48,24 +49,22 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
         image_bgr: (h, w, 3) of the untouched endcap. params: its design.
     """
     gray = image_bgr[..., :2].astype(np.float64).mean(-1)  # blue and green, as the dots are found
-    exposure = _exposure(gray)
+    exposure = _exposure(light_of(image_bgr))
     light = [exposure] if exposure.verdict is Verdict.BAD else [exposure, _evenness(gray)]
     centres, radii = find_blobs(image_bgr, params)
     if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
         return [*light, _no_dots(len(centres))]
     dots = [_focus(gray, centres, radii, dot_look(params).scale), _dot_size(radii, centres, params, gray.shape)]
-    return [*light, *dots, _missing(centres, params, gray.shape)]
+    return [*light, *dots, *_pattern(centres, params, gray.shape)]
 
 
-def _exposure(gray: Array) -> Finding:
-    middle = _middle(gray)
-    level, white = float(np.median(middle)), float((middle >= WHITE_GRAY).mean())
+def _exposure(light: Light) -> Finding:
+    level, white = light.median_gray, light.white_share
     values: dict[str, float | list[str]] = {"median_gray": level, "white_fraction": white}
     text = f"the silicone has gray value {level:.0f} of 255, {100 * white:.1f} % are white"
-    if white > 0.005 or level > BRIGHT_GRAY:
-        bad = white > 0.05 or level > 245
+    if white > SOME_WHITE or level > BRIGHT_GRAY:
         fix = "shorter exposure (--exposure) or less light: white dots and silicone carry no pattern"
-        return finding("exposure", Verdict.BAD if bad else Verdict.LOOK, text, fix, values)
+        return finding("exposure", Verdict.BAD if light.too_bright else Verdict.LOOK, text, fix, values)
     fix = "plug the lamp in, free the lens, or expose longer (--exposure)"
     return finding("exposure", above(level, DIM_GRAY, DARK_GRAY), text, fix, values)
 
@@ -151,13 +150,28 @@ def _expected_px(params: EndcapParams, shape: tuple[int, ...], middle: Array, re
     return float(np.median(across[near]))
 
 
-def _missing(centres: Array, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
-    """Dots of the pattern that should be seen and are not."""
+def _pattern(centres: Array, params: EndcapParams, shape: tuple[int, ...]) -> list[Finding]:
+    """Which dots of the pattern are not seen, and whether the others lie where those of an untouched dome do."""
     try:
         found = calibrate_from_dots(centres, params, (shape[1], shape[0]))
     except CalibrationError as error:
         fix = "give the design (--diameter, --wall); light and focus first"
-        return finding("dots", Verdict.BAD, f"{len(centres)} found: {error}", fix, {"found": float(len(centres))})
+        return [finding("dots", Verdict.BAD, f"{len(centres)} found: {error}", fix, {"found": float(len(centres))})]
+    return [_missing(found, params, shape), _shape(found, params, shape)]
+
+
+def _shape(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
+    """Distance of nine dots of ten from the design's, seen by the camera that fits best."""
+    away_px, most_px = found.most_px * REFERENCE_HEIGHT_PX / min(shape[:2]), most_misplaced_px(params)
+    return finding(
+        "shape", Verdict.GOOD if away_px <= most_px else Verdict.BAD,
+        f"the dots lie up to {away_px:.1f} px from the design's, at most {most_px:.1f} of an untouched dome",
+        "let the dome go: is it pressed? give the design (--diameter, --wall)", {"away_px": away_px},
+    )  # fmt: skip
+
+
+def _missing(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
+    """Dots of the pattern that should be seen and are not."""
     missing = _absent(found, params, shape)
     fraction = len(missing) / max(1, len(missing) + len(found.pattern_index))
     named = [f"ring {dot.ring} number {dot.index} at {dot.u_px:.0f}, {dot.v_px:.0f} px" for dot in missing]
@@ -194,10 +208,3 @@ def _absent(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) ->
     whole &= np.linalg.norm(pixels - middle, axis=1) <= reach
     whole[found.pattern_index] = False
     return [Absent(pattern[k].ring, pattern[k].index, *map(float, pixels[k])) for k in np.flatnonzero(whole)]
-
-
-def _middle(gray: Array) -> Array:
-    """The lit circle, as far as every released lens lights it."""
-    rows, columns = np.indices(gray.shape)
-    away = np.hypot(columns - (gray.shape[1] - 1) / 2, rows - (gray.shape[0] - 1) / 2)
-    return gray[away < REACH[1] * gray.shape[0] / 2]

@@ -30,7 +30,7 @@ def stream_findings(frames: Sequence[Frame], asked_hz: float | None) -> list[Fin
     missing = int(np.maximum(np.rint(steps / step_s) - 1, 0).sum())
     jitter_ms = 1e3 * float(np.abs(steps - step_s)[steps < 1.5 * step_s].max(initial=0.0))
     rate_hz = len(steps) / float(times[-1] - times[0])
-    same = sum(a.jpeg is not None and a.jpeg == b.jpeg for a, b in pairwise(frames))
+    same = sum(b.shows_same(a) for a, b in pairwise(frames))
     asked = "" if asked_hz is None else f" of {asked_hz:g} asked for"
     fraction = (missing + same) / (len(steps) + missing)
     return [

@@ -1,4 +1,7 @@
-"""A reference that renews itself: after a long time without any contact, when lamp or mounting have drifted."""
+"""A reference that renews itself: after a long time without any contact, when lamp or mounting have drifted.
+
+Not from pictures in which dots are hidden, that are white or dark, or that are one and the same picture.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from sensing.camera.light import light_of
 from sensing.records import DotTracks, Frame
 from sensing.tracking.zero import STILL_PX, Zero, measure_drift, take_zero
+
+MOST_UNSEEN_ANEW = 0.04  # E: share of the dots that a new reference may lack of those that the last one has
 
 
 class AutoZero:
@@ -30,17 +36,25 @@ class AutoZero:
         drift = measure_drift(self.zero, frame, tracks)
         moved = self._last is not None and _step_px(self._last, tracks) > STILL_PX * min(tracks.size) / 480.0
         self._last = tracks
-        if drift.cause == "contact" or moved:
+        if drift.cause in ("contact", "hidden") or drift.unseen > MOST_UNSEEN_ANEW or moved:
             self._since_s, self._frames = None, []
             return None
         self._since_s = frame.time_s if self._since_s is None else self._since_s
         self._frames = [*self._frames, frame][-self._keep :]
         waited = frame.time_s - self._since_s >= self._still_s and len(self._frames) == self._keep
-        if drift.cause == "none" or not waited:
+        if drift.cause == "none" or not waited or self._stands_still():
             return None
-        self.zero = replace(take_zero(self._frames, self.zero.sensor, self.zero.params), made_of=self.zero.made_of)
+        zero = replace(take_zero(self._frames, self.zero.sensor, self.zero.params), made_of=self.zero.made_of)
+        light = light_of(zero.image)
+        if light.too_bright or light.too_dark:
+            return None
+        self.zero = zero
         self._since_s, self._frames, self._last = None, [], None
         return self.zero
+
+    def _stands_still(self) -> bool:
+        """Whether all pictures kept are one: a camera that hangs shows nothing of now."""
+        return all(frame.shows_same(self._frames[0]) for frame in self._frames[1:])
 
 
 def _step_px(before: DotTracks, now: DotTracks) -> float:

@@ -2,7 +2,8 @@
 
 A touch deforms part of the skin; a lamp that ages or a camera that settles in its mount changes the whole picture at
 once. So drift is classified by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
-all dots alike, and small, is the mounting; a change of brightness without motion is the lamp; the rest is contact.
+all dots alike, and small, is the mounting; a change of brightness without motion is the lamp; dots that are not seen
+any more while the others stand still are hidden; the rest is contact.
 
 Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
 """
@@ -39,6 +40,8 @@ LAMP = 0.1  # relative change of brightness from which the lamp has drifted
 LEAST_FRAMES = 3
 MOST_FILE_BYTES = 1 << 26  # of a reference file when unpacked
 LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
+MOST_UNSEEN = 0.12  # E: share of the reference's dots; an untouched dome that shows fewer is covered
+Cause = Literal["none", "lamp", "mounting", "hidden", "contact"]
 
 
 class ZeroError(EndcapError):
@@ -89,20 +92,23 @@ class Drift:
     """What has changed since the reference was taken.
 
     Attributes:
-        cause: ``none``, ``lamp``, ``mounting`` or ``contact`` (which hides the other two).
+        cause: ``none``, ``lamp``, ``mounting``, ``hidden`` (dots of the reference are not seen) or ``contact``; a later
+            one comes before an earlier.
         shift_px: (2,) x, y of the similarity motion at the picture's centre.
         turn_rad: its rotation.
         scale: its scale.
         residual_px: third largest dot motion that it leaves.
         brightness: gray level now over that of the reference.
+        unseen: share of the reference's dots that are not seen.
     """
 
-    cause: Literal["none", "lamp", "mounting", "contact"]
+    cause: Cause
     shift_px: NDArray[np.float64]
     turn_rad: float
     scale: float
     residual_px: float
     brightness: float
+    unseen: float = 0.0
 
 
 def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapParams | None = None) -> Zero:
@@ -228,20 +234,23 @@ def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | Non
     live = ~tracks.lost
     unit = min(tracks.size) / 480.0
     if live.sum() < 4:
-        return Drift("contact" if live.any() else "lamp", np.zeros(2), 0.0, 1.0, float("inf"), ratio)
+        return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, float(1 - live.mean()))
     similarity = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
     shift, turn, scale, residual = similarity
+    unseen = float(tracks.lost.mean())
     left = float(np.sort(residual)[-3])  # one or two dots may be off for other reasons
     reach = np.linalg.norm(shift) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
     if left > CONTACT_PX * unit:
-        cause: Literal["none", "lamp", "mounting", "contact"] = "contact"
+        cause: Cause = "contact"
+    elif unseen > MOST_UNSEEN:
+        cause = "hidden"
     elif reach > MOUNT_PX * unit:
         cause = "mounting"
     elif abs(ratio - 1) > LAMP:
         cause = "lamp"
     else:
         cause = "none"
-    return Drift(cause, shift, turn, scale, left, ratio)
+    return Drift(cause, shift, turn, scale, left, ratio, unseen)
 
 
 def without_mounting(tracks: DotTracks, drift: Drift) -> DotTracks:

@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 from sensing.live.core.reading import EndcapReading
 from sensing.weighing.gain import WeighingError
 
-HINTS = {"camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first"}
+HINTS = {
+    "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
+    "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
+}
 Array = NDArray[np.float64]
 STILL_S = 1.0
 LEAST_READINGS = 5

@@ -1,9 +1,10 @@
-"""Which camera the pictures of an endcap are read with, and what its uncertainty does to the wrench.
+"""Which camera an endcap's pictures are read with, what its uncertainty does to wrenches, what the reference lacks.
 
 Looked at once a reference. An endcap without a calibration file is read with the camera that its rest picture shows
 (:mod:`sensing.calibration.rest_camera`), and the command that keeps it is named. Where no camera can be found, or the
 calibrated one does not fit any more, wrenches carry the flag ``camera_misfit``, and their covariance grows by what the
-camera that does fit would change.
+camera that does fit would change. A reference with too few dots or rows, too much or too little light has flags of its
+own (:mod:`sensing.calibration.rest_picture`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from sensing.calibration.misfit import Misfit
 from sensing.calibration.rest_camera import RestCamera
+from sensing.calibration.rest_picture import picture_doubts
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_vector
@@ -21,6 +23,7 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import DotTracks, Wrench
 from sensing.tracking.model_input import ModelInput
+from sensing.tracking.zero import Zero
 from sensing.wrench.camera_spread import CameraSpread
 from sensing.wrench.model import WrenchModel
 
@@ -32,18 +35,23 @@ class CameraCheck:
 
     Args:
         endcap: its name and design. rest: the camera in use, and how well the one that was assumed fits.
-        seen: the path from pictures taken with it. estimator: reads the fields.
+        seen: the path from pictures taken with it. estimator: reads the fields. zero: the reference.
 
     Attributes:
-        rest: as given. message: what is off and what to do, one line; empty where the camera fits.
-        flags: of its wrenches, ``camera_misfit`` or none.
+        rest: as given. message: what is off with the camera and what to do, one line; empty where it fits.
+        flags: of all its wrenches. reason: for them, one line; empty where there are none.
     """
 
-    def __init__(self, endcap: EndcapConfig, rest: RestCamera, seen: ModelInput, estimator: WrenchEstimator) -> None:
+    def __init__(
+        self, endcap: EndcapConfig, rest: RestCamera, seen: ModelInput, estimator: WrenchEstimator, zero: Zero
+    ) -> None:
         self.rest = rest
         self.message = "" if rest.misfit.fits else _advice(endcap, rest)
         fits = rest.misfit.fits or rest.found
-        self.flags: frozenset[str] = frozenset() if fits else frozenset({FLAG})
+        known = (rest.camera or nominal_mount(endcap.params, *seen.tracker.size)) if fits else None
+        doubts = {} if fits else {FLAG: "the camera does not fit the reference"}
+        doubts |= picture_doubts(zero.image, seen.tracker.reference_px, endcap.params, known)
+        self.flags, self.reason = frozenset(doubts), "; ".join(doubts.values())
         uncertain = rest.camera or nominal_mount(endcap.params, *seen.tracker.size)
         if not fits:
             uncertain = _with_misfit(uncertain, rest.misfit)

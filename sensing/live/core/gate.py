@@ -65,7 +65,7 @@ class Gate:
 
     def frozen(self, frame: Frame) -> float:
         """For how long the picture has been the same, s; 0 until that is too long."""
-        if self._same is None or _differs(self._same, frame):
+        if self._same is None or not frame.shows_same(self._same):
             self._same, self._count = frame, 0
         self._count += 1
         same_s = frame.time_s - self._same.time_s
@@ -148,12 +148,3 @@ def _blind(alike: float, tracks: DotTracks | None, estimate: Wrench) -> str:
     if "missing" in estimate.flags or not np.isfinite(estimate.force_n).all():
         return f"the model gives no number ({', '.join(sorted(estimate.flags))}): {hint}"
     return ""
-
-
-def _differs(before: Frame, frame: Frame) -> bool:
-    """Whether a picture changed at all."""
-    if before.jpeg is not None and frame.jpeg is not None:
-        return before.jpeg != frame.jpeg
-    if before.image is None or frame.image is None or before.image.shape != frame.image.shape:
-        return True
-    return bool((before.image[::7, ::7] != frame.image[::7, ::7]).any())

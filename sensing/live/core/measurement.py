@@ -24,7 +24,7 @@ from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
 from sensing.live.core.seen import SeenFrame
-from sensing.live.core.state import Event
+from sensing.live.core.state import MEASURED, Event
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
@@ -95,9 +95,9 @@ class Measurement:
     def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch) -> EndcapReading:
         """The reading of a picture that was decoded."""
         tracks, field, gray = look.tracks, look.field, look.gray
-        estimate, misfit = self._model.estimator.estimate(field), frozenset[str]()
+        estimate = self._model.estimator.estimate(field)
         if self._check is not None and tracks is not None:
-            estimate, misfit = self._check.widened(estimate, tracks), self._check.flags
+            estimate = self._check.widened(estimate, tracks)
         unknown = simulation_spread(estimate.force_n) if self._simulated else 0.0
         estimate = replace(estimate, covariance=estimate.covariance + unknown, flags=estimate.flags | self._foreign)
         estimate = self._stiffness.applied(estimate)
@@ -105,7 +105,8 @@ class Measurement:
         alike = look.likeness if gray is None else likeness(small_picture(gray), self._alike_to)
         rated = self._rate.step(estimate)
         estimate = rated.wrench
-        verdict = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
+        judged = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
+        verdict = self._of_reference(judged)
         watch.lap("gate")
         seen = verdict.event is not Event.UNSEEN
         used = seen and not verdict.held
@@ -123,15 +124,23 @@ class Measurement:
             self._drift = measure_drift(self._used.zero, frame, tracks, gray)
             watch.lap("drift")
         self._count += 1
-        flags = misfit | verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
+        flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return EndcapReading(
             self._endcap.name, self._number, frame, tracks, field,
-            estimate=self._at_origin(estimate, misfit | verdict.flags, seen),
+            estimate=self._at_origin(estimate, verdict.flags, seen),
             wrench=self._at_origin(smooth, flags, seen), contact=contact, centre=centre, drift=self._drift,
             zero=self._used.zero, epoch=self._epoch, captured_s=captured_s, ready_s=time.monotonic(),
             stage_ms=watch.stages, event=verdict.event, reason=verdict.reason,
             trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
         )  # fmt: skip
+
+    def _of_reference(self, verdict: Verdict) -> Verdict:
+        """The verdict with what is doubtful about the reference and its camera."""
+        check = self._check
+        if check is None or not check.flags or verdict.event not in MEASURED:
+            return verdict
+        reason = "; ".join(filter(None, (verdict.reason, check.reason)))
+        return replace(verdict, event=Event.FLAGGED, reason=reason, flags=verdict.flags | check.flags)
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
         """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""

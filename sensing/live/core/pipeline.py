@@ -207,7 +207,7 @@ class EndcapPipeline:
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
             _ = method.tracker.wide  # nor is it made when dots are first lost
-            self._checks[method] = CameraCheck(self.endcap, rest, method, self.model.estimator)
+            self._checks[method] = CameraCheck(self.endcap, rest, method, self.model.estimator, zero)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 

@@ -22,7 +22,7 @@ from cad.errors import EndcapError
 from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError
 from sensing.calibration.from_dots import calibrate_from_dots
-from sensing.calibration.rest_camera import MISPLACED_PX
+from sensing.calibration.rest_camera import most_misplaced_px
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
@@ -147,7 +147,7 @@ class ReferenceTaker:
                 assert isinstance(before, ModelInput)
                 _require_unpressed(press_n(before, last, zero, self._estimator), self._most_n)
             elif last is None:
-                _require_design(misplaced_px(zero, self._params))
+                _require_design(misplaced_px(zero, self._params), most_misplaced_px(self._params))
         return Reference(zero, method)
 
 
@@ -192,9 +192,9 @@ def _require_unpressed(force_n: float, most_n: float) -> None:
         )
 
 
-def _require_design(misplaced: float) -> None:
-    if misplaced > MISPLACED_PX:
+def _require_design(misplaced: float, most_px: float) -> None:
+    if misplaced > most_px:
         raise PressedError(
-            f"the dots lie {misplaced:.1f} px from the design's (at most {MISPLACED_PX}): is it pressed? let it go; or "
+            f"the dots lie {misplaced:.1f} px from the design's (at most {most_px:.1f}): is it pressed? let it go; or "
             "confirm, or give a reference taken with python -m sensing.zero take"
         )

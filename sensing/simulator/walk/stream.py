@@ -29,7 +29,7 @@ from sensing.tensegrity.description import (
 )
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
-NOISE = Path(__file__).with_name("wrench_noise.csv")  # RMSE on sensors never seen, of the weights before those that ship
+NOISE = Path(__file__).with_name("wrench_noise.csv")  # RMSE on sensors never seen, of the weights before those here
 MOST_TILT_DEG, MOST_LOAD_N = 60.0, 60.0  # of their training: beyond it flagged
 TILT_GROWTH_DEG = 10.0  # tilt beyond it that doubles the errors (E)
 TOUCH_N, RELEASE_N = 0.5, 0.3

@@ -45,7 +45,7 @@ def verdicts(picture: np.ndarray) -> dict[str, Verdict]:
     return {each.name: each.verdict for each in picture_findings(picture, PARAMS)}
 
 
-ALL_GOOD = {"exposure": GOOD, "light": GOOD, "focus": GOOD, "dot size": GOOD, "dots": GOOD}
+ALL_GOOD = {"exposure": GOOD, "light": GOOD, "focus": GOOD, "dot size": GOOD, "dots": GOOD, "shape": GOOD}
 
 
 # --- pictures --------------------------------------------------------------------------------------------------
@@ -92,7 +92,7 @@ def test_a_planted_fault_of_light_or_lens_is_named_with_its_fix(changes, name, v
 def test_covered_dots_are_listed_where_they_are(nominal):
     covered = nominal.copy()
     cv2.circle(covered, (420, 180), 60, (10, 10, 10), -1)
-    dots = picture_findings(covered, PARAMS)[-1]
+    dots = next(each for each in picture_findings(covered, PARAMS) if each.name == "dots")
     assert dots.verdict is LOOK and dots.values["missing"] == len(dots.values["missing_dots"]) >= 5
     places = np.array(
         [[float(v) for v in text.split(" at ")[1][:-3].split(",")] for text in dots.values["missing_dots"]]
@@ -208,3 +208,24 @@ def test_bad_input_is_one_line(words, said, capsys):
     assert main(["check", *words]) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
+
+
+# --- what looks healthy and is not -----------------------------------------------------------------------------
+def test_a_pressed_dome_is_no_untouched_one():
+    renderer = DomeRenderer(PARAMS, nominal_mount(PARAMS), SETTINGS)
+    polar = np.hypot(*renderer.surface_mm[:, :2].T) / 30.0
+    dent = np.column_stack(
+        [1.2 * np.exp(-(polar**2))[:, None] * renderer.surface_mm[:, :2] / 10, -8 * np.exp(-(polar**2))]
+    )
+    found = {each.name: each for each in picture_findings(renderer.render(dent).image_bgr, PARAMS)}
+    assert found["shape"].verdict is BAD and "is it pressed?" in found["shape"].fix
+
+
+def test_raw_pictures_that_repeat_are_counted(nominal):
+    rng = np.random.default_rng(0)
+    noisy = [
+        np.clip(nominal.astype(int) + rng.integers(-2, 3, nominal.shape), 0, 255).astype(np.uint8) for _ in range(3)
+    ]
+    frames = [Frame(k / 30, k, "raw", image=noisy[min(k, 2)]) for k in range(12)]
+    dropped = next(each for each in stream_findings(frames, 30.0) if each.name == "dropped")
+    assert dropped.values["repeated"] == 9 and dropped.verdict is BAD

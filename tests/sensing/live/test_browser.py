@@ -38,7 +38,8 @@ def test_a_zero_under_load_asks_first_and_can_be_undone(stage):
     assert not stage.tab.value(ASKED)
     assert stage.tab.until(TOUCHED, "latest.endcaps[0].zeroed") == before
     stage.tab.until(f"{TOUCHED} && ($('zero').click(), {ASKED}) && ($('confirm').click(), !{ASKED})")
-    stage.tab.until(f"{FREE} && latest.endcaps[0].zeroed !== '{before}'")
+    doubtful = FREE.replace("'running'", "'degraded'")  # dots of a pressed dome are not where the design has them
+    stage.tab.until(f"{doubtful} && latest.endcaps[0].zeroed !== '{before}'")
     stage.click("undo")
     undone = f"{TOUCHED} && latest.endcaps[0].zeroed === '{before}'"
     assert stage.tab.until(undone, "latest.endcaps[0].force_norm_n") == pytest.approx(force_n, rel=0.2)

@@ -178,3 +178,46 @@ def test_bad_input_gets_one_line_and_status_2(tmp_path, capsys, arguments, words
     assert main([str(tmp_path / a[1:]) if a.startswith("@") else a for a in arguments]) == 2
     message = capsys.readouterr().err
     assert words in message and message.count("\n") == 1 and not (tmp_path / "z.npz").exists()
+
+
+# --- pictures that show too little -----------------------------------------------------------------------------
+def seen_as(frames: list[Frame], fault) -> list[Frame]:
+    return [replace(f, jpeg=None, image=fault(decode_bgr(f))) for f in frames]
+
+
+def half_covered(image: np.ndarray) -> np.ndarray:
+    image[:, :320] = image.reshape(-1, 3).mean(0)
+    return image
+
+
+def white(image: np.ndarray) -> np.ndarray:
+    return np.maximum(image, 252) - (image < 140).astype(np.uint8) * 120
+
+
+FAULTS = [half_covered, np.zeros_like, lambda image: np.full_like(image, 255)]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=["half covered", "black", "white"])
+def test_hidden_dots_are_no_healthy_sensor(zero, fault):
+    frame = seen_as(still(1), fault)[0]
+    drift = measure_drift(zero, frame, DotTracker(zero.frame()).update(frame))
+    assert drift.cause == "hidden" and drift.unseen > 0.3
+
+
+@pytest.mark.parametrize(("fault", "renewed"), [
+    (lambda image: (0.7 * image).astype(np.uint8), True),
+    (half_covered, False),
+    (white, False),
+    (lambda image: (0.15 * image).astype(np.uint8), False),
+], ids=["dimmer", "half covered", "white", "dark"])  # fmt: skip
+def test_a_reference_renews_itself_from_good_pictures_only(zero, fault, renewed):
+    auto, tracker = AutoZero(zero, still_s=0.2, frames=4), DotTracker(zero.frame())
+    given = [auto.update(f, tracker.update(f)) for f in seen_as(still(12), fault)]
+    assert any(z is not None for z in given) is renewed
+
+
+def test_a_camera_that_hangs_renews_no_reference(zero):
+    auto, tracker = AutoZero(zero, still_s=0.2, frames=4), DotTracker(zero.frame())
+    one = still(1, 0.7)[0]
+    frames = [replace(one, time_s=k / 30, sequence=k) for k in range(12)]
+    assert not any(auto.update(f, tracker.update(f)) for f in frames)

@@ -216,7 +216,7 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys) -> None:
     out = str(tmp_path / "camera.json")
     for arguments, words in (
         (["--photo", "none.jpg", "--out", out], "none.jpg: cannot read"),
-        (["--photo", str(tmp_path / "text.jpg"), "--out", out], "not an image"),
+        (["--photo", str(tmp_path / "text.jpg"), "--out", out], "no picture"),
         (["--board", "none.csv", "--out", out], "none.csv: cannot read"),
         (["--board", "none.csv", "--out", out, "--size", "big"], "--size big"),
     ):

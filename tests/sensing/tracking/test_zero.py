@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import cv2
@@ -178,3 +179,14 @@ def test_bad_input_gets_one_line_and_status_2(tmp_path, capsys, arguments, words
     assert main([str(tmp_path / a[1:]) if a.startswith("@") else a for a in arguments]) == 2
     message = capsys.readouterr().err
     assert words in message and message.count("\n") == 1 and not (tmp_path / "z.npz").exists()
+
+
+@pytest.mark.parametrize("change", [{"frames": float("inf")}, {"brightness": 10**400}])
+def test_a_number_that_no_field_holds_is_a_damaged_file(zero, tmp_path, change):
+    save_zero(zero, tmp_path / "z.npz")
+    with np.load(tmp_path / "z.npz") as archive:
+        held = dict(archive)
+    held["about"] = np.array(json.dumps(json.loads(str(held["about"])) | change))
+    np.savez(tmp_path / "z.npz", **held)
+    with pytest.raises(FileError, match="no reference file"):
+        load_zero(tmp_path / "z.npz")

@@ -27,6 +27,7 @@ from sensing.camera.mount import rotation_matrix
 GOOD_PX = 1.0  # no other start is tried below this residual
 CORNERS = (3, 100)  # inner ones each way: OpenCV looks for no fewer, and prints hold no more
 MOST_SQUARE_MM = 1000.0
+LARGEST = 1e6  # of a coordinate, mm or px
 MIN_VIEWS = 3
 MIN_POINTS = 6  # a view: four fix its homography, two more check it
 LEAST_ACROSS = 1e-3  # extent of the points of a view across their longest one, over that one
@@ -73,7 +74,10 @@ def read_views(path: str | Path) -> list[BoardView]:
         with Path(path).open(newline="") as stream:
             table = csv.DictReader(stream)
             for row in table:
-                rows[row["view"]].append([stored_number(row[name]) for name in ("x_mm", "y_mm", "u_px", "v_px")])
+                values = [stored_number(row[name]) for name in ("x_mm", "y_mm", "u_px", "v_px")]
+                if max(map(abs, values)) > LARGEST:
+                    raise ParameterError(f"{max(values, key=abs):g} is no place on a board nor in a picture")
+                rows[row["view"]].append(values)
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror})") from error
     except (KeyError, ValueError, csv.Error) as error:

@@ -67,11 +67,11 @@ class Recording:
             raise FileError(f"{folder}: another recording is writing there: choose another folder") from None
         except OSError as error:
             raise FileError(f"{folder}: cannot be written ({error.strerror}): choose another folder") from error
-        known = shard_files(folder)
-        self._shard = int(known[-1].stem) + 1 if known else 0
-        self.paths = max((_paths_to(path) for path in known), default=0)
-        self._path = self.paths
         try:
+            known = shard_files(folder)
+            self._shard = int(known[-1].stem) + 1 if known else 0
+            self.paths = max((_paths_to(path) for path in known), default=0)
+            self._path = self.paths
             self._manifest(identity(params, silicone))
         except BaseException:
             self.close()
@@ -167,8 +167,9 @@ def _paths_to(shard: Path) -> int:
     Raises:
         FileError: it cannot be read, or says of no path.
     """
+    found = read_shard(shard, ("path",))["path"]
     try:
-        return int(read_shard(shard, ("path",))["path"].max()) + 1
+        return int(found.max()) + 1
     except (ValueError, TypeError, OverflowError) as error:
         raise FileError(f"{shard}: not a shard of a recording ({error}): move it away") from error
 

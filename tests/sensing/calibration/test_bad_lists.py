@@ -24,7 +24,7 @@ def test_a_coordinate_that_is_no_place_is_named_by_its_line(tmp_path, text):
         read_dots(tmp_path / "dots.csv")
 
 
-@pytest.mark.parametrize("text", ["nan", "inf", "\u0663", "x", ""])
+@pytest.mark.parametrize("text", ["nan", "inf", "\u0663", "x", "", "1e300"])
 def test_a_board_point_that_is_no_number_is_named_by_its_line(tmp_path, text):
     (tmp_path / "board.csv").write_text(f"view,x_mm,y_mm,u_px,v_px\n0,0,0,1,1e-3\n0,1,{text},1,1\n", encoding="utf-8")
     with pytest.raises(FileError, match="line 3"):

@@ -253,6 +253,10 @@ def test_a_shard_without_a_path_is_named(tmp_path):
     np.savez(tmp_path / "set" / "shards" / "00000.npz", path=np.zeros(0))
     with pytest.raises(FileError, match="not a shard of a recording"):
         Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
+    (tmp_path / "set" / "shards" / "00000.npz").write_text("none")
+    for _ in range(2):  # the folder is let go each time
+        with pytest.raises(FileError, match=r"shards/00000\.npz: not a whole shard"):
+            Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
 
 
 def test_a_lock_that_is_a_link_is_neither_followed_nor_emptied(tmp_path):

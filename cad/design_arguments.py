@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from cad.errors import ParameterError
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import plain, plain_number
@@ -23,6 +24,18 @@ HELP = {
 }
 
 
+def number(text: str) -> float:
+    """A plain decimal number, as the type of an option.
+
+    Raises:
+        argparse.ArgumentTypeError: another form; argparse would name the function where a ``ValueError`` is raised.
+    """
+    try:
+        return plain_number(text)
+    except ParameterError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def add_design_arguments(parser: argparse._ActionsContainer, with_defaults: bool = True) -> None:
     """Add the options of a design.
 
@@ -31,7 +44,7 @@ def add_design_arguments(parser: argparse._ActionsContainer, with_defaults: bool
     """
     for name, usual in DEFAULTS.items():
         parser.add_argument(
-            f"--{name.replace('_', '-')}", type=str if name == "dot_rings" else plain_number,
+            f"--{name.replace('_', '-')}", type=str if name == "dot_rings" else number,
             default=usual if with_defaults else None, metavar="COUNTS" if name == "dot_rings" else "MM",
             help=HELP[name],
         )  # fmt: skip

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from cad.errors import ParameterError
-from cad.plain_numbers import plain
+from cad.plain_numbers import brief, plain
 
 RELEASED_RINGS = (1, 6, 10, 12, 16, 18, 20)  # M, CAM06
 RELEASED_DOT_MM = 4.0  # E: what a dot measures on the photos
@@ -22,6 +22,7 @@ DENT_DEPTH_MM = 0.6  # E: deep enough to hold ink; of dots from the released 4 m
 DOT_RANGE_MM = (2.9, 8.0)  # E: below and above, no dent holds ink
 LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; less, and ink and blobs of neighbours run together
 MOST_RINGS = 12
+MOST_DIGITS = 4  # of a count: no ring takes a thousand dots
 GYROID_RANGE = (
     0.08,
     0.12,
@@ -39,9 +40,10 @@ def parse_rings(text: str) -> tuple[int, ...]:
         ParameterError: anything else.
     """
     words = text.split("-")
-    if not all(word.isascii() and word.isdigit() for word in words):
+    if not all(word.isascii() and word.isdigit() and len(word) <= MOST_DIGITS for word in words):
         raise ParameterError(
-            f"dots={text} is not of the form 1-6-10-12-16-18-20: dots of each ring, from the tip to the equator",
+            f"dots={brief(text)} is not of the form 1-6-10-12-16-18-20: dots of each ring, from the tip to the "
+            f"equator, in at most {MOST_DIGITS} digits each",
             name="dots",
             value=text,
         )

@@ -17,6 +17,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from cad.errors import FileError
 
@@ -175,6 +176,28 @@ def lock_of_the_dead(folder: Path) -> Iterator[bool]:
     finally:
         if lock is not None:
             os.close(lock)
+
+
+def hold_lock(path: Path) -> IO[str]:
+    """An open lock file that this process alone holds until it is closed.
+
+    What stands there is neither followed nor emptied: a link could lead to any file of the user's.
+
+    Raises:
+        BlockingIOError: another process holds it. OSError: it cannot be written, or is a link.
+    """
+    import fcntl
+
+    flags = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK  # a pipe there is an error, not a wait
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, f"its {path.name} is a link")
+    stream = os.fdopen(os.open(path, flags, READABLE), "w")
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        stream.close()
+        raise
+    return stream
 
 
 def _try_lock(folder: Path) -> int | None:

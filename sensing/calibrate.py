@@ -21,8 +21,9 @@ from cad.extras import program
 from cad.identity import identity
 from cad.messages import LOG, show
 from cad.whole_file import require_place
+from sensing.arguments import number, pair
 from sensing.calibration.dots import CalibrationError, find_blobs, pattern_points, read_dots
-from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views
+from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views, require_board
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.other_design import design_fit, require_design
 from sensing.calibration.picture import draw_fit, read_image, write_image
@@ -61,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
     parser.add_argument(
         "--azimuth-hint",
-        type=float,
+        type=number,
         default=0.0,
         metavar="DEG",
         help="expected turn of the image, to within half of the angle after which the dots repeat: 90 degrees for the "
@@ -70,9 +71,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--trust-design", action="store_true", help="calibrate even where another diameter fits the photo better"
     )
-    parser.add_argument("--corners", default="9x6", help="inner corners of the chessboard (9x6)")
-    parser.add_argument("--square", type=float, default=10.0, metavar="MM", help="side of its squares (10)")
-    parser.add_argument("--size", default="640x480", help="image size when board views come as CSV (640x480)")
+    parser.add_argument(
+        "--corners", type=pair, default=(9, 6), metavar="NxM", help="inner corners of the chessboard (9x6)"
+    )
+    parser.add_argument("--square", type=number, default=10.0, metavar="MM", help="side of its squares (10)")
+    parser.add_argument(
+        "--size", type=pair, default=(640, 480), metavar="WxH", help="image size when board views come as CSV (640x480)"
+    )
     parser.add_argument("--out", required=True, help="camera.json to write")
     parser.add_argument("--picture", help="photo with the fit drawn in")
     return parser
@@ -111,9 +116,9 @@ def _from_dots(options: argparse.Namespace) -> int:
 
 def _from_board(options: argparse.Namespace) -> int:
     if options.board[0].endswith(".csv"):
-        size, views = _pair("--size", options.size), read_views(options.board[0])
+        size, views = options.size, read_views(options.board[0])
     else:
-        size, views = _photographed(options.board, _pair("--corners", options.corners), options.square)
+        size, views = _photographed(options.board, options.corners, options.square)
     result = calibrate_from_board(views, size)
     mount(result.camera, (0.0, 0.0, 0.0)).save(options.out)
     show(f"{len(views)} views, residual {result.rms_px:.3f} px rms; next: --photo with --lens {options.out}")
@@ -124,6 +129,7 @@ def _photographed(
     paths: list[str], corners: tuple[int, int], square_mm: float
 ) -> tuple[tuple[int, int], list[BoardView]]:
     """Image size and the views in which the board was found; the others are named on stderr."""
+    require_board(corners, square_mm)
     images = [read_image(path) for path in paths]
     sizes = {(image.shape[1], image.shape[0]) for image in images}
     if len(sizes) > 1:
@@ -133,14 +139,6 @@ def _photographed(
         if view is None:
             LOG.warning(f"{path}: no board of {corners[0]}x{corners[1]} inner corners found, left out")
     return sizes.pop(), [view for view in found if view is not None]
-
-
-def _pair(name: str, text: str) -> tuple[int, int]:
-    try:
-        first, second = (int(part) for part in text.lower().split("x"))
-    except ValueError as error:
-        raise CalibrationError(f"{name} {text}: give two whole numbers, for example 640x480") from error
-    return first, second
 
 
 if __name__ == "__main__":

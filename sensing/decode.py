@@ -7,12 +7,14 @@ so its centre lies at full-size (s x + (s - 1) / 2, likewise y): :func:`to_full_
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from cad.errors import EndcapError
+from cad.errors import EndcapError, FileError
 from sensing.records import Frame, Image
 
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
@@ -95,6 +97,41 @@ def as_uint8(image: NDArray, source: str) -> Image:
     elif image.dtype != np.uint8:
         raise FrameError(f"{source}: pixel type {image.dtype}: give uint8, uint16 or float")
     return np.ascontiguousarray(image)
+
+
+def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Image:
+    """(H, W, 3) uint8 BGR of a picture file, whatever its type.
+
+    Args:
+        path: of the file, for messages. data: what is in it. types: that it may have, for messages.
+
+    Raises:
+        FileError: no picture, or one of more pixels than :data:`MOST_PIXELS`.
+    """
+    size = picture_size(data)
+    if size is not None and size[0] * size[1] > MOST_PIXELS:
+        raise FileError(
+            f"{path}: a picture of {size[0]}x{size[1]} px: at most {MOST_PIXELS} pixels; make it smaller, or give the "
+            "camera's own picture"
+        )
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    except cv2.error:  # of types whose head is not read above, OpenCV refuses more than 2^30 pixels
+        image = None
+    if image is None:
+        raise FileError(f"{path}: no picture that can be decoded: give a file of type {types}")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def picture_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) that the head of a PNG or JPEG claims; None of other files."""
+    if data[:2] != b"\xff\xd8":
+        return png_size(data)
+    try:
+        height, width = simplejpeg.decode_jpeg_header(data)[:2]
+    except ValueError:  # damaged: the decoder says so, too
+        return None
+    return width, height
 
 
 def png_size(data: bytes) -> tuple[int, int] | None:

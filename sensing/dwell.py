@@ -10,14 +10,16 @@ constants in endcaps.toml live adds what is missing (:mod:`sensing.wrench.relaxa
 from __future__ import annotations
 
 import argparse
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from cad.errors import EndcapError
+from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG, show
+from cad.whole_file import replace_file, require_place
 from sensing.live.core.config import chosen_endcap
 from sensing.live.core.config_entries import change_entries
 from sensing.live.core.endcaps_file import load_config
@@ -28,6 +30,7 @@ from sensing.weighing.dwell import Dwell, DwellError, fit_dwell
 from sensing.weighing.film import film_readings
 from sensing.wrench.stiffness import Stiffness
 
+PICTURES = (".png", ".jpg", ".pdf", ".svg")
 DESCRIPTION = """\
 Find the relaxation of an endcap's silicone in a recording of one dwell test, and store it in endcaps.toml. Record the
 untouched endcap, put a weight of 500 g or more on it at once, leave it for 5 s or more, take it off at once, and go on
@@ -53,6 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _identify(options: argparse.Namespace) -> None:
+    if options.picture:
+        _require_picture(options.picture)
     config = load_config(options.config)
     endcap = chosen_endcap(config, options.endcap)
     warm_up(lambda text: LOG.info(text))
@@ -87,6 +92,15 @@ def _along(force_n: np.ndarray) -> np.ndarray:
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
 
 
+def _require_picture(path: Path) -> None:
+    """Refuse a picture that could not be written, before a recording is read for it."""
+    if path.suffix.lower() not in PICTURES:
+        raise ParameterError(
+            f"--picture {path}: the name must end in {', '.join(PICTURES)}", name="picture", value=path
+        )
+    require_place(path)
+
+
 def _draw(path: Path, time_s: np.ndarray, force_n: np.ndarray, result: Dwell) -> None:
     from matplotlib.figure import Figure
 
@@ -100,7 +114,8 @@ def _draw(path: Path, time_s: np.ndarray, force_n: np.ndarray, result: Dwell) ->
     axes[1].set_ylabel("difference from the weight, N")
     axes[1].set_ylim(-0.1 * result.level_n, 0.1 * result.level_n)
     axes[0].legend()
-    figure.savefig(path, dpi=100)
+    figure.savefig(buffer := io.BytesIO(), dpi=100, format=path.suffix[1:].lower())
+    replace_file(path, buffer.getvalue())
 
 
 def _parser() -> argparse.ArgumentParser:

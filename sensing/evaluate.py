@@ -32,6 +32,7 @@ from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG, show
 from cad.whole_file import replace_file, require_place
+from sensing.arguments import whole
 from sensing.evaluation.cells import RANGE_N, Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
@@ -255,9 +256,9 @@ def _parser() -> argparse.ArgumentParser:
         "--holdout", nargs="+", default=[], choices=HOLDOUTS, help="fit all to a part of --train and test on the rest"
     )
     parser.add_argument(
-        "--paper-epochs", type=int, default=100, metavar="N", help="of the paper's recipe (100); 0 leaves it out"
+        "--paper-epochs", type=whole, default=100, metavar="N", help="of the paper's recipe (100); 0 leaves it out"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of what is held out (0)")
+    parser.add_argument("--seed", type=whole, default=0, metavar="N", help="of what is held out (0)")
     parser.add_argument(
         "--true-camera", action="store_true", help="also with the true camera that lies beside simulated frames"
     )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from cad.extras import program
 from cad.messages import LOG, show, transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file, require_place
+from sensing.arguments import pair
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.files import FolderSource, VideoSource, read_picture
@@ -114,7 +116,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.video is None:
         frames = [read_picture(options.frame)]
     else:
-        frames = FolderSource(options.video) if options.video.is_dir() else VideoSource(options.video)
+        frames = FolderSource(options.video) if os.path.isdir(options.video) else VideoSource(options.video)
     channels = tuple(name.strip() for name in options.channels.split(","))
     results = []
     for result in compute_fields(options.method, reference, frames, options.shape, channels, params):
@@ -194,14 +196,6 @@ def _summary(method: str, results: list[FieldResult]) -> str:
     return text
 
 
-def _shape(text: str) -> tuple[int, int]:
-    try:
-        height, width = (int(part) for part in text.lower().split("x"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: give HxW, for example 30x30") from None
-    return height, width
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program("python -m sensing.field"),
@@ -216,7 +210,7 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--frame", type=Path, help="one picture")
     what.add_argument("--video", type=Path, help="a video file, or a folder of pictures")
     add_design_arguments(parser)
-    parser.add_argument("--shape", type=_shape, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
+    parser.add_argument("--shape", type=pair, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
     parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
     parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")
     parser.add_argument("--picture", type=Path, metavar="FILE", help=".png or .jpg: image, dots, arrows, quality")

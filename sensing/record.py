@@ -33,7 +33,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from sensing.arguments import number
+from sensing.arguments import number, whole
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.ending import leave
 from sensing.recording.folder import Recording
@@ -168,7 +168,10 @@ def read_mount(path: Path) -> FtMount:
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        return FtMount(np.array(found["T_endcap_ft"], float), int(found["reads"]))
+        reads = found["reads"]
+        if isinstance(reads, bool) or reads not in (ACTION, REACTION):
+            raise ValueError(f"reads={json.dumps(reads)[:40]}")
+        return FtMount(np.array(found["T_endcap_ft"], float), int(reads))
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror}): give the sensor's mounting") from error
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
@@ -198,9 +201,9 @@ def _parser() -> argparse.ArgumentParser:
         help=f"of the endcap, cad/materials.csv ({DEFAULT_SILICONE})",
     )
     parser.add_argument("--slop", type=number, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
-    parser.add_argument("--rest", type=int, default=REST_FRAMES, metavar="N", help=f"untouched frames ({REST_FRAMES})")
-    parser.add_argument("--frames", type=int, metavar="N", help="stop after so many")
-    parser.add_argument("--port", type=int, default=49152, metavar="N", help="of the NetFT (49152)")
+    parser.add_argument("--rest", type=whole, default=REST_FRAMES, metavar="N", help=f"untouched ({REST_FRAMES})")
+    parser.add_argument("--frames", type=whole, metavar="N", help="stop after so many")
+    parser.add_argument("--port", type=whole, default=49152, metavar="N", help="of the NetFT (49152)")
     parser.add_argument("--ft-rate", type=number, metavar="HZ", help="counts a second of the NetFT (found out)")
     parser.add_argument("--ft-delay", type=number, metavar="S", help="network delay of a sample (half the answer time)")
     parser.add_argument("--counts-n", type=number, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")

@@ -105,7 +105,7 @@ class LabelledSet:
         self.folder = Path(folder)
         self.manifest = read_manifest(self.folder)
         self.phases: tuple[str, ...] = tuple(self.manifest["phases"])
-        self.shards = sorted((self.folder / "shards").glob("[0-9]*.npz"))
+        self.shards = shard_files(self.folder)
         self._kept: tuple[int, dict[str, NDArray]] | None = None
 
     @property
@@ -250,6 +250,12 @@ def _is_locked(folder: Path) -> bool:
     except OSError:
         return False  # never locked
     return False
+
+
+def shard_files(folder: Path) -> list[Path]:
+    """Shards of a set in order; a file whose name holds more than a number is none."""
+    found = (folder / "shards").glob("[0-9]*.npz")
+    return sorted((path for path in found if path.stem.isascii() and path.stem.isdigit()), key=lambda p: int(p.stem))
 
 
 def read_shard(path: Path, names: Collection[str] | None = None) -> dict[str, NDArray]:

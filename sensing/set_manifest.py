@@ -25,10 +25,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         found = json.loads(path.read_text(encoding="utf-8"))
         if found["format"] != FORMAT:
             raise ValueError(f"format {found['format']}, need {FORMAT}")
+        if not isinstance(found.get("request", {}), dict):
+            raise ValueError("its request is no table")
         return dict(found)
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror}): give a folder of labelled frames") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
 
 
@@ -51,12 +53,15 @@ def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
         if found.design != design:
             raise ValueError(f"its identity is of {found.design.label}, its options of {design.label}")
         return found
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise FileError(f"{folder / 'manifest.json'}: no design in it ({error}): write the set again") from error
 
 
 def _design(request: dict[str, Any]) -> EndcapParams:
     """Of the options of a set; those written before there were other dots say nothing of them."""
-    rings = parse_rings(request.get("dot_rings", rings_text(RELEASED_RINGS)))
+    words = request.get("dot_rings", rings_text(RELEASED_RINGS))
+    if not isinstance(words, str):
+        raise TypeError(f"dot_rings={words!r} is no text"[:100])
+    rings = parse_rings(words)
     diameter_mm, wall_mm = float(request["diameter_mm"]), float(request["wall_mm"])
     return EndcapParams(diameter_mm, wall_mm, rings, request.get("dot_mm", RELEASED_DOT_MM))

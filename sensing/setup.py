@@ -26,6 +26,7 @@ from cad.extras import program
 from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
+from sensing.arguments import number as decimal
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.engine import Engine, LiveEndcap
@@ -281,8 +282,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"it is cast of ({DEFAULT_SILICONE})"
     )
-    parser.add_argument("--exposure", type=float, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
-    parser.add_argument("--weight", type=float, default=0.0, metavar="N", help="of the robot, for the force sum")
+    parser.add_argument("--exposure", type=decimal, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
+    parser.add_argument("--weight", type=decimal, default=0.0, metavar="N", help="of the robot, for the force sum")
     return parser
 
 

@@ -27,7 +27,7 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show, transient
 from cad.whole_file import make_folder, replace_file, require_place
-from sensing.arguments import number
+from sensing.arguments import number, scientific, whole
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.radial import radial_tensors
@@ -229,7 +229,7 @@ def _add_data(parser: argparse.ArgumentParser) -> None:
         help="frames of other sensors on paths of their own: the live errors there scale the 95 %% intervals",
     )  # fmt: skip
     parser.add_argument(
-        "--tilt-to", type=float, default=90.0, metavar="DEG", help="of the contacts that --intervals counts (90: all)"
+        "--tilt-to", type=number, default=90.0, metavar="DEG", help="of the contacts that --intervals counts (90: all)"
     )
 
 
@@ -249,24 +249,24 @@ def _add_design(group: argparse._ArgumentGroup) -> None:
 
 def _add_fit(group: argparse._ArgumentGroup) -> None:
     plain = FitConfig()
-    group.add_argument("--epochs", type=int, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
+    group.add_argument("--epochs", type=whole, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
     group.add_argument(
         "--rate",
-        type=float,
+        type=scientific,
         default=plain.rate,
         metavar="R",
         help=f"of learning, at first; less to fine-tune ({plain.rate:g})",
     )
     group.add_argument(
-        "--seconds", type=float, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
+        "--seconds", type=number, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
     )
-    group.add_argument("--cells", type=int, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
-    group.add_argument("--components", type=int, default=plain.components, metavar="N", help="principal fields")
-    group.add_argument("--hidden", type=int, default=plain.hidden, metavar="N", help="width of the network")
+    group.add_argument("--cells", type=whole, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
+    group.add_argument("--components", type=whole, default=plain.components, metavar="N", help="principal fields")
+    group.add_argument("--hidden", type=whole, default=plain.hidden, metavar="N", help="width of the network")
     group.add_argument(
-        "--depth", type=int, default=plain.depth, metavar="N", help=f"its layers, 2 or 3 ({plain.depth})"
+        "--depth", type=whole, default=plain.depth, metavar="N", help=f"its layers, 2 or 3 ({plain.depth})"
     )
-    group.add_argument("--seed", type=int, default=0, metavar="N", help="of the random numbers (0)")
+    group.add_argument("--seed", type=whole, default=0, metavar="N", help="of the random numbers (0)")
     group.add_argument("--device", default="cpu", help="torch's device (cpu)")
 
 

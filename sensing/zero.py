@@ -23,6 +23,7 @@ from cad.extras import program
 from cad.identity import Identity, identity
 from cad.messages import LOG, show
 from cad.params import EndcapParams
+from cad.plain_numbers import plain_number
 from sensing.calibration.misfit import camera_misfit
 from sensing.calibration.rest_picture import light_doubts, picture_doubts
 from sensing.camera.light import light_of
@@ -166,7 +167,7 @@ def _count(text: str) -> int:
 
 def _seconds(text: str) -> float:
     try:
-        value = float(text)
+        value = plain_number(text)
         if not 0 < value < 86400:
             raise ParameterError(text, name="still", value=value)
     except ValueError:

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.dots import dot_pattern, dot_position_mm
-from cad.errors import EndcapError, FileError
+from cad.errors import EndcapError, FileError, ParameterError
 from cad.params import EndcapParams
+from cad.plain_numbers import stored_number
 from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
@@ -29,6 +30,7 @@ MIN_CONTRAST = 0.22  # relative to the silicone around it; ink measures 0.35 to 
 AREA_PX = (35.0, 520.0)
 FEWEST_TO_FIT = 7
 FEWEST, FEWEST_SHARE = 20, 0.75  # dots that a photo must show; of a design with fewer, the share of those seen
+MOST_PX = 1e5  # of a place in a picture
 ALONE = 1.5  # a dot whose nearest neighbour is this many times farther than usual may be missed by as much more
 
 
@@ -91,14 +93,21 @@ def read_dots(path: str | Path) -> Array:
     try:
         with Path(path).open(newline="") as stream:
             table = csv.DictReader(stream)
-            values = [(float(row["u_px"]), float(row["v_px"])) for row in table]
+            values = [(_pixel(row["u_px"]), _pixel(row["v_px"])) for row in table]
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror})") from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, ValueError, csv.Error) as error:
         raise FileError(
             f"{path}: line {table.line_num}: need numbers in the columns u_px and v_px ({error})"
         ) from error
     return np.array(values, dtype=float).reshape(-1, 2)
+
+
+def _pixel(text: str | None) -> float:
+    value = stored_number(text)
+    if abs(value) > MOST_PX:
+        raise ParameterError(f"{value:g} px is outside any picture")
+    return value
 
 
 def pattern_points(params: EndcapParams) -> tuple[Array, NDArray[np.intp]]:

@@ -18,14 +18,19 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
+from cad.plain_numbers import stored_number
 from sensing.calibration.dots import CalibrationError
 from sensing.camera.model import Array, FisheyeCamera, monotonic_half_angle_deg, radial
 from sensing.camera.mount import rotation_matrix
 
 GOOD_PX = 1.0  # no other start is tried below this residual
+CORNERS = (3, 100)  # inner ones each way: OpenCV looks for no fewer, and prints hold no more
+MOST_SQUARE_MM = 1000.0
+LARGEST = 1e6  # of a coordinate, mm or px
 MIN_VIEWS = 3
 MIN_POINTS = 6  # a view: four fix its homography, two more check it
+LEAST_ACROSS = 1e-3  # extent of the points of a view across their longest one, over that one
 START_FOCAL = 0.5  # f / image height of a 180 degree lens that fills the frame
 STARTS = (0.5, 0.7, 1.0, 1.4)  # factors on it that are tried: the best residual wins
 
@@ -69,15 +74,40 @@ def read_views(path: str | Path) -> list[BoardView]:
         with Path(path).open(newline="") as stream:
             table = csv.DictReader(stream)
             for row in table:
-                rows[row["view"]].append([float(row[name]) for name in ("x_mm", "y_mm", "u_px", "v_px")])
+                values = [stored_number(row[name]) for name in ("x_mm", "y_mm", "u_px", "v_px")]
+                if max(map(abs, values)) > LARGEST:
+                    raise ParameterError(f"{max(values, key=abs):g} is no place on a board nor in a picture")
+                rows[row["view"]].append(values)
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror})") from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, ValueError, csv.Error) as error:
         raise FileError(
             f"{path}: line {table.line_num}: need columns view,x_mm,y_mm,u_px,v_px of numbers ({error})"
         ) from error
     arrays = [np.array(values) for values in rows.values()]
     return [BoardView(values[:, :2], values[:, 2:]) for values in arrays]
+
+
+def require_board(inner: tuple[int, int], square_mm: float) -> None:
+    """Refuse a chessboard that cannot be.
+
+    Raises:
+        ParameterError: corners that OpenCV does not look for, or a side that is no length.
+    """
+    fewest, most = CORNERS
+    if not fewest <= min(inner) <= max(inner) <= most:
+        raise ParameterError(
+            f"corners={inner[0]}x{inner[1]} outside {fewest}x{fewest}..{most}x{most}: count the inner corners, 9x6 for "
+            "10 x 7 squares",
+            name="corners",
+            value=inner,
+        )
+    if not 0 < square_mm <= MOST_SQUARE_MM:
+        raise ParameterError(
+            f"square={square_mm:g} outside 0..{MOST_SQUARE_MM:g} mm: measure the side of a square, more than 0",
+            name="square",
+            value=square_mm,
+        )
 
 
 def find_board(image_bgr: NDArray[np.uint8], inner: tuple[int, int], square_mm: float) -> BoardView | None:
@@ -87,7 +117,11 @@ def find_board(image_bgr: NDArray[np.uint8], inner: tuple[int, int], square_mm: 
         image_bgr: (h, w, 3) photo.
         inner: inner corners along the board's x and y, for example (9, 6) for 10 x 7 squares.
         square_mm: side of a square.
+
+    Raises:
+        ParameterError: corners or a side that no board has.
     """
+    require_board(inner, square_mm)
     found, corners = cv2.findChessboardCornersSB(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), inner)
     if not found:
         return None
@@ -99,10 +133,11 @@ def calibrate_from_board(views: Sequence[BoardView], size_px: tuple[int, int]) -
     """Focal lengths, centre and k1..k4 from several views of a board.
 
     Raises:
-        CalibrationError: too few views or points, or a fit that does not reach 5 px.
+        CalibrationError: too few views or points, points on one line, or a fit that does not reach 5 px.
     """
     if len(views) < MIN_VIEWS or any(len(view.pixels) < MIN_POINTS for view in views):
         raise CalibrationError(f"{len(views)} views: need {MIN_VIEWS} or more with {MIN_POINTS} or more points each")
+    _require_spread(views)
     tries = []
     for factor in STARTS:
         found = _solve(views, size_px, START_FOCAL * factor * size_px[1])
@@ -116,6 +151,17 @@ def calibrate_from_board(views: Sequence[BoardView], size_px: tuple[int, int]) -
     if best.rms_px > 5:
         raise CalibrationError(f"residual {best.rms_px:.1f} px over 5: check the order of the board's points")
     return best
+
+
+def _require_spread(views: Sequence[BoardView]) -> None:
+    """Refuse points on one line or place: they say nothing across it."""
+    for number, view in enumerate(views, 1):
+        for values, place in ((view.board_mm, "on the board"), (view.pixels, "in the picture")):
+            across = np.linalg.svd(values - values.mean(0), compute_uv=False)
+            if not across[1] > LEAST_ACROSS * across[0]:
+                raise CalibrationError(
+                    f"view {number} of {len(views)}: its points lie on one line or spot {place}: spread them"
+                )
 
 
 def _solve(views: Sequence[BoardView], size_px: tuple[int, int], focal: float) -> BoardCalibration | None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.calibration.assign import assign_dots
-from sensing.calibration.dots import CalibrationError, DotPairs, fewest_dots, pattern_points
+from sensing.calibration.dots import FEWEST_TO_FIT, CalibrationError, DotPairs, fewest_dots, pattern_points, spacing_px
 from sensing.calibration.fit import Fit, Problem
 from sensing.calibration.in_place import assign_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS, MountPrior
@@ -27,6 +27,8 @@ from sensing.camera.model import Array, FisheyeCamera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import NAMES
+
+LEAST_SPACING_PX = 1.0  # between neighbours, the usual distance; a dot itself is wider
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,9 @@ def calibrate_from_dots(
             a third less work; a dot between two places may find another partner then.
 
     Raises:
-        CalibrationError: pattern not recognised or too few dots.
+        CalibrationError: pattern not recognised, too few dots, or most of them twice.
     """
+    _require_apart(found_px)
     start = nominal_mount(params, *size_px)
     if lens is not None:
         start = MountedCamera(lens, start.T_camera_endcap)
@@ -134,6 +137,14 @@ def calibrate_from_dots(
     if prior is None and lens is None:
         fit, probabilities = most_probable(fit, start, points, pixels)
     return _calibration(fit, points, pairs, found_px, probabilities)
+
+
+def _require_apart(found_px: Array) -> None:
+    """Refuse a list in which most dots stand twice: distances between neighbours measure the search."""
+    if len(found_px) >= FEWEST_TO_FIT and spacing_px(found_px) < LEAST_SPACING_PX:
+        raise CalibrationError(
+            f"{len(found_px)} dots, half of them within {LEAST_SPACING_PX:g} px of another: give each dot once"
+        )
 
 
 def _calibration(

@@ -14,6 +14,7 @@ from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.calibration.dots import pattern_points
 from sensing.camera.model import Array
+from sensing.decode import decode_file
 
 if TYPE_CHECKING:
     from sensing.calibration.from_dots import Calibration
@@ -46,16 +47,13 @@ def read_image(path: str | Path) -> NDArray[np.uint8]:
     """A photo as (h, w, 3) BGR.
 
     Raises:
-        FileError: missing, or not an image.
+        FileError: missing, not an image, or too large a one.
     """
     try:
         data = Path(path).read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror})") from error
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
-    if image is None:
-        raise FileError(f"{path}: not an image that OpenCV can decode; give a JPEG or PNG")
-    return np.asarray(image, dtype=np.uint8)
+    return decode_file(path, data)
 
 
 def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:

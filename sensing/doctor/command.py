@@ -16,6 +16,7 @@ from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, show
 from cad.params import EndcapParams
+from sensing.arguments import number, whole
 from sensing.doctor.examine import Report, examine, take_file, take_live
 from sensing.doctor.finding import Finding, Verdict
 from sensing.records import Frame
@@ -123,9 +124,9 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("source", nargs="*", help="camera number, address, folder, video, picture or recording")
-    parser.add_argument("--frames", type=int, default=90, metavar="N", help="to look at (90: three seconds)")
-    parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="to ask of a camera (30)")
-    parser.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
+    parser.add_argument("--frames", type=whole, default=90, metavar="N", help="to look at (90: three seconds)")
+    parser.add_argument("--rate", type=number, default=30.0, metavar="HZ", help="to ask of a camera (30)")
+    parser.add_argument("--exposure", type=number, metavar="V", help="fixed exposure, the driver's unit")
     add_design_arguments(parser)
     parser.add_argument("--json", action="store_true", help="as JSON, for programs")
     return parser

@@ -15,7 +15,7 @@ from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from sensing.arguments import number
+from sensing.arguments import number, whole
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights
@@ -225,7 +225,7 @@ def _add_sources(parser: argparse.ArgumentParser) -> None:
     )
     play.add_argument("--at-end", choices=["stop", "loop", "stay"], help="end the run, begin again, or wait (stop)")
     play.add_argument("--paused", action="store_true", help="show the first pictures and wait for the page's button")
-    play.add_argument("--speed", type=float, metavar="X", help="also of videos and photos; 0: as fast as possible (1)")
+    play.add_argument("--speed", type=number, metavar="X", help="also of videos and photos; 0: as fast as possible (1)")
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:
@@ -238,16 +238,16 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
     add_design_arguments(model, with_defaults=False)
     model.add_argument("--silicone", metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})")
-    model.add_argument("--rate", type=float, metavar="HZ", help="frames a second of a camera (30)")
-    model.add_argument("--exposure", type=float, metavar="V", help="fixed exposure, the driver's unit")
-    model.add_argument("--workers", type=int, metavar="N", help="threads that share the endcaps (1)")
+    model.add_argument("--rate", type=number, metavar="HZ", help="frames a second of a camera (30)")
+    model.add_argument("--exposure", type=number, metavar="V", help="fixed exposure, the driver's unit")
+    model.add_argument("--workers", type=whole, metavar="N", help="threads that share the endcaps (1)")
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     out = parser.add_argument_group("outputs")
     out.add_argument("--no-page", action="store_true", help="numbers here only")
     out.add_argument("--host", help="address of the page (127.0.0.1); others need a token")
-    out.add_argument("--port", type=int, metavar="N", help="port of the page (8008, or any free one)")
+    out.add_argument("--port", type=whole, metavar="N", help="port of the page (8008, or any free one)")
     out.add_argument(
         "--record", type=Path, nargs="?", const=Path(), metavar="FILE", help="MCAP; without a name: endcap_TIME.mcap"
     )
@@ -261,4 +261,4 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     out.add_argument("--rerun", action="store_true", help="also show in the Rerun viewer, if it is installed")
     out.add_argument("--output", action="append", metavar="NAME[=WORDS]", help="a plug-in's output; again for another")
     out.add_argument("--json", action="store_true", help="one line of JSON a frame on stdout; the rest on stderr")
-    out.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
+    out.add_argument("--seconds", type=number, metavar="S", help="stop after so long")

@@ -6,7 +6,6 @@ all.
 
 from __future__ import annotations
 
-import fcntl
 import io
 import json
 import secrets
@@ -22,10 +21,10 @@ from cad.errors import FileError
 from cad.identity import Identity, identity, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
-from cad.whole_file import replace_file
+from cad.whole_file import hold_lock, replace_file
 from sensing.frames import FtMount
 from sensing.records import Frame
-from sensing.records_labelled import COLUMNS, read_shard
+from sensing.records_labelled import COLUMNS, read_shard, shard_files
 from sensing.set_manifest import FORMAT, identity_of, read_manifest
 from sensing.tracking.zero import Zero
 
@@ -59,21 +58,20 @@ class Recording:
         self._tare = np.zeros(6)
         self._touching = False
         self._start_s: float | None = None
-        self._made = not folder.exists()
-        self._begun = (folder / "manifest.json").exists()  # by an earlier run, whose files stay
         try:
+            self._made = not folder.exists()
+            self._begun = (folder / "manifest.json").exists()  # by an earlier run, whose files stay
             (folder / "shards").mkdir(parents=True, exist_ok=True)
-            self._lock = (folder / ".lock").open("w")
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._lock = hold_lock(folder / ".lock")
         except BlockingIOError:
             raise FileError(f"{folder}: another recording is writing there: choose another folder") from None
         except OSError as error:
             raise FileError(f"{folder}: cannot be written ({error.strerror}): choose another folder") from error
-        known = sorted((folder / "shards").glob("[0-9]*.npz"))
-        self._shard = int(known[-1].stem) + 1 if known else 0
-        self.paths = max((int(read_shard(path, ("path",))["path"].max()) + 1 for path in known), default=0)
-        self._path = self.paths
         try:
+            known = shard_files(folder)
+            self._shard = int(known[-1].stem) + 1 if known else 0
+            self.paths = max((_paths_to(path) for path in known), default=0)
+            self._path = self.paths
             self._manifest(identity(params, silicone))
         except BaseException:
             self.close()
@@ -161,6 +159,19 @@ class Recording:
         request = wanted | {"seed": secrets.randbits(32)}  # so that no two recordings share an identity
         text = json.dumps({**record, "request": request}, indent=1)
         replace_file(self.folder / "manifest.json", text.encode())
+
+
+def _paths_to(shard: Path) -> int:
+    """How many paths there are up to the last one of a shard.
+
+    Raises:
+        FileError: it cannot be read, or says of no path.
+    """
+    found = read_shard(shard, ("path",))["path"]
+    try:
+        return int(found.max()) + 1
+    except (ValueError, TypeError, OverflowError) as error:
+        raise FileError(f"{shard}: not a shard of a recording ({error}): move it away") from error
 
 
 def _jpeg(image: Any) -> bytes:

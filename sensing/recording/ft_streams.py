@@ -33,9 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.plain_numbers import stored_number
 from sensing.recording.sequence_clock import SequenceClock
 
-PORT = 49152
+PORT, MOST_PORT = 49152, 65535
 REQUEST, REPLY = struct.Struct(">HHI"), struct.Struct(">III6i")
 MAGIC, STREAM, STOP = 0x1234, 2, 0
 COUNTS = 1e6  # per N and per N m
@@ -89,6 +90,8 @@ class NetFt:
         self.name = f"netft {host}:{port}"
         if delay_s is not None and not 0 <= delay_s <= 1:
             raise ParameterError(f"delay_s={delay_s:g} outside 0..1 s", name="delay_s", value=delay_s)
+        if not 1 <= port <= MOST_PORT:
+            raise ParameterError(f"port={port} outside 1..{MOST_PORT}: the NetFT's is {PORT}", name="port", value=port)
         self._address, self._timeout_s, self._clock = (host, port), timeout_s, clock
         self._times, self._delay_s = SequenceClock(rate_hz, delay_s or 0.0), delay_s
         self._counts = np.array([counts_per_n] * 3 + [counts_per_nm] * 3)
@@ -108,8 +111,9 @@ class NetFt:
                 self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
             self._asked_s = self._clock()
             self._socket.send(REQUEST.pack(MAGIC, STREAM, 0))
-        except OSError as error:
-            raise StreamError(f"{self.name}: {error.strerror or error}: check address and network") from None
+        except (OSError, UnicodeError) as error:  # UnicodeError: a name that no host can have
+            said = error.strerror if isinstance(error, OSError) else None
+            raise StreamError(f"{self.name}: {said or error}: check address and network") from None
         self._heard_s = self._good_s = self._clock()
         return self
 
@@ -199,7 +203,8 @@ class CsvFt:
     own axes. Other columns are ignored; their order is free.
 
     Raises:
-        FileError: missing, empty, without one of the columns, or with a row that is not finite or possible numbers.
+        FileError: missing, empty, without one of the columns or with one twice, or with a row that is not finite or
+            possible numbers.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -207,11 +212,7 @@ class CsvFt:
         try:
             with Path(path).open(newline="", encoding="utf-8-sig") as stream:
                 reader = csv.DictReader(stream)
-                missing = [name for name in CSV_COLUMNS if name not in (reader.fieldnames or ())]
-                if missing:
-                    raise FileError(
-                        f"{path}: no column {', '.join(missing)}: needs {', '.join(CSV_COLUMNS)}, separated by commas"
-                    )
+                _require_columns(path, list(reader.fieldnames or ()))
                 rows = [self._numbers(row, number) for number, row in enumerate(reader, 2)]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise FileError(f"{path}: cannot read ({error}): give a CSV file of force/torque samples") from error
@@ -238,13 +239,21 @@ class CsvFt:
 
     def _numbers(self, row: dict[str, str], line: int) -> NDArray[np.float64]:
         try:
-            values = np.array([float(row[name]) for name in CSV_COLUMNS])
-        except (TypeError, ValueError):
-            values = np.full(7, np.nan)
-        if not np.isfinite(values).all():
-            raise FileError(f"{self.name} line {line}: not seven finite numbers: fix or drop the row")
+            values = np.array([stored_number(row[name]) for name in CSV_COLUMNS])
+        except ParameterError as error:
+            said = f"not seven finite numbers ({error})"
+            raise FileError(f"{self.name} line {line}: {said}: fix or drop the row") from None
         _require_possible(f"{self.name} line {line}", values[1:], "is it in N and N m?", FileError)
         return values
+
+
+def _require_columns(path: str | Path, names: list[str]) -> None:
+    """Each column once: of two of a name, one would be taken without a word."""
+    missing = [name for name in CSV_COLUMNS if name not in names]
+    twice = [name for name in CSV_COLUMNS if names.count(name) > 1]
+    if missing or twice:
+        said = f"no column {', '.join(missing)}" if missing else f"more than one column {', '.join(twice)}"
+        raise FileError(f"{path}: {said}: needs {', '.join(CSV_COLUMNS)}, each once, separated by commas")
 
 
 def _require_possible(place: str, wrench: NDArray[np.float64], question: str, kind: type[EndcapError]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.messages import LOG, show
+from sensing.arguments import whole
 from sensing.records import Frame
 from sensing.sources.camera import list_devices, list_modes
 
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
         prog=program("python -m sensing.sources"), description="Cameras and their modes.",
         epilog="python -m sensing.sources check --help: what is wrong with a camera or its picture, and the fix",
     )  # fmt: skip
-    parser.add_argument("device", nargs="?", type=int, metavar="N", help="only /dev/videoN (default: all that capture)")
+    parser.add_argument("device", nargs="?", type=whole, metavar="N", help="only /dev/videoN (default: all)")
     options = parser.parse_args(words)
     known = dict(list_devices())
     devices = list(known) if options.device is None else [options.device]

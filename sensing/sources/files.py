@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from cad.errors import FileError
+from sensing.decode import decode_file
 from sensing.records import Frame
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
@@ -32,12 +33,7 @@ def read_picture(path: Path | str, sequence: int = 0, time_s: float = 0.0) -> Fr
     size = jpeg_size(data)
     if size is not None:
         return Frame(time_s, sequence, str(path), jpeg=data, size=size)
-    image = None
-    if data:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise FileError(f"{path}: no picture: give a file of type {', '.join(PICTURES)}")
-    return Frame(time_s, sequence, str(path), image=image)
+    return Frame(time_s, sequence, str(path), image=decode_file(path, data, ", ".join(PICTURES)))
 
 
 class FolderSource:
@@ -48,15 +44,16 @@ class FolderSource:
         rate_hz: rate that the frame times follow.
 
     Raises:
-        FileError: no folder, or no picture in it.
+        FileError: no folder that can be read, or no picture in it.
     """
 
     def __init__(self, folder: Path | str, rate_hz: float = DEFAULT_RATE_HZ) -> None:
         self.name = str(folder)
         self._rate_hz = rate_hz
-        if not Path(folder).is_dir():
-            raise FileError(f"{folder}: no such folder: give a folder of pictures")
-        self._paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES)
+        try:
+            self._paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES)
+        except OSError as error:
+            raise FileError(f"{folder}: {error.strerror or error}: give a readable folder of pictures") from None
         if not self._paths:
             raise FileError(f"{folder}: no picture in it: expected files of type {', '.join(PICTURES)}")
 
@@ -77,7 +74,7 @@ class VideoSource:
 
     def __init__(self, path: Path | str) -> None:
         self.name = str(path)
-        if not Path(path).is_file():
+        if not os.path.isfile(path):  # unlike the method of Path, of a locked folder, too
             raise FileError(f"{path}: no such file: give a video")
         capture = cv2.VideoCapture(self.name)
         try:

@@ -26,6 +26,7 @@ from sensing.records import Frame, Image, ShearField
 
 CROP_PX = 200  # P, NET02: the square that the flow sees
 BLOCK_PX = 25  # M, NET05: pooling block, 8 x 8 blocks
+MOST_CELLS = 100  # each way: two pixels a cell; its operator for the dots takes 0.5 GB
 FARNEBACK = (0.5, 3, 45, 3, 5, 1.2, 0)  # M, NET04: pyramid, levels, window, iterations, poly_n, poly_sigma, flags
 FLOW_CHANNELS = ("u", "v", "div", "curl", "sol_u", "sol_v", "irr_u", "irr_v")
 CHANGE_CHANNELS = ("du", "dv", "dudt", "dvdt")
@@ -41,7 +42,7 @@ class GelslimConfig:
         channels: any of :data:`CHANNELS`, in the order wanted.
 
     Raises:
-        ParameterError: unknown channel, or a shape under 2 x 2 (derivatives need two cells).
+        ParameterError: unknown channel, or a shape under 2 x 2 (derivatives need two cells) or over 100 x 100.
     """
 
     shape: tuple[int, int] = (30, 30)
@@ -55,9 +56,10 @@ class GelslimConfig:
                 name="channels",
                 value=self.channels,
             )
-        if min(self.shape) < 2:
+        if not 2 <= min(self.shape) <= max(self.shape) <= MOST_CELLS:
             raise ParameterError(
-                f"shape={self.shape[0]}x{self.shape[1]} under 2x2: derivatives need two cells each way",
+                f"shape={self.shape[0]}x{self.shape[1]} outside 2x2..{MOST_CELLS}x{MOST_CELLS}: derivatives need two "
+                f"cells each way, and the crop of {CROP_PX} px shows nothing finer",
                 name="shape",
                 value=self.shape,
             )

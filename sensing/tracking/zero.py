@@ -212,7 +212,7 @@ def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
         zero = Zero(image=image, noise_px=noise, made_of=made_of, **about)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, cv2.error) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, cv2.error) as error:
         said = " ".join(str(error).split())[:100]
         raise FileError(f"{path}: no reference file ({said}): zero the sensor again") from None
     if zero.digest != digest:

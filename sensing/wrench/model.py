@@ -258,7 +258,7 @@ def _built(path: Path) -> WrenchModel:
         shape = (int(about["shape"][0]), int(about["shape"][1]))
         made_of = recorded(about.get("identity"), made_for)
         return WrenchModel(tensors, made_for, str(about["method"]), shape, covered, about, made_of)
-    except (KeyError, ValueError, TypeError, IndexError) as error:
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
         raise FileError(f"{path}: damaged weights ({' '.join(str(error).split())[:100]}): train again") from error
 
 

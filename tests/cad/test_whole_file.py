@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cad.errors import FileError
-from cad.whole_file import PRIVATE, drafted, new_folder, put_file, replace_file, require_place
+from cad.whole_file import PRIVATE, drafted, hold_lock, new_folder, put_file, replace_file, require_place
 
 ROOT = Path(__file__).resolve().parents[2]
 WRITERS = {"cad/whole_file.py", "fab/exports/whole_folder.py"}  # single files and new folders; folders with the user's
@@ -157,3 +157,19 @@ with new_folder(Path(sys.argv[1])) as folder:
     with new_folder(tmp_path / "set") as folder:
         (folder / "whole").write_text("whole")
     assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == ["set", "set/whole"]
+
+
+def test_a_lock_is_held_by_one_and_is_never_a_link_nor_a_pipe(tmp_path):
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "mine")
+    (tmp_path / "nowhere").symlink_to(tmp_path / "none")
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("link", "nowhere", "pipe"):
+        with pytest.raises(OSError):
+            hold_lock(tmp_path / name)
+    assert (tmp_path / "mine").read_text() == "mine" and not (tmp_path / "none").exists()
+    with hold_lock(tmp_path / "mine"):
+        assert (tmp_path / "mine").read_text() == "mine"
+        with pytest.raises(BlockingIOError):
+            hold_lock(tmp_path / "mine")
+    hold_lock(tmp_path / "mine").close()

@@ -68,6 +68,10 @@ def test_video_and_tracks(files):
         (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@no/f.npy"), "f.npy: No such file or directory"),
         (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.csv"), "must end in .npy or .npz"),
         (("--reference", "@a.jpg", "--frame", "@b.jpg"), "nothing to write"),
+        (
+            ("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--shape", "100000x100000"),
+            "shape=100000x100000 outside 2x2..100x100",
+        ),
         (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--channels", "u,w"), "channels=w"),
         (
             ("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--channels", "du"),

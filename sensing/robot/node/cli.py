@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, transient
-from sensing.arguments import number
+from sensing.arguments import number, whole
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
 from sensing.robot.node.record import Report, report_text
@@ -211,11 +211,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--record", type=Path, metavar="FILE", help="MCAP of all samples and estimates")
     parser.add_argument("--json", action="store_true", help="a line of JSON an estimate on stdout; the rest on stderr")
     parser.add_argument("--no-page", action="store_true", help="numbers here only")
-    parser.add_argument("--port", type=int, metavar="N", help="port of the page (8008, or any free one)")
+    parser.add_argument("--port", type=whole, metavar="N", help="port of the page (8008, or any free one)")
     parser.add_argument("--ros", action="store_true", help="ROS 2 topics over DDS, domain ROS_DOMAIN_ID")
     simulated = parser.add_argument_group("the simulated robot")
     simulated.add_argument("--terrain", metavar="NAME", help="what it walks on (flat)")
-    simulated.add_argument("--seed", type=int, metavar="N", help="of the ground and all noise (1)")
+    simulated.add_argument("--seed", type=whole, metavar="N", help="of the ground and all noise (1)")
     simulated.add_argument("--seconds", type=number, metavar="S", help="length of the run (40)")
     simulated.add_argument("--speed", type=number, metavar="X", help="0: as fast as possible (1)")
     return parser

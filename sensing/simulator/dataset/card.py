@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.whole_file import put_file
-from sensing.records_labelled import COLUMNS
+from sensing.records_labelled import COLUMNS, shard_files
 from sensing.set_manifest import read_manifest
 
 NAME = "croissant.json"
@@ -46,7 +46,7 @@ def write_card(folder: Path) -> None:
     manifest = read_manifest(folder)
     request = manifest["request"]
     files = [folder / name for name in ("manifest.json", "camera.json", "dots.npz")]
-    files += sorted((folder / "shards").glob("[0-9]*.npz"))
+    files += shard_files(folder)
     card = {
         "@context": CONTEXT,
         "@type": "sc:Dataset",

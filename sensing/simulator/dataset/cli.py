@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from cad.messages import show
-from sensing.arguments import number
+from sensing.arguments import number, scientific, whole
 from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
 from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
@@ -32,9 +32,9 @@ exit status: 0 written, 2 bad input or no place to write, 130 interrupted (what 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the command, one for each field of the request, and where and how to run."""
-    parser.add_argument("--frames", type=int, default=2000, metavar="N", help="least number of frames (default 2000)")
+    parser.add_argument("--frames", type=whole, default=2000, metavar="N", help="least number of frames (default 2000)")
     parser.add_argument("--out", type=Path, help="folder (default exports/data_D130_T8_static_0 or alike)")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes on this machine (default 1)")
+    parser.add_argument("--workers", type=whole, default=1, metavar="N", help="processes on this machine (default 1)")
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead, for example tcp://HOST:8786"
     )
@@ -60,24 +60,24 @@ def _add_mechanics(parser: argparse.ArgumentParser) -> None:
     _option(
         parser, "loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS
     )
-    _option(parser, "seed", int, "seed of the paths")
-    _option(parser, "azimuths", int, "labelled azimuths of every solved state")
-    _option(parser, "level", int, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
+    _option(parser, "seed", whole, "seed of the paths")
+    _option(parser, "azimuths", whole, "labelled azimuths of every solved state")
+    _option(parser, "level", whole, "of the mechanics, 1 is the full model", choices=PATH_LEVELS)
     parser.add_argument(
         "--rate-effects", action="store_true", help="the silicone relaxes as its row says (levels 1 and 2, dynamic)"
     )
     _option(parser, "density", str, "mesh", choices=tuple(DENSITIES))
-    _option(parser, "tolerance", float, "residual over load at level 2")
+    _option(parser, "tolerance", scientific, "residual over load at level 2")
 
 
 def _add_pictures(parser: argparse.ArgumentParser) -> None:
     _option(parser, "render", str, "quality of the pictures", choices=RENDERERS)
     _option(parser, "lamp", str, "light of each path", choices=LAMPS)
-    _option(parser, "sensor", int, "which hand-made endcap: paint, and but for 0 its camera and mounting")
-    _option(parser, "unpainted", float, "fraction of dents without ink")
-    _option(parser, "missing", float, "fraction of dots not there")
-    _option(parser, "smeared", float, "fraction of smeared dots")
-    _option(parser, "extra", int, "number of false dots")
+    _option(parser, "sensor", whole, "which hand-made endcap: paint, and but for 0 its camera and mounting")
+    _option(parser, "unpainted", number, "fraction of dents without ink")
+    _option(parser, "missing", number, "fraction of dots not there")
+    _option(parser, "smeared", number, "fraction of smeared dots")
+    _option(parser, "extra", whole, "number of false dots")
 
 
 def _option(

@@ -7,7 +7,6 @@ of a Dask cluster; they hand shards back, so only the machine that was asked nee
 
 from __future__ import annotations
 
-import fcntl
 import io
 import json
 import time
@@ -24,7 +23,8 @@ import numpy as np
 from cad.errors import FileError, ParameterError
 from cad.identity import require_same
 from cad.messages import LOG, transient
-from cad.whole_file import put_file
+from cad.whole_file import hold_lock, put_file
+from sensing.records_labelled import shard_files
 from sensing.set_manifest import FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.card import NAME as CARD
@@ -94,7 +94,7 @@ def shard_path(folder: Path, number: int) -> Path:
 def refusals(folder: Path) -> list[str]:
     """What the simulator refused, one line each, over all shards."""
     lines: list[str] = []
-    for path in sorted((folder / "shards").glob("[0-9]*.npz")):
+    for path in shard_files(folder):
         with np.load(path, allow_pickle=False) as archive:
             lines += archive["refusals"].tolist()
     return lines
@@ -143,11 +143,13 @@ def _cluster(address: str) -> Iterator[None]:
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """One writer a folder; the lock goes with the process, however it ends."""
-    with (folder / ".lock").open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise FileError(f"{folder}: another run is writing there; wait for it or choose another folder") from None
+    try:
+        stream = hold_lock(folder / ".lock")
+    except BlockingIOError:
+        raise FileError(f"{folder}: another run is writing there; wait for it or choose another folder") from None
+    except OSError as error:
+        raise FileError(f"{folder / '.lock'}: {error.strerror or error}: choose another folder") from None
+    with stream:
         yield
 
 

@@ -25,7 +25,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show, transient
-from sensing.arguments import number
+from sensing.arguments import number, whole
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
@@ -239,8 +239,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--wall", type=number, default=8, help="wall T, mm (default 8)")
     parser.add_argument("--silicone", default=DEFAULT_SILICONE, help=f"row of the table (default {DEFAULT_SILICONE})")
     parser.add_argument("--density", default="data", help="mesh (default data)")
-    parser.add_argument("--states", type=int, default=STATES, help=f"states at each tilt (default {STATES})")
-    parser.add_argument("--seed", type=int, default=0, help="of the paths (default 0)")
+    parser.add_argument("--states", type=whole, default=STATES, help=f"states at each tilt (default {STATES})")
+    parser.add_argument("--seed", type=whole, default=0, help="of the paths (default 0)")
     options = parser.parse_args(arguments)
     try:
         law = silicone(options.silicone).neo_hooke()

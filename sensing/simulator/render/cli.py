@@ -19,6 +19,7 @@ from cad.extras import program
 from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
+from sensing.arguments import number, whole
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -57,19 +58,19 @@ def _parser() -> argparse.ArgumentParser:
     add("--camera", help="camera.json of sensing.calibrate (default: the nominal camera)")
     add("--beside", metavar="PHOTO", help="put this photo to the right of the rendered frame")
     add("--displacement", metavar="NPZ", help="file with surface_mm (n, 3) undeformed and displacement_mm (n, 3)")
-    add("--bulge", type=float, default=0.0, metavar="MM", help="a smooth inward bulge for looks; no mechanics")
-    add("--tilt", type=float, default=30.0, metavar="DEG", help="polar angle of the bulge (30)")
-    add("--azimuth", type=float, default=0.0, metavar="DEG", help="azimuth of the bulge (0)")
+    add("--bulge", type=number, default=0.0, metavar="MM", help="a smooth inward bulge for looks; no mechanics")
+    add("--tilt", type=number, default=30.0, metavar="DEG", help="polar angle of the bulge (30)")
+    add("--azimuth", type=number, default=0.0, metavar="DEG", help="azimuth of the bulge (0)")
     add("--level", choices=list(LEVELS), default="data", help="quality (data)")
-    add("--seed", type=int, default=0, help="paint and noise (0)")
-    add("--frame", type=int, default=0, help="frame number: other noise, same paint (0)")
+    add("--seed", type=whole, default=0, help="paint and noise (0)")
+    add("--frame", type=whole, default=0, help="frame number: other noise, same paint (0)")
     add("--digit", default="", help="text written beside the tip")
-    add("--unpainted", type=float, default=0.0, help="fraction of dents without ink (0)")
-    add("--missing", type=float, default=0.0, help="fraction of dots not there (0)")
-    add("--smeared", type=float, default=0.06, help="fraction of smeared dots (0.06)")
-    add("--extra", type=int, default=0, help="number of false dots (0)")
-    add("--exposure", type=float, default=1.0, help="factor on the light (1)")
-    add("--gradient", type=float, default=0.0, help="lamp gradient across the ring, -1..1 (0)")
+    add("--unpainted", type=number, default=0.0, help="fraction of dents without ink (0)")
+    add("--missing", type=number, default=0.0, help="fraction of dots not there (0)")
+    add("--smeared", type=number, default=0.06, help="fraction of smeared dots (0.06)")
+    add("--extra", type=whole, default=0, help="number of false dots (0)")
+    add("--exposure", type=number, default=1.0, help="factor on the light (1)")
+    add("--gradient", type=number, default=0.0, help="lamp gradient across the ring, -1..1 (0)")
     return parser
 
 
@@ -115,7 +116,10 @@ def _load(path: str) -> tuple[Array, Array]:
 
 
 def _read(path: str) -> Image:
-    image = cv2.imread(path, cv2.IMREAD_COLOR) if Path(path).is_file() else None
+    try:
+        image = cv2.imread(path, cv2.IMREAD_COLOR) if Path(path).is_file() else None
+    except cv2.error:  # a head that claims more pixels than OpenCV takes
+        image = None
     if image is None:
         raise FileError(f"{path}: missing, or not an image that OpenCV can decode; give a JPEG or PNG")
     return np.asarray(image, dtype=np.uint8)

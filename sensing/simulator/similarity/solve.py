@@ -20,6 +20,7 @@ import numpy as np
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show
+from sensing.arguments import whole
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
@@ -149,10 +150,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m sensing.simulator.similarity.solve", description="Solve the library of states (an hour)."
     )
-    parser.add_argument("--node", type=int, help=f"solve one of the {len(NODES)} nodes (default: all that are missing)")
+    parser.add_argument("--node", type=whole, help=f"solve one of the {len(NODES)} nodes (default: all missing)")
     parser.add_argument("--out", type=Path, default=Path("build/similarity"), help="folder of the solved nodes")
     parser.add_argument("--keep", action="store_true", help="take the nodes that the library has from it")
-    parser.add_argument("--modes", type=int, default=MODES, help=f"of the surface that are kept ({MODES})")
+    parser.add_argument("--modes", type=whole, default=MODES, help=f"of the surface that are kept ({MODES})")
     parser.add_argument("--library", type=Path, default=FILE, help="file to write (default: the one that ships)")
     options = parser.parse_args(arguments)
     try:

@@ -216,9 +216,11 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys) -> None:
     out = str(tmp_path / "camera.json")
     for arguments, words in (
         (["--photo", "none.jpg", "--out", out], "none.jpg: cannot read"),
-        (["--photo", str(tmp_path / "text.jpg"), "--out", out], "not an image"),
+        (["--photo", str(tmp_path / "text.jpg"), "--out", out], "no picture"),
         (["--board", "none.csv", "--out", out], "none.csv: cannot read"),
-        (["--board", "none.csv", "--out", out, "--size", "big"], "--size big"),
+        (["--board", "none.jpg", "--out", out, "--corners", "1x1"], "corners=1x1 outside 3x3..100x100"),
+        (["--board", "none.jpg", "--out", out, "--square", "0"], "square=0 outside 0..1000 mm"),
+        (["--board", "none.jpg", "--out", out, "--square", "-10"], "square=-10 outside 0..1000 mm"),
     ):
         assert main(arguments) == 2
         error = capsys.readouterr().err

@@ -47,7 +47,7 @@ def refused(capsys, *arguments: str) -> str:
         ("--url http://127.0.0.1:1/ --exposure 3", "--exposure has no effect with --url"),
         ("--photos d --no-page --port 80", "--port has no effect with --no-page"),
         ("--replay r.mcap --check --record", "--record has no effect with --check"),
-        ("--photos d --seconds nan", "--seconds nan"),
+        ("--photos d --seconds 0", "--seconds 0: give more than 0"),
         ("--camera ²", "--camera ²: give numbers"),
         ("--camera " + "9" * 400, "give numbers"),
     ],

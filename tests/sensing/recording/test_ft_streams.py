@@ -161,3 +161,31 @@ def test_a_silent_or_absent_unit_is_reported_in_one_line():
             list(stream.arrived())
     with pytest.raises(ParameterError, match="counts_per_n=0"):
         NetFt("127.0.0.1", counts_per_n=0)
+
+
+@pytest.mark.parametrize("port", [-1, 0, 65536, 99999])
+def test_a_port_that_no_unit_has_is_refused(port):
+    with pytest.raises(ParameterError, match=f"port={port} outside 1..65535"):
+        NetFt("127.0.0.1", port)
+
+
+def test_a_host_that_no_network_names_is_reported():
+    with pytest.raises(StreamError, match="check address and network"), NetFt("a." * 200):
+        pass
+
+
+@pytest.mark.parametrize("text", ["\u0663", "nan", "1_0", "inf"])
+def test_samples_are_decimal_numbers_as_programs_write_them(tmp_path, text):
+    path = tmp_path / "ft.csv"
+    path.write_text(",".join(CSV_COLUMNS) + f"\n0,1e-05,0,-2.5E+00,0,0,0\n0.1,0,{text},0,0,0,0\n", encoding="utf-8")
+    with pytest.raises(FileError, match="line 3: not seven finite numbers"):
+        CsvFt(path)
+    path.write_text(path.read_text(encoding="utf-8").replace(text, "0"), encoding="utf-8")
+    assert next(CsvFt(path).arrived()).wrench[:3].tolist() == [1e-5, 0, -2.5]
+
+
+def test_a_column_that_stands_twice_is_refused(tmp_path):
+    path = tmp_path / "ft.csv"
+    path.write_text(",".join([*CSV_COLUMNS, "time_s"]) + "\n0,0,0,0,0,0,0,9\n")
+    with pytest.raises(FileError, match="more than one column time_s"):
+        CsvFt(path)

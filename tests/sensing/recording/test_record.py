@@ -20,6 +20,7 @@ from sensing.records import Frame
 from sensing.records_labelled import LabelledSet
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
+from sensing.tracking.zero import take_zero
 
 PATIENCE_S = 60.0
 
@@ -196,3 +197,84 @@ def test_a_recording_trains(pressed, tmp_path, capsys):
     assert "46 frames of 4 paths" in capsys.readouterr().out
     assert train.main([str(tmp_path / "set"), "--out", str(tmp_path / "w2")]) == 2
     assert "give --method dots" in capsys.readouterr().err
+
+
+def test_a_folder_that_may_not_be_entered_is_named(tmp_path, monkeypatch):
+    def refuse(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("pathlib.Path.exists", refuse)
+    with pytest.raises(FileError, match=r"set: cannot be written \(Permission denied\): choose another folder"):
+        Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
+
+
+DEEP = "[" * 100_000
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"request": []}, "its request is no table"),
+        ({"request": None}, "its request is no table"),
+        (("dot_rings", 5), "dot_rings=5 is no text"),
+        (DEEP, "recursion"),
+    ],
+)
+def test_a_manifest_of_another_form_is_named(tmp_path, change, said):
+    Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT).close()
+    Recording(tmp_path / "kept", EndcapParams(130, 8), MOUNT)  # not closed: its manifest stays
+    manifest = json.loads((tmp_path / "kept" / "manifest.json").read_text())
+    if isinstance(change, tuple):
+        manifest["request"][change[0]] = change[1]
+    elif isinstance(change, dict):
+        manifest |= change
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "manifest.json").write_text(change if isinstance(change, str) else json.dumps(manifest))
+    with pytest.raises(FileError, match=said) as caught:
+        Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
+
+
+def test_a_file_beside_the_shards_that_is_none_is_left_alone(pressed, tmp_path):
+    frames = pressed[0]
+    (tmp_path / "set" / "shards").mkdir(parents=True)
+    for name in ("0x.npz", "\u0663.npz", "0\u0663.npz"):
+        (tmp_path / "set" / "shards" / name).write_text("mine")
+    with Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT) as recording:
+        recording.begin(take_zero(frames[:4]), np.zeros(6))
+        recording.add(frames[0], np.zeros(6))
+        recording.flush()
+    assert [path.name for path in LabelledSet(tmp_path / "set").shards] == ["00000.npz"]
+    assert (tmp_path / "set" / "shards" / "0x.npz").read_text() == "mine"
+
+
+def test_a_shard_without_a_path_is_named(tmp_path):
+    (tmp_path / "set" / "shards").mkdir(parents=True)
+    np.savez(tmp_path / "set" / "shards" / "00000.npz", path=np.zeros(0))
+    with pytest.raises(FileError, match="not a shard of a recording"):
+        Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
+    (tmp_path / "set" / "shards" / "00000.npz").write_text("none")
+    for _ in range(2):  # the folder is let go each time
+        with pytest.raises(FileError, match=r"shards/00000\.npz: not a whole shard"):
+            Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
+
+
+def test_a_lock_that_is_a_link_is_neither_followed_nor_emptied(tmp_path):
+    mine = tmp_path / "mine.txt"
+    mine.write_text("mine")
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / ".lock").symlink_to(mine)
+    with pytest.raises(FileError, match=r"its \.lock is a link"):
+        Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("reads", [1.9, "1", True, None, [1], 0])
+def test_a_mounting_reads_one_way_or_the_other(tmp_path, reads):
+    path = tmp_path / "mount.json"
+    path.write_text(json.dumps({"T_endcap_ft": np.eye(4).tolist(), "reads": reads}))
+    with pytest.raises(FileError, match=r"no mounting \(reads="):
+        record.read_mount(path)
+    for way in (1, -1):
+        path.write_text(json.dumps({"T_endcap_ft": np.eye(4).tolist(), "reads": way}))
+        assert record.read_mount(path).reads == way

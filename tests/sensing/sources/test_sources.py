@@ -208,7 +208,7 @@ def test_video_round_trip(tmp_path):
     ("make", "words"),
     [
         (lambda d: read_picture(d / "none.jpg"), "No such file"),
-        (lambda d: FolderSource(d / "none"), "no such folder"),
+        (lambda d: FolderSource(d / "none"), "No such file"),
         (lambda d: FolderSource(d), "no picture in it"),
         (lambda d: VideoSource(d / "none.avi"), "no such file"),
         (lambda d: source_opener(str(d / "none")), "no camera number, address, folder or file"),

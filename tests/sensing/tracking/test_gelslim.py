@@ -152,5 +152,5 @@ def test_helmholtz_splits_a_source_from_a_vortex():
 def test_bad_configuration_is_named():
     with pytest.raises(ParameterError, match="channels=w"):
         GelslimConfig(channels=("u", "w"))
-    with pytest.raises(ParameterError, match="1x30 under 2x2"):
+    with pytest.raises(ParameterError, match="1x30 outside 2x2"):
         GelslimConfig(shape=(1, 30))

@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import cv2
@@ -221,3 +222,14 @@ def test_a_camera_that_hangs_renews_no_reference(zero):
     one = still(1, 0.7)[0]
     frames = [replace(one, time_s=k / 30, sequence=k) for k in range(12)]
     assert not any(auto.update(f, tracker.update(f)) for f in frames)
+
+
+@pytest.mark.parametrize("change", [{"frames": float("inf")}, {"brightness": 10**400}])
+def test_a_number_that_no_field_holds_is_a_damaged_file(zero, tmp_path, change):
+    save_zero(zero, tmp_path / "z.npz")
+    with np.load(tmp_path / "z.npz") as archive:
+        held = dict(archive)
+    held["about"] = np.array(json.dumps(json.loads(str(held["about"])) | change))
+    np.savez(tmp_path / "z.npz", **held)
+    with pytest.raises(FileError, match="no reference file"):
+        load_zero(tmp_path / "z.npz")

@@ -103,3 +103,31 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
 def test_a_camera_s_device_is_no_film():
     with pytest.raises(FileError, match="give a recording, a video or a folder of pictures"):
         next(film_readings(EndcapConfig("a", "0"), "/dev/null", None))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("d.xyz", "must end in .png"), ("none/d.png", "No such file"), ("d", "must")]
+)
+def test_a_picture_that_cannot_be_written_is_refused_before_the_recording_is_read(tmp_path, capsys, name, said):
+    path = tmp_path / "endcaps.toml"
+    path.write_text('[[endcap]]\nname = "a"\nsource = "0"\n')
+    words = ["--config", str(path), "--source", "none.mcap", "--picture", str(tmp_path / name)]
+    assert dwell.main(words) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and [p.name for p in tmp_path.iterdir()] == ["endcaps.toml"]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".pdf", ".SVG"])
+def test_a_drawing_that_fails_leaves_the_older_picture(tmp_path, monkeypatch, suffix):
+    picture = tmp_path / f"d{suffix}"
+    picture.write_text("older")
+    time_s, force_n, _ = creep()
+    result = SimpleNamespace(level_n=15.0, corrected_n=force_n)
+    dwell._require_picture(picture)
+    dwell._draw(picture, time_s, force_n, result)
+    good = picture.read_bytes()
+    assert len(good) > 5000
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(FileError, match="No space left"):
+        dwell._draw(picture, time_s, force_n, result)
+    assert picture.read_bytes() == good and len(list(tmp_path.iterdir())) == 1

@@ -16,6 +16,7 @@ from cad.errors import EndcapError
 from sensing.records import Frame, Image
 
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
+STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # pixels as they lie in a file, never turned by its EXIF
 MOST_PIXELS = 1 << 26  # of a picture: a few bytes of a damaged or hostile file may claim gigabytes
 
 
@@ -106,6 +107,8 @@ def png_size(data: bytes) -> tuple[int, int] | None:
 
 def _decoded(frame: Frame, colour: str, reduction: int) -> Image:
     """(H, W, 1) or (H, W, 3) of a JPEG; one that the decoder complains of is refused: its numbers would be wrong."""
+    if frame.fault:
+        raise FrameError(frame.fault)
     data = frame.jpeg or b""
     where = f"{frame.source}: frame {frame.sequence}"
     if data[:2] != b"\xff\xd8":

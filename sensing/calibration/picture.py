@@ -14,6 +14,7 @@ from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.calibration.dots import pattern_points
 from sensing.camera.model import Array
+from sensing.decode import STORED
 
 if TYPE_CHECKING:
     from sensing.calibration.from_dots import Calibration
@@ -52,10 +53,21 @@ def read_image(path: str | Path) -> NDArray[np.uint8]:
         data = Path(path).read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error.strerror})") from error
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), STORED) if data else None
     if image is None:
         raise FileError(f"{path}: not an image that OpenCV can decode; give a JPEG or PNG")
     return np.asarray(image, dtype=np.uint8)
+
+
+def require_format(path: str | Path) -> None:
+    """Say at once, before long work, whether a picture can be written under this name.
+
+    Raises:
+        FileError: a suffix that is no picture's.
+    """
+    suffix = Path(path).suffix
+    if suffix and not cv2.haveImageWriter(f"picture{suffix}"):
+        raise FileError(f"{path}: unknown picture format {suffix!r}; end the name in .png or .jpg")
 
 
 def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:
@@ -65,12 +77,8 @@ def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:
         FileError: unknown suffix, or the folder cannot be written.
     """
     path = Path(path)
-    try:
-        good, data = cv2.imencode(path.suffix or ".png", image)
-    except cv2.error:
-        good = False
-    if not good:
-        raise FileError(f"{path}: unknown picture format {path.suffix!r}; end the name in .png or .jpg")
+    require_format(path)
+    data = cv2.imencode(path.suffix or ".png", image)[1]
     replace_file(path, data.tobytes(), "choose a folder that can be written")
 
 

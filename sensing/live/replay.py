@@ -245,6 +245,8 @@ def _frame(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
     reported = _decoded(path, ros.IMAGE, message)
     data, sequence = bytes(reported.data), message.sequence
     size = jpeg_size(data) if reported.format == "jpeg" else png_size(data)
+    if size is None and reported.format == "jpeg" and data:
+        return Frame(time_s, sequence, endcap, jpeg=data)  # it was no picture when it came, either
     if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
         raise _unusable(path, message, f"a picture of {size} px")
     if reported.format == "jpeg":

@@ -115,7 +115,7 @@ def _load(path: str) -> tuple[Array, Array]:
 
 
 def _read(path: str) -> Image:
-    image = cv2.imread(path, cv2.IMREAD_COLOR) if Path(path).is_file() else None
+    image = cv2.imread(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if Path(path).is_file() else None
     if image is None:
         raise FileError(f"{path}: missing, or not an image that OpenCV can decode; give a JPEG or PNG")
     return np.asarray(image, dtype=np.uint8)

@@ -1,6 +1,7 @@
 """Options, configurations and reference files that cannot be used: one line on stderr and exit status 2."""
 
 import io
+import itertools
 import json
 import signal
 import threading
@@ -12,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from live_program import program
-from live_stand_in import PATIENCE_S, film, frames, stand_in
+from live_stand_in import PATIENCE_S, film, frames, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError, printable
 from cad.params import EndcapParams
@@ -212,11 +213,14 @@ def test_a_camera_file_of_another_picture_size_is_refused_with_both_sizes(tmp_pa
 
 def test_where_the_size_shows_with_the_first_frames_the_state_says_so_and_nothing_is_read(large_camera):
     endcap = LiveEndcap(FileFeed(list), EndcapPipeline(EndcapConfig("a", "0", camera=large_camera), stand_in(), None))
-    for frame in frames(film([0] * 40)):
+    given = itertools.cycle(frames(film([0] * 10)))
+
+    def refused_now() -> bool:  # the reference is taken in a thread of its own
+        frame = next(given)
         assert endcap.process((frame, frame.time_s)) is None
-        endcap.pipeline.close()  # wait for the thread that takes the reference
-        if endcap.health.status == "waiting for a reference":
-            break
+        return endcap.health.status == "waiting for a reference"
+
+    wait_for(refused_now)
     assert SIZES in endcap.health.message and not endcap.health.valid
 
 

@@ -88,7 +88,7 @@ class FolderSource:
 class VideoSource:
     """The frames of a video file, with the times that the file states, from zero; its pixels as they are stored.
 
-    Where the stated times stop to increase, the stated rate goes on from there.
+    From the first stated time that does not increase on, the stated rate counts.
 
     Attributes:
         note: after the last frame, one line where the file ended before the count of frames that it states; else empty.

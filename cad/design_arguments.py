@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from cad.errors import ParameterError
@@ -59,6 +60,41 @@ def design_of(options: argparse.Namespace) -> EndcapParams:
     given = {name: getattr(options, name) for name in DEFAULTS}
     chosen = {name: usual if given[name] is None else given[name] for name, usual in DEFAULTS.items()}
     return EndcapParams(chosen["diameter"], chosen["wall"], parse_rings(chosen["dot_rings"]), chosen["dot_mm"])
+
+
+def agreed_design(options: argparse.Namespace, held: EndcapParams | None, path: Path | str) -> EndcapParams:
+    """The design that a file was made of, where the options that were given agree with it.
+
+    Args:
+        options: of :func:`add_design_arguments` without defaults. held: the file's design; None where it says none:
+            then that of the options. path: the file.
+
+    Raises:
+        ParameterError: an option that says otherwise, or a design that cannot be made.
+    """
+    named = design_of(options)
+    if held is None:
+        return named
+    of_file = {
+        "diameter": held.diameter_mm, "wall": held.wall_mm, "dot_rings": held.dot_rings, "dot_mm": held.dot_mm,
+    }  # fmt: skip
+    of_options = {
+        "diameter": named.diameter_mm, "wall": named.wall_mm, "dot_rings": named.dot_rings, "dot_mm": named.dot_mm,
+    }  # fmt: skip
+    other = [name for name in DEFAULTS if getattr(options, name) is not None and of_options[name] != of_file[name]]
+    if other:
+        said = " ".join(f"--{name.replace('_', '-')} {_typed(of_options[name])}" for name in other)
+        raise ParameterError(
+            f"{said}: {path} was taken of {held.label}, and its dots lie where that design has them: leave "
+            f"{'this option' if len(other) == 1 else 'these options'} out, or give a file taken of the other endcap",
+            name=other[0],
+            value=of_options[other[0]],
+        )
+    return held
+
+
+def _typed(value: Any) -> str:
+    return plain(value) if isinstance(value, float) else rings_text(value)
 
 
 def design_words(params: EndcapParams) -> tuple[str, ...]:

@@ -15,18 +15,22 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from cad.design_arguments import add_design_arguments, design_of
+import numpy as np
+from numpy.typing import NDArray
+
+from cad.design_arguments import add_design_arguments, agreed_design, design_of
 from cad.errors import EndcapError
 from cad.extras import program
-from cad.identity import identity
+from cad.identity import identity, require_same
 from cad.messages import LOG, show
+from cad.params import EndcapParams
 from cad.whole_file import require_place
 from sensing.arguments import number, pair
 from sensing.calibration.dots import CalibrationError, find_blobs, pattern_points, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views, require_board
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.other_design import design_fit, require_design
-from sensing.calibration.picture import draw_fit, read_image, write_image
+from sensing.calibration.picture import draw_fit, read_image, require_format, write_image
 from sensing.calibration.turns import best_turn
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
@@ -40,6 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         for name in filter(None, (options.out, options.picture)):
             require_place(Path(name))
+        if options.picture:
+            require_format(options.picture)
         return _from_board(options) if options.board else _from_dots(options)
     except EndcapError as error:
         LOG.error(f"sensing.calibrate: {error}")
@@ -58,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         "--board", nargs="+", metavar="FILE", help="chessboard photos, or one CSV view,x_mm,y_mm,u_px,v_px"
     )
     parser.add_argument("--dots", help="CSV of dot centres (u_px,v_px) instead of finding them in the photo")
-    add_design_arguments(parser)
+    add_design_arguments(parser, with_defaults=False)
     parser.add_argument("--lens", help="camera.json whose lens is held fixed; only the pose is fitted")
     parser.add_argument(
         "--azimuth-hint",
@@ -84,8 +90,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _from_dots(options: argparse.Namespace) -> int:
-    params = design_of(options)
-    image = load_zero(options.zero).image if options.zero else read_image(options.photo)
+    image, params = _rest_picture(options)
     centres, radii = find_blobs(image, params)
     found = read_dots(options.dots) if options.dots else centres
     lens = MountedCamera.load(options.lens).camera if options.lens else None
@@ -112,6 +117,17 @@ def _from_dots(options: argparse.Namespace) -> int:
         write_image(options.picture, draw_fit(image, result, params))
     show(result.report())
     return 0
+
+
+def _rest_picture(options: argparse.Namespace) -> tuple[NDArray[np.uint8], EndcapParams]:
+    """The picture, and its design: a reference knows what it was taken of."""
+    if not options.zero:
+        params = design_of(options)
+        return read_image(options.photo), params
+    zero = load_zero(options.zero)
+    params = agreed_design(options, zero.params, options.zero)
+    require_same(options.zero, "a reference", zero.made_of, identity(params), "zero the sensor again", ("dots",))
+    return zero.image, params
 
 
 def _from_board(options: argparse.Namespace) -> int:

@@ -18,6 +18,7 @@ from cad.errors import EndcapError, FileError
 from sensing.records import Frame, Image
 
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
+STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # pixels as they lie in a file, never turned by its EXIF
 MOST_PIXELS = 1 << 26  # of a picture: a few bytes of a damaged or hostile file may claim gigabytes
 
 
@@ -115,7 +116,7 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
             "camera's own picture"
         )
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), STORED) if data else None
     except cv2.error:  # of types whose head is not read above, OpenCV refuses more than 2^30 pixels
         image = None
     if image is None:
@@ -143,6 +144,8 @@ def png_size(data: bytes) -> tuple[int, int] | None:
 
 def _decoded(frame: Frame, colour: str, reduction: int) -> Image:
     """(H, W, 1) or (H, W, 3) of a JPEG; one that the decoder complains of is refused: its numbers would be wrong."""
+    if frame.fault:
+        raise FrameError(frame.fault)
     data = frame.jpeg or b""
     where = f"{frame.source}: frame {frame.sequence}"
     if data[:2] != b"\xff\xd8":

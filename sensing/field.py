@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.design_arguments import add_design_arguments, design_of
+from cad.design_arguments import add_design_arguments, agreed_design
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG, show, transient
@@ -107,11 +107,15 @@ def _run(options: argparse.Namespace) -> None:
         raise ParameterError("nothing to write: give --out FILE.npy, --picture FILE.png or both", name="out")
     if options.out is not None and options.out.suffix not in (".npy", ".npz"):
         raise ParameterError(f"--out {options.out}: the name must end in .npy or .npz", name="out", value=options.out)
+    if options.picture is not None and options.picture.suffix.lower() not in (".png", ".jpg"):
+        raise ParameterError(
+            f"--picture {options.picture}: the name must end in .png or .jpg", name="picture", value=options.picture
+        )
     for path in filter(None, (options.out, options.picture)):
         require_place(path)
     zero = load_zero(options.reference) if options.reference.suffix == ".npz" else None
     reference = zero.frame() if zero else read_picture(options.reference)
-    params = (zero.params if zero else None) or design_of(options)  # a zero knows what it was taken of
+    params = agreed_design(options, zero.params if zero else None, options.reference)
     frames: Iterable[Frame]
     if options.video is None:
         frames = [read_picture(options.frame)]
@@ -125,6 +129,8 @@ def _run(options: argparse.Namespace) -> None:
             transient(f"{len(results)} frames")
     if options.video is not None:
         transient(f"{len(results)} frames", done=True)
+    if isinstance(frames, VideoSource) and frames.note:
+        LOG.warning(f"sensing.field: {frames.note}")
     if options.out is not None:
         _save(options.out, results, single=options.video is None)
     if options.picture is not None:
@@ -176,8 +182,6 @@ def _save(path: Path, results: list[FieldResult], single: bool) -> None:
 
 def _save_picture(path: Path, results: list[FieldResult]) -> None:
     """One picture, or for a video one per frame with the frame number before the suffix."""
-    if path.suffix.lower() not in (".png", ".jpg"):
-        raise ParameterError(f"--picture {path}: the name must end in .png or .jpg", name="picture", value=path)
     for index, result in enumerate(results):
         name = path if len(results) == 1 else path.with_name(f"{path.stem}_{index:05d}{path.suffix}")
         image = draw_field(decode_bgr(result.frame), result.field, result.tracks)
@@ -209,7 +213,7 @@ def _parser() -> argparse.ArgumentParser:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--frame", type=Path, help="one picture")
     what.add_argument("--video", type=Path, help="a video file, or a folder of pictures")
-    add_design_arguments(parser)
+    add_design_arguments(parser, with_defaults=False)
     parser.add_argument("--shape", type=pair, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
     parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
     parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")

@@ -134,7 +134,7 @@ def record(
                         readings.append(reading)
                         progress.rest += 1
                         if len(rest) == rest_frames:
-                            recording.begin(take_zero(rest, recording.name), np.mean(readings, axis=0))
+                            recording.begin(take_zero(rest, recording.name, recording.params), np.mean(readings, 0))
                     else:
                         progress.force_n = recording.add(frame, reading)
                         progress.written += 1

@@ -34,6 +34,7 @@ class Frame:
         size: (width, height) in pixels of the full-size picture; None while unknown (JPEG not yet parsed).
         exposure: exposure as the driver states it; None where it does not.
         gain: gain as the driver states it; None where it does not.
+        fault: why there is no picture, one line; whoever decodes the frame raises it. Empty where there is one.
     """
 
     time_s: float
@@ -44,6 +45,7 @@ class Frame:
     size: tuple[int, int] | None = None
     exposure: float | None = None
     gain: float | None = None
+    fault: str = ""
 
     def shows_same(self, other: Frame) -> bool:
         """Whether another frame holds the very picture; pixels are compared on a grid."""

@@ -26,6 +26,7 @@ from cad.extras import program
 from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
+from cad.whole_file import require_place
 from sensing.arguments import number as decimal
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import save_config
@@ -83,6 +84,7 @@ def set_up(
     say = say or _say
     if out.exists():
         raise FileError(f"{out}: is there already: move it away, or choose another name with --out")
+    require_place(out)
     ask(f"{len(config.endcaps)} camera(s): leave all endcaps untouched, then press Enter ")
     endcaps, watch = open_endcaps(config, models=models or configured_models(config)), Watch()
     warm_up(say)

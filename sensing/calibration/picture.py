@@ -56,6 +56,17 @@ def read_image(path: str | Path) -> NDArray[np.uint8]:
     return decode_file(path, data)
 
 
+def require_format(path: str | Path) -> None:
+    """Say at once, before long work, whether a picture can be written under this name.
+
+    Raises:
+        FileError: a suffix that is no picture's.
+    """
+    suffix = Path(path).suffix
+    if suffix and not cv2.haveImageWriter(f"picture{suffix}"):
+        raise FileError(f"{path}: unknown picture format {suffix!r}; end the name in .png or .jpg")
+
+
 def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:
     """Write an image under a temporary name, then rename.
 
@@ -63,12 +74,8 @@ def write_image(path: str | Path, image: NDArray[np.uint8]) -> None:
         FileError: unknown suffix, or the folder cannot be written.
     """
     path = Path(path)
-    try:
-        good, data = cv2.imencode(path.suffix or ".png", image)
-    except cv2.error:
-        good = False
-    if not good:
-        raise FileError(f"{path}: unknown picture format {path.suffix!r}; end the name in .png or .jpg")
+    require_format(path)
+    data = cv2.imencode(path.suffix or ".png", image)[1]
     replace_file(path, data.tobytes(), "choose a folder that can be written")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
 from cad.identity import Identity, recorded, require_same
 from cad.whole_file import replace_file
 from sensing.camera.model import Array, FisheyeCamera, points_array, require
@@ -83,6 +83,25 @@ class MountedCamera:
         along = rays @ start
         root = np.sqrt(along**2 - start @ start + radius_mm**2)
         return np.asarray(self.pupil_endcap_mm + (root - along)[..., None] * rays)
+
+    def require_size(self, size_px: tuple[int, int], name: str | Path = "camera") -> None:
+        """Refuse pictures of another size than those that it was calibrated with.
+
+        Args:
+            size_px: width and height of the pictures. name: of the camera, for the message, such as its file.
+
+        Raises:
+            ParameterError: they differ.
+        """
+        own = self.camera.width_px, self.camera.height_px
+        if size_px != own:
+            raise ParameterError(
+                f"{name}: a camera of {own[0]}x{own[1]} px, the pictures have {size_px[0]}x{size_px[1]}: its numbers "
+                "hold for its own size alone: calibrate it again with these pictures, or set the camera's mode to "
+                f"{own[0]}x{own[1]}",
+                name="camera",
+                value=own,
+            )
 
     def save(self, path: str | Path, made_for: Identity | None = None) -> None:
         """Write JSON under a temporary name, then rename.

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from cad.design_arguments import add_design_arguments, design_of
+from cad.design_arguments import add_design_arguments, agreed_design, design_of
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, show
@@ -34,7 +34,7 @@ which dots are missing; each with a verdict (good, look, bad) and a fix.
 EPILOG = "exit status: 0 nothing is bad, 1 something is, 2 bad input (one line on stderr)"
 FEWEST, MOST = 1, 3000  # frames
 COLOURS = {Verdict.GOOD: "32", Verdict.LOOK: "33", Verdict.BAD: "31"}
-Recorded = Callable[[Path], Iterator[tuple[str, Iterator[Frame]]]]  # a recording: (endcap, its frames)
+Recorded = Callable[[Path], Iterator[tuple[str, EndcapParams, Iterator[Frame]]]]  # (endcap, its design, its frames)
 
 
 def main(arguments: Sequence[str], recorded: Recorded) -> int:
@@ -69,8 +69,9 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
 
 def _reports(word: str, options: argparse.Namespace, params: EndcapParams, recorded: Recorded) -> Iterator[Report]:
     if word.endswith(".mcap"):
-        for endcap, pictures in recorded(Path(word)):
-            yield examine(f"{word}: {endcap}", take_file(pictures, options.frames), params, timed=True)
+        for endcap, held, pictures in recorded(Path(word)):
+            design = agreed_design(options, held, word)
+            yield examine(f"{word}: {endcap}", take_file(pictures, options.frames), design, timed=True)
         return
     camera = CameraConfig(rate_hz=options.rate, exposure=options.exposure)
     opener, live = source_opener(word, camera)
@@ -127,6 +128,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=whole, default=90, metavar="N", help="to look at (90: three seconds)")
     parser.add_argument("--rate", type=number, default=30.0, metavar="HZ", help="to ask of a camera (30)")
     parser.add_argument("--exposure", type=number, metavar="V", help="fixed exposure, the driver's unit")
-    add_design_arguments(parser)
+    add_design_arguments(parser, with_defaults=False)
     parser.add_argument("--json", action="store_true", help="as JSON, for programs")
     return parser

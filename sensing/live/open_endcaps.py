@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from cad.errors import ParameterError
+from cad.errors import FileError, ParameterError
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
@@ -36,8 +36,19 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
         feed, live = open_feed(endcap, speed)
         zero = None if endcap.zero is None else load_zero(endcap.zero, endcap.identity)
         pipeline = EndcapPipeline(endcap, models(endcap), zero, number, ZERO_FRAMES if live else 1)
+        if isinstance(feed, FileFeed):
+            _require_first(feed, pipeline)
         endcaps.append(LiveEndcap(feed, pipeline))
     return endcaps
+
+
+def _require_first(feed: FileFeed, pipeline: EndcapPipeline) -> None:
+    """Refuse files whose first picture is to be the reference and cannot be read, or does not suit the camera file."""
+    first = feed.first() if pipeline.zero is None else None
+    if first is not None and first.fault:
+        raise FileError(f"{first.fault}; the first picture is the untouched endcap, or give a reference (zero)")
+    if first is not None and pipeline.endcap.camera is not None:
+        pipeline.require_camera_of(first)
 
 
 def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:
@@ -71,7 +82,7 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
         SceneSource(number, rate_hz, None, *of_scene)  # a wrong number or a missing scene is refused at once
         return CameraFeed(lambda: SceneSource(number, rate_hz, None, *of_scene)), True
     if os.path.isdir(endcap.source):
-        folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ)
+        folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ, faulty=True)
         return FileFeed(lambda: folder, Pace(speed)), False
     camera = CameraConfig(rate_hz=rate_hz, exposure=endcap.exposure or None)
     opener, live = source_opener(endcap.source, camera)

@@ -15,6 +15,7 @@ from sensing.live.run import LiveRun
 
 if TYPE_CHECKING:
     from sensing.live.outputs.recording import Recording
+    from sensing.live.web.page import PageServer
 
 
 def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, lines: Lines) -> None:
@@ -28,13 +29,11 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     """
     from sensing.live.core.seen import Pictures
     from sensing.live.outputs.recording import Recording
+    from sensing.live.web.access import qr_code
 
     recording = Recording(run, Path.cwd(), Pictures(options.record_pictures))
-    outputs.callback(recording.stop)  # if one of those below cannot begin
     run.notes.append(lambda: recording.note)
     run.losses.append(lambda: recording.loss)
-    if options.record is not None:
-        recording.start(None if options.record == Path() else options.record)
     if options.json:
         _add_json_lines(run, outputs)
     if options.ros:
@@ -43,9 +42,15 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         _add_rerun(run, outputs)
     for words in options.output or ():
         _add_plugin(run, words, outputs)
-    if not options.no_page:
-        _add_page(run, recording, options, outputs, lines)
+    page = None if options.no_page else _add_page(run, recording, options, outputs)
     outputs.callback(recording.stop)  # the file is closed first
+    if options.record is not None:  # after all others: where one of them cannot begin, no file is left
+        recording.start(None if options.record == Path() else options.record)
+    if page is not None:
+        page.start()
+        lines.write(f"page: {page.url}\n")
+        if page.token and lines.isatty():
+            lines.write(qr_code(page.url))
 
 
 def _add_json_lines(run: LiveRun, outputs: ExitStack) -> None:
@@ -69,19 +74,13 @@ def _add_ros(run: LiveRun, outputs: ExitStack) -> None:
     run.notes.append(lambda: topics.note)
 
 
-def _add_page(
-    run: LiveRun, recording: Recording, options: argparse.Namespace, outputs: ExitStack, lines: Lines
-) -> None:
-    from sensing.live.web.access import qr_code
+def _add_page(run: LiveRun, recording: Recording, options: argparse.Namespace, outputs: ExitStack) -> PageServer:
     from sensing.live.web.page import PageServer
 
     page = PageServer(run, recording, options.host, options.port)
-    page.start()
     outputs.callback(lambda: page.close(min(run.patience_s, 3.0)))
     run.notes.append(lambda: page.note)
-    lines.write(f"page: {page.url}\n")
-    if page.token and lines.isatty():
-        lines.write(qr_code(page.url))
+    return page
 
 
 def _add_plugin(run: LiveRun, words: str, outputs: ExitStack) -> None:

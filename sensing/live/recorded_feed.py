@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from cad.errors import FileError
@@ -76,7 +78,7 @@ class ReplayFeed(FileFeed):
         self._playback.stop()
         super().close(wait_s)
 
-    def _pump(self) -> None:
+    def _pump(self) -> str:
         problem: FileError | None = None
         try:
             while True:
@@ -92,6 +94,7 @@ class ReplayFeed(FileFeed):
             raise
         if problem is not None:
             raise problem
+        return ""
 
     def _play(self, turn: Turn) -> None:
         timeline, shown = self._playback.timeline, False
@@ -122,13 +125,26 @@ def replay_endcaps(
     Args:
         path: of the recording. config: what is to run. playback: of that file, for these endcaps alone. models: model
             of an endcap; None for those of the configuration.
+
+    Raises:
+        EndcapError: a model or recording that cannot be used, or a camera of another size than its pictures.
     """
     models, endcaps = models or configured_models(config), []
     for number, endcap in enumerate(config.endcaps):
         pipeline = EndcapPipeline(endcap, models(endcap), None, number, zero_frames=0)
+        if endcap.camera is not None:
+            _require_camera(pipeline, path)
         feed = ReplayFeed(path, endcap.name, partial(_begin, pipeline), playback)
         endcaps.append(LiveEndcap(feed, pipeline))
     return endcaps
+
+
+def _require_camera(pipeline: EndcapPipeline, path: Path) -> None:
+    """Refuse a recording whose camera file is of another size than its pictures."""
+    with suppress(CutError, DamagedError):  # said when it is played
+        for recorded in islice(recorded_frames(path, pipeline.endcap.name), 1):
+            if recorded.zero is not None:
+                pipeline.require_camera_of(recorded.zero.frame())
 
 
 def _begin(pipeline: EndcapPipeline, zero: Zero) -> None:

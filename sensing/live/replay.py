@@ -212,10 +212,8 @@ def _compared(check: Check, reading: EndcapReading | None, before: np.ndarray) -
     again = np.full(6, np.nan) if reading is None else np.r_[reading.wrench.force_n, reading.wrench.torque_nm]
     same = reading is not None and np.array_equal(again, before, equal_nan=True)
     off_n = float(np.linalg.norm(again[:3] - before[:3]))
-    return replace(
-        check, frames=check.frames + 1, different=check.different + (not same),
-        largest_n=max(check.largest_n, off_n if off_n == off_n else 0.0),
-    )  # fmt: skip
+    largest_n = max(check.largest_n, off_n if off_n == off_n else 0.0)
+    return replace(check, frames=check.frames + 1, different=check.different + (not same), largest_n=largest_n)
 
 
 @dataclass
@@ -245,6 +243,8 @@ def _frame(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
     reported = _decoded(path, ros.IMAGE, message)
     data, sequence = bytes(reported.data), message.sequence
     size = jpeg_size(data) if reported.format == "jpeg" else png_size(data)
+    if reported.format == ros.FAULT and data:
+        return Frame(time_s, sequence, endcap, jpeg=data, fault=data.decode(errors="replace"))
     if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
         raise _unusable(path, message, f"a picture of {size} px")
     if reported.format == "jpeg":

@@ -51,7 +51,7 @@ class Recording:
     """
 
     def __init__(self, folder: Path, params: EndcapParams, mount: FtMount, silicone: str = DEFAULT_SILICONE) -> None:
-        self.folder, self.name, self._mount = folder, folder.name, mount
+        self.folder, self.name, self.params, self._mount = folder, folder.name, params, mount
         self._rows: list[dict[str, Any]] = []
         self._pictures: list[bytes] = []
         self._reference = b""

@@ -10,6 +10,7 @@ from pathlib import Path
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.messages import LOG, show
+from cad.params import EndcapParams
 from sensing.arguments import whole
 from sensing.records import Frame
 from sensing.sources.camera import list_devices, list_modes
@@ -44,13 +45,13 @@ def main(arguments: list[str] | None = None) -> int:
     return status
 
 
-def _recorded(path: Path) -> Iterator[tuple[str, Iterator[Frame]]]:
-    """Frames of every endcap of a recording."""
+def _recorded(path: Path) -> Iterator[tuple[str, EndcapParams, Iterator[Frame]]]:
+    """Design and frames of every endcap of a recording."""
     from sensing.live.replay import read_config, recorded_frames, require_pictures
 
     require_pictures(path, "the camera doctor")
     for endcap in read_config(path).endcaps:
-        yield endcap.name, (each.frame for each in recorded_frames(path, endcap.name))
+        yield endcap.name, endcap.params, (each.frame for each in recorded_frames(path, endcap.name))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cad import plugins
 from cad.errors import FileError
+from cad.messages import LOG
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource, device_number
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
@@ -64,10 +65,13 @@ def open_frames(word: str) -> Iterator[Iterable[Frame]]:
     Raises:
         FileError: nothing of that name.
     """
-    frames = iter(source_opener(word)[0]())
+    source = source_opener(word)[0]()
+    frames = iter(source)
     try:
         yield frames
     finally:
         close = getattr(frames, "close", None)
         if close is not None:
             close()
+    if note := getattr(source, "note", ""):  # of a video that ended too early
+        LOG.warning(note)

@@ -14,6 +14,7 @@ from sensing.records import Frame
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
 DEFAULT_RATE_HZ = 30.0
+MISSING = 2  # frames less than stated: containers without an index state an estimate, which may be off by one
 
 
 def read_picture(path: Path | str, sequence: int = 0, time_s: float = 0.0) -> Frame:
@@ -42,14 +43,19 @@ class FolderSource:
     Args:
         folder: holds pictures.
         rate_hz: rate that the frame times follow.
+        faulty: give a picture that cannot be read as a frame with its fault, for readers that count such frames;
+            without it, it is an error.
+
+    Attributes:
+        note: after the last picture, one line that counts those with a fault; empty where there was none.
 
     Raises:
         FileError: no folder that can be read, or no picture in it.
     """
 
-    def __init__(self, folder: Path | str, rate_hz: float = DEFAULT_RATE_HZ) -> None:
-        self.name = str(folder)
-        self._rate_hz = rate_hz
+    def __init__(self, folder: Path | str, rate_hz: float = DEFAULT_RATE_HZ, faulty: bool = False) -> None:
+        self.name, self.note = str(folder), ""
+        self._rate_hz, self._faulty = rate_hz, faulty
         try:
             self._paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES)
         except OSError as error:
@@ -61,19 +67,34 @@ class FolderSource:
         return len(self._paths)
 
     def __iter__(self) -> Iterator[Frame]:
+        faults: list[str] = []
         for index, path in enumerate(self._paths):
-            yield read_picture(path, index, index / self._rate_hz)
+            time_s = index / self._rate_hz
+            try:
+                frame = read_picture(path, index, time_s)
+            except FileError as error:
+                if not self._faulty:
+                    raise
+                faults.append(str(error))
+                frame = Frame(time_s, index, str(path), jpeg=faults[-1].encode(), fault=faults[-1])
+            yield frame
+        self.note = f"{len(faults)} of {len(self)} pictures cannot be read ({faults[0]})" if faults else ""
 
 
 class VideoSource:
-    """The frames of a video file, with the times that the file states.
+    """The frames of a video file, with the times that the file states, from zero; its pixels as they are stored.
+
+    From the first stated time that does not increase on, the stated rate counts.
+
+    Attributes:
+        note: after the last frame, one line where the file ended before the count of frames that it states; else empty.
 
     Raises:
         FileError: no such file, or no video that OpenCV can open.
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.name = str(path)
+        self.name, self.note = str(path), ""
         if not os.path.isfile(path):  # unlike the method of Path, of a locked folder, too
             raise FileError(f"{path}: no such file: give a video")
         capture = cv2.VideoCapture(self.name)
@@ -85,17 +106,46 @@ class VideoSource:
 
     def __iter__(self) -> Iterator[Frame]:
         capture = cv2.VideoCapture(self.name)
-        rate_hz = capture.get(cv2.CAP_PROP_FPS) or DEFAULT_RATE_HZ
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        stated = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        times, sequence = _Times(capture.get(cv2.CAP_PROP_FPS)), 0
         try:
-            sequence = 0
             while True:
                 known, image = capture.read()
                 if not known:
-                    return
-                yield Frame(sequence / rate_hz, sequence, self.name, image=image)
+                    break
+                time_s = times.next(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
+                yield Frame(time_s, sequence, self.name, image=image)
                 sequence += 1
         finally:
             capture.release()
+        if stated - sequence >= MISSING:
+            self.note = f"{self.name}: ended after {sequence} of the {stated} frames that it states: is the file cut?"
+
+
+class _Times:
+    """Times of a video's frames from what its container states; s.
+
+    Args:
+        rate_hz: stated frames a second; 0 where the file states none.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._step_s = 1 / rate_hz if rate_hz > 0 else 1 / DEFAULT_RATE_HZ
+        self._first_s: float | None = None
+        self._last_s, self._since = 0.0, 0  # last stated time, and frames since then
+
+    def next(self, stated_s: float) -> float:
+        """Time of the next frame, whose stated time is this."""
+        if self._first_s is None:
+            self._first_s = stated_s
+            return 0.0
+        since_s = stated_s - self._first_s
+        if not self._since and self._last_s < since_s < float("inf"):
+            self._last_s = since_s
+            return since_s
+        self._since += 1
+        return self._last_s + self._since * self._step_s
 
 
 def jpeg_size(data: bytes) -> tuple[int, int] | None:

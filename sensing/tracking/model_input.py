@@ -43,12 +43,17 @@ class ModelInput:
         camera: the one built in, as calibrated; None takes the nominal one.
         radial: (H W, 2 H W) radial displacement of the skin by the field, of the weights
             (:attr:`sensing.wrench.model.WrenchModel.radial`); None leaves the parallax of the camera in.
+
+    Raises:
+        ParameterError: a camera of another picture size than the reference.
     """
 
     def __init__(
         self, tracker: DotTracker, shape: tuple[int, int], params: EndcapParams, camera: MountedCamera | None = None,
         radial: Array | None = None,
     ) -> None:  # fmt: skip
+        if camera is not None:
+            camera.require_size(tracker.size)
         self.tracker = tracker
         self._camera, self._params, self._size = camera, params, tracker.size
         self._nominal = nominal_mount(params, *tracker.size)
@@ -157,6 +162,7 @@ def model_input(
         config: knobs of the tracker.
 
     Raises:
-        NoDotsError: the reference has no dots. FrameError: it cannot be decoded.
+        NoDotsError: the reference has no dots. FrameError: it cannot be decoded. ParameterError: a camera of another
+        picture size.
     """
     return ModelInput(DotTracker(reference, config, params=params), shape, params, camera, radial)

@@ -14,13 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import FileError
+from cad.identity import require_same
 from cad.messages import transient
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.replay import Recorded, recorded_frames
-from sensing.sources.choose import is_camera_number, source_opener
+from sensing.live.replay import Recorded, read_config, recorded_frames
+from sensing.sources.choose import is_camera_number, open_frames
 
 RECORDING = ".mcap"
 
@@ -32,19 +33,19 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
         endcap: its name, design and camera. source: file or folder. model: estimates the wrench.
 
     Raises:
-        FileError: nothing of that name, a camera or an address, or no such endcap in a recording.
+        FileError: nothing of that name, a camera or an address, no such endcap in a recording,
+            or a recording of another design. ParameterError: a camera file of another picture size.
     """
     if is_camera_number(source) or source.startswith("http") or not os.path.exists(source) or _is_device(source):
         raise FileError(f"{source}: no such file or folder: give a recording, a video or a folder of pictures")
     recorded = source.lower().endswith(RECORDING)
+    if recorded:
+        require_design(Path(source), endcap)
     pipeline = EndcapPipeline(as_trained(endcap), model, zero_frames=0 if recorded else 1)
-    frames: Iterator[Recorded] = (
-        recorded_frames(Path(source), endcap.name)
-        if recorded
-        else (Recorded(frame, None) for frame in source_opener(source)[0]())
-    )
-    count = -1
+    count, frames = -1, recorded_frames(Path(source), endcap.name) if recorded else _pictures(source)
     for count, item in enumerate(frames):
+        if not count and not recorded:  # of a recording, the reference comes first
+            pipeline.require_camera_of(item.frame)
         if item.zero is not None:
             pipeline.set_zero(item.zero)
         reading = pipeline.update(item.frame)
@@ -55,6 +56,31 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     transient()
     if count < 0:
         raise FileError(f"{source}: no picture of {endcap.name} in it: is it the recording of another endcap?")
+
+
+def require_design(recording: Path, endcap: EndcapConfig) -> None:
+    """Refuse a recording that was made with another design under the same name.
+
+    Raises:
+        FileError: of another design or dot pattern, or no recording.
+    """
+    for held in read_config(recording).endcaps:
+        if held.name != endcap.name:
+            continue
+        if held.params.digest != endcap.params.digest:
+            raise FileError(
+                f"{recording}: {endcap.name} was recorded from {held.params.label}, this endcap is "
+                f"{endcap.params.label}: give a recording of this endcap, or set diameter_mm, wall_mm, dots and dot_mm "
+                "of its [[endcap]] to those of the recording"
+            )
+        require_same(recording, "a recording", held.identity, endcap.identity, "record this endcap anew", ("dots",))
+
+
+def _pictures(source: str) -> Iterator[Recorded]:
+    """Of a video or folder."""
+    with open_frames(source) as frames:
+        for frame in frames:
+            yield Recorded(frame, None)
 
 
 def _is_device(source: str) -> bool:

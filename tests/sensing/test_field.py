@@ -1,15 +1,20 @@
 """The command line as a user runs it, and the function behind it."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from cad.errors import ParameterError
+from cad.identity import identity
+from cad.params import EndcapParams
 from sensing.field import compute_fields, main
 from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
 from sensing.tracking.methods import METHODS, field_method
+from sensing.tracking.zero import save_zero, single_zero
 
 IMAGE, _ = draw_dots(Drawing())
 PRESS = Displacement((1.0, 0.5), bumps=(Bump((400.0, 280.0), (8.0, 6.0), 60.0),))
@@ -22,6 +27,8 @@ def files(tmp_path):
     cv2.imwrite(str(tmp_path / "small.png"), IMAGE[::2, ::2])
     cv2.imwrite(str(tmp_path / "blank.png"), np.full_like(IMAGE, 90))
     (tmp_path / "text.jpg").write_text("no picture")
+    made_of = identity(EndcapParams(130, 8)).without("camera", "silicone")
+    save_zero(replace(single_zero(Frame(0, 0, "a", image=IMAGE)), made_of=made_of), tmp_path / "z.npz")
     return tmp_path
 
 
@@ -77,6 +84,18 @@ def test_video_and_tracks(files):
             ("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--channels", "du"),
             "only --method gelslim",
         ),
+        (
+            ("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.npy", "--picture", "@g.gif"),
+            "end in .png or .jpg",
+        ),
+        (
+            ("--reference", "@z.npz", "--frame", "@b.jpg", "--out", "@f.npy", "--diameter", "180", "--wall", "10"),
+            "--diameter 180 --wall 10: ",
+        ),
+        (
+            ("--reference", "@z.npz", "--frame", "@b.jpg", "--out", "@f.npy", "--dot-rings", "1-6-10-12"),
+            "--dot-rings 1-6-10-12: ",
+        ),
     ],
 )
 def test_bad_input_gets_one_line_and_status_2(files, arguments, words, capsys):
@@ -85,6 +104,11 @@ def test_bad_input_gets_one_line_and_status_2(files, arguments, words, capsys):
     message = capsys.readouterr().err
     assert words in message and message.count("\n") == 1 and "Traceback" not in message
     assert {p.name for p in files.iterdir()} == before
+
+
+@pytest.mark.parametrize("words", [[], ["--wall", "8"], ["--diameter", "130", "--wall", "8.0"]])
+def test_a_reference_is_taken_with_the_options_that_agree_with_it(files, words):
+    assert call(files, "--reference", "@z.npz", "--frame", "@b.jpg", "--out", "@f.npy", *words) == 0
 
 
 def test_unknown_method_lists_the_known():

@@ -28,6 +28,7 @@ Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such 
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,9 +43,11 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
 from sensing.frames import Array, rigid
+from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import METHODS, known_methods
 from sensing.wrench.relaxation import Term
 
+SCENE = "scene"  # with a number: an endcap of the simulated robot
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
@@ -197,7 +200,7 @@ class LiveConfig:
         weight_n: of the robot; 0 without the check.
 
     Raises:
-        ParameterError: no endcap, a name twice, or an unknown model or method.
+        ParameterError: no endcap, a name or a camera twice, or an unknown model or method.
     """
 
     endcaps: tuple[EndcapConfig, ...]
@@ -214,6 +217,7 @@ class LiveConfig:
                 f"endcaps={', '.join(twice) or len(names)}: need 1..{MOST_ENDCAPS} endcaps of different names",
                 name="endcaps",
             )
+        self._check_cameras()
         if self.model not in MODELS and self.model not in known_models():
             raise ParameterError(
                 f"model={self.model!r}: choose {' or '.join(known_models())}", name="model", value=self.model
@@ -226,6 +230,30 @@ class LiveConfig:
             )
         if not 0 <= self.weight_n < 1e5:
             raise ParameterError(f"weight_n={self.weight_n:g} outside 0..1e5 N", name="weight_n", value=self.weight_n)
+
+    def _check_cameras(self) -> None:
+        """Refuse one camera, or one endcap of the simulated robot, for two endcaps."""
+        seen: dict[str, EndcapConfig] = {}
+        for endcap in self.endcaps:
+            camera = _camera_of(endcap.source)
+            other = seen.setdefault(camera, endcap) if camera else endcap
+            if other is not endcap:
+                raise ParameterError(
+                    f"source={endcap.source} of {endcap.name} is the camera of {other.name}: one camera sees one "
+                    "endcap, and a sum of forces would count it twice: give each its own camera, or leave one out",
+                    name="source",
+                    value=endcap.source,
+                )
+
+
+def _camera_of(source: str) -> str:
+    """One word for a camera however it is named; empty for files and addresses, which several endcaps may share."""
+    if is_camera_number(source):
+        return f"/dev/video{int(source)}"
+    if source.startswith("/dev/") and "\0" not in source:
+        return os.path.realpath(source)
+    kind, _, number = source.partition(":")
+    return f"{kind}:{int(number)}" if kind == SCENE and is_camera_number(number) else ""
 
 
 def dots_of(params: EndcapParams) -> dict[str, Any]:

@@ -147,6 +147,10 @@ class FileFeed:
         self._notify = notify
         self._thread.start()
 
+    def first(self) -> Frame | None:
+        """The first picture, read apart from those that are taken; None where there is none."""
+        return next(iter(self._open()), None)
+
     def take(self) -> Captured | None:
         """The next frame that is due."""
         try:
@@ -167,7 +171,7 @@ class FileFeed:
     def _run(self) -> None:
         message = ""
         try:
-            self._pump()
+            message = self._pump()
         except EndcapError as error:
             message = str(error)
         except Exception as error:  # a broken file must not hide behind a dead thread
@@ -175,12 +179,15 @@ class FileFeed:
         self._health = replace(self._health, status="ended", message=message)
         self._notify()
 
-    def _pump(self) -> None:
-        for frame in self._open():
+    def _pump(self) -> str:
+        """All frames; returns what the source says at its end, one line, or nothing."""
+        source = self._open()
+        for frame in source:
             due_s = self._pace.due_s(frame.time_s)
             if self._stop.wait(max(0.0, due_s - time.monotonic())) or not self._put((frame, due_s)):
-                return
+                return ""
             self._running()
+        return str(getattr(source, "note", ""))
 
     def _running(self) -> None:
         """One frame more lies ready."""

@@ -28,7 +28,7 @@ from sensing.live.core.state import NOTE_S, Event
 from sensing.records import Frame
 from sensing.tracking.methods import FieldMethod, field_method
 from sensing.tracking.model_input import ModelInput
-from sensing.tracking.tracker import DotTracker
+from sensing.tracking.tracker import DotTracker, frame_size
 from sensing.tracking.zero import Zero
 
 ZERO_FRAMES = 10  # averaged for a reference
@@ -179,7 +179,7 @@ class EndcapPipeline:
         """Use a reference from the next frame on.
 
         Raises:
-            EndcapError: a reference without dots, or one that cannot be decoded.
+            EndcapError: a reference without dots, one that cannot be decoded, or of another size than the camera file.
         """
         self._use(Reference(zero, self._build(zero)))
 
@@ -192,6 +192,15 @@ class EndcapPipeline:
                 self._used = Reference(self._used.zero, self._build(self._used.zero))
         self._begin()
 
+    def require_camera_of(self, frame: Frame) -> None:
+        """Refuse pictures of another size than those that the camera file holds for.
+
+        Raises:
+            ParameterError: the sizes differ. FrameError: the frame cannot be decoded.
+        """
+        if self._camera is not None:
+            self._camera.require_size(frame_size(frame), self.endcap.camera or "camera")
+
     def _begin(self) -> None:
         self._last_s = float("-inf")
         self._restart_wanted = False
@@ -200,6 +209,7 @@ class EndcapPipeline:
             self._measurement = Measurement(self.endcap, self.model, self._used, self._check, self.number, self.epoch)
 
     def _build(self, zero: Zero) -> FieldMethod:
+        self.require_camera_of(zero.frame())
         if self.model.method == "dots":
             tracker = DotTracker(zero.frame(), params=self.endcap.params)
             rest = self._rest_camera(zero, tracker)

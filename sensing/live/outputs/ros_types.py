@@ -22,6 +22,7 @@ IMAGE, FLOAT64, BOOL = "sensor_msgs/msg/CompressedImage", "std_msgs/msg/Float64"
 WRENCH, ARRAY = "geometry_msgs/msg/WrenchStamped", "std_msgs/msg/Float32MultiArray"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 STRING = "std_msgs/msg/String"
+FAULT = "fault"  # format of a picture that could not be read: its bytes say why
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 PACKAGES = Path(__file__).resolve().parent / "ros" / "packages"  # sources of the ROS packages
 ENDCAP_WRENCH = "endcap_msgs/msg/EndcapWrench"
@@ -157,7 +158,9 @@ def diagnostic_array(states: Sequence[tuple[str, int, str, dict[str, str]]], sta
 
 
 def picture_bytes(frame: Frame) -> tuple[bytes, str]:
-    """(file bytes, "jpeg" or "png") of a frame without loss: JPEG as it came, raw pictures as PNG."""
+    """(file bytes, "jpeg" or "png") of a frame without loss: JPEG as it came, raw pictures as PNG, faults as text."""
+    if frame.fault:
+        return frame.fault.encode(), FAULT
     if frame.jpeg is not None:
         return frame.jpeg, "jpeg"
     import cv2

@@ -117,7 +117,7 @@ def _load(path: str) -> tuple[Array, Array]:
 
 def _read(path: str) -> Image:
     try:
-        image = cv2.imread(path, cv2.IMREAD_COLOR) if Path(path).is_file() else None
+        image = cv2.imread(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if Path(path).is_file() else None
     except cv2.error:  # a head that claims more pixels than OpenCV takes
         image = None
     if image is None:

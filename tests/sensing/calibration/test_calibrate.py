@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize._numdiff import approx_derivative
 
 from cad.errors import FileError
+from cad.identity import identity
 from cad.params import EndcapParams
 from sensing.calibrate import main
 from sensing.calibration.dots import CalibrationError, find_dots, pattern_points, read_dots
@@ -20,9 +21,12 @@ from sensing.calibration.prior import OTHER_LENS, MountPrior
 from sensing.camera.model import FisheyeCamera
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
+from sensing.records import Frame
 from sensing.simulator.render.cli import main as render
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Paint, RenderSettings
+from sensing.sources.drawn import Drawing, draw_dots
+from sensing.tracking.zero import save_zero, single_zero
 
 PARAMS = EndcapParams(130, 8)
 SIZE = (640, 480)
@@ -114,6 +118,38 @@ def test_a_photo_of_other_dots_is_read_with_their_options_and_refused_without(tm
     assert matched == found > 1 + 6 + 10 + 14 + 18 + 22 + 24  # all rings to the equator's
     out.unlink()
     assert main(["--photo", photo, "--out", str(out), *design[:4]]) == 2 and not out.exists()
+
+
+@pytest.fixture
+def zero_150(tmp_path):
+    """A reference of D150 T9."""
+    params = EndcapParams(150, 9)
+    image = draw_dots(Drawing(specks=0, digit=""), params)[0]
+    made_of = identity(params).without("camera", "silicone")
+    save_zero(replace(single_zero(Frame(0, 0, "drawn", image=image)), made_of=made_of), tmp_path / "z.npz")
+    return tmp_path / "z.npz"
+
+
+def test_a_camera_of_a_reference_is_made_for_the_reference_s_own_design(zero_150, tmp_path) -> None:
+    out = tmp_path / "camera.json"
+    assert main(["--zero", str(zero_150), "--out", str(out), "--trust-design"]) == 0
+    MountedCamera.load(out, identity(EndcapParams(150, 9)))
+    with pytest.raises(FileError, match="D150_T9"):
+        MountedCamera.load(out, identity(EndcapParams(130, 8)))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--diameter", "150", "--wall", "8"], "--wall 8: "), (["--diameter", "130"], "--diameter 130: "),
+        (["--picture", "p.xyz"], "unknown picture format '.xyz'"),
+    ],
+)  # fmt: skip
+def test_what_disagrees_with_a_reference_or_cannot_be_written_is_refused_first(zero_150, tmp_path, capsys, words, said):
+    out = tmp_path / "camera.json"
+    assert main(["--zero", str(zero_150), "--out", str(out), *words]) == 2 and not out.exists()
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
 
 
 def test_finder_is_sub_pixel_on_clean_dots() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from live_stand_in import pipeline
+from live_stand_in import pipeline, stand_in
 from long_cases import others_long
 
 from cad.params import EndcapParams
@@ -19,11 +19,13 @@ from sensing.doctor.finding import Verdict
 from sensing.doctor.picture import picture_findings
 from sensing.doctor.stream import stream_findings
 from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.outputs.recorder import Recorder
 from sensing.records import Frame
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Lamp, Optics, RenderSettings, Sensor
 from sensing.sources.__main__ import main
+from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.newest import SourceError
 
 GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
@@ -197,6 +199,26 @@ def test_what_is_bad_gives_status_1_and_its_fix_in_the_next_line(tmp_path, capsy
     lines = capsys.readouterr().out.splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith("  bad   exposure"))
     assert "-> plug the lamp in" in lines[at + 1] and lines[0].endswith("bad; 1 frames, 640 x 480 px")
+
+
+def test_a_recording_is_judged_by_its_own_design_and_options_must_agree(tmp_path, capsys):
+    design, path = EndcapParams(200, 10), tmp_path / "d200.mcap"
+    endcap = EndcapConfig("endcap_0", "test", diameter_mm=200.0, wall_mm=10.0)
+    image = draw_dots(Drawing(specks=0, digit=""), design)[0]
+    recorder = Recorder(path, LiveConfig((endcap,)), {"endcap_0": 0}, lambda _: None)
+    recorder.start()
+    pipe = EndcapPipeline(endcap, stand_in("dis"), None, 0, 1)
+    for k in range(4):
+        image[-4:, : k + 1] ^= 8
+        jpeg = cv2.imencode(".jpg", image)[1].tobytes()
+        recorder.put(pipe.update(Frame(100 + k / 30, k, "test", jpeg=jpeg, size=(640, 480))))
+    recorder.close(60)
+    assert main(["check", str(path), "--json"]) == 0
+    (report,) = json.loads(capsys.readouterr().out)
+    assert next(each for each in report["findings"] if each["name"] == "dot size")["verdict"] == "good"
+    assert main(["check", str(path), "--diameter", "130", "--wall", "8"]) == 2
+    error = capsys.readouterr().err
+    assert "--diameter 130 --wall 8: " in error and "was taken of D200_T10" in error and error.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,30 @@
 """Options, configurations and reference files that cannot be used: one line on stderr and exit status 2."""
 
 import io
+import itertools
 import json
 import signal
 import threading
 import zipfile
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import cv2
 import numpy as np
 import pytest
 from live_program import program
-from live_stand_in import PATIENCE_S, film, frames, stand_in
+from live_stand_in import PATIENCE_S, film, frames, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError, printable
+from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_mount
 from sensing.live.cli import main
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
+from sensing.live.core.engine import LiveEndcap
+from sensing.live.core.feed import FileFeed
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.replay import read_config
 from sensing.npz import read_npz
 from sensing.tracking.zero import load_zero, save_zero, single_zero
 
@@ -172,3 +181,88 @@ def test_a_camera_file_that_nests_too_deep_is_one_line(tmp_path, capsys):
     picture.write_bytes(film([0])[0])
     config.write_text(f"[[endcap]]\nname = 'a'\nsource = {json.dumps(str(picture))}\ncamera = 'c.json'\n")
     assert "not a camera file" in refused(capsys, "--config", str(config), "--no-page")
+
+
+@pytest.fixture
+def large_camera(tmp_path):
+    """A camera file of 1280x960 px."""
+    nominal_mount(EndcapParams(130, 8), 1280, 960).save(tmp_path / "c.json")
+    return tmp_path / "c.json"
+
+
+def photos(folder, *pictures: bytes):
+    folder.mkdir(exist_ok=True)
+    for number, data in enumerate(pictures):
+        (folder / f"{number}.jpg").write_bytes(data)
+    return folder
+
+
+SIZES = "c.json: a camera of 1280x960 px, the pictures have 640x480"
+
+
+@pytest.mark.parametrize("zero", [False, True])
+def test_a_camera_file_of_another_picture_size_is_refused_with_both_sizes(tmp_path, capsys, large_camera, zero):
+    folder, (picture,) = photos(tmp_path / "p", *film([0])), film([0])
+    text = f"[[endcap]]\nname = 'a'\nsource = {json.dumps(str(folder))}\ncamera = 'c.json'\n"
+    if zero:
+        save_zero(single_zero(frames([picture])[0]), tmp_path / "z.npz")
+    (tmp_path / "e.toml").write_text(text + ("zero = 'z.npz'\n" if zero else ""))
+    said = refused(capsys, "--config", str(tmp_path / "e.toml"), "--no-page")
+    assert SIZES in said and "calibrate it again" in said
+
+
+def test_where_the_size_shows_with_the_first_frames_the_state_says_so_and_nothing_is_read(large_camera):
+    endcap = LiveEndcap(FileFeed(list), EndcapPipeline(EndcapConfig("a", "0", camera=large_camera), stand_in(), None))
+    given = itertools.cycle(frames(film([0] * 10)))
+
+    def refused_now() -> bool:  # the reference is taken in a thread of its own
+        frame = next(given)
+        assert endcap.process((frame, frame.time_s)) is None
+        return endcap.health.status == "waiting for a reference"
+
+    wait_for(refused_now)
+    assert SIZES in endcap.health.message and not endcap.health.valid
+
+
+def test_a_recording_with_a_camera_of_another_size_is_refused(tmp_path, capsys, monkeypatch, large_camera):
+    folder, mcap = photos(tmp_path / "p", *film([0])), tmp_path / "r.mcap"
+    assert main(["--photos", str(folder), "--no-page", "--speed", "0", "--record", str(mcap)]) == 0
+    capsys.readouterr()
+    held = read_config(mcap)
+    monkeypatch.setattr(
+        "sensing.live.replay.read_config",
+        lambda *_: replace(held, endcaps=(replace(held.endcaps[0], camera=large_camera),)),
+    )
+    assert SIZES in refused(capsys, "--replay", str(mcap), "--no-page")
+
+
+@pytest.mark.parametrize("words", [["--port", "99999"], ["--no-page", "--output", "nosuch"]])
+def test_where_another_output_cannot_begin_no_recording_is_left(tmp_path, capsys, monkeypatch, words):
+    monkeypatch.setattr("sensing.live.core.warm_up.warm_up", lambda _: None)
+    folder, mcap = photos(tmp_path / "p", *film([0])), tmp_path / "r.mcap"
+    refused(capsys, "--photos", str(folder), "--record", str(mcap), *words)
+    assert not mcap.exists()
+
+
+def test_a_picture_that_cannot_be_read_is_counted_and_the_rest_is_shown_recorded_and_replayed(tmp_path, capsys):
+    rest, press = film([0, 1.0])
+    folder, mcap = photos(tmp_path / "p", rest, rest, b"no picture", press), tmp_path / "r.mcap"
+    assert main(["--photos", str(folder), "--no-page", "--speed", "0", "--record", str(mcap)]) == 0
+    said = capsys.readouterr().out
+    assert "4 frames, 0 dropped, 1 unusable" in said and "1 of 4 pictures cannot be read" in said
+    assert f"{folder}/2.jpg: no picture" in said
+    assert main(["--replay", str(mcap), "--check"]) == 0
+    assert "4 frames computed again, 0 differ" in capsys.readouterr().out
+    photos(folder, b"no picture")
+    assert "0.jpg: no picture" in refused(capsys, "--photos", str(folder), "--no-page")
+
+
+def test_a_video_that_is_cut_says_so(tmp_path, capsys):
+    path = tmp_path / "v.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (640, 480))
+    for jpeg in film([0] * 8):
+        writer.write(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR))
+    writer.release()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert main(["--video", str(path), "--no-page", "--speed", "0"]) == 0
+    assert "of the 8 frames that it states: is the file cut?" in capsys.readouterr().out

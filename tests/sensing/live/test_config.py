@@ -41,6 +41,15 @@ def test_a_configuration_survives_the_file(tmp_path):
         ("[[endcap]]\nname = 'a'\nsource = '0'\nT_robot_endcap = [[1,2],[3,4]]", "T_robot_endcap"),
         ("[[endcap]]\nname = 'a'\nsource = '0'\ncontact_on_n = 1\ncontact_off_n = 2", "contact_off_n=2"),
         ("[[endcap]]\nname = 'a'\nsource = '0'\n[[endcap]]\nname = 'a'\nsource = '1'", "endcaps=a"),
+        (
+            "[[endcap]]\nname = 'a'\nsource = '0'\n[[endcap]]\nname = 'b'\nsource = '00'",
+            "source=00 of b is the camera of a",
+        ),
+        ("[[endcap]]\nname = 'a'\nsource = '/dev/video7'\n[[endcap]]\nname = 'b'\nsource = '7'", "is the camera of a"),
+        (
+            "[[endcap]]\nname = 'a'\nsource = 'scene:1'\n[[endcap]]\nname = 'b'\nsource = 'scene:01'",
+            "is the camera of a",
+        ),
         ("[[endcap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
         ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "model='best'"),
         ("endcap = 3", "no list of tables"),
@@ -61,6 +70,7 @@ def test_a_bad_configuration_is_named_in_one_line(tmp_path, text, reported, caps
     [
         ["--camera", "front"],
         ["--camera", "77"],
+        ["--camera", "0,2,0"],
         ["--video", "nowhere.avi"],
         ["--photos", "nowhere"],
         ["--url", "ftp://x"],

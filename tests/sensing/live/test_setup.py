@@ -93,6 +93,11 @@ def test_a_configuration_that_is_there_is_kept(tmp_path):
     assert setup.main(["--out", str(tmp_path / "endcaps.toml"), "--camera", "0"]) == 2
 
 
+def test_a_place_that_cannot_be_written_is_named_before_anything_is_asked(tmp_path):
+    with pytest.raises(FileError, match=r"nodir/s\.toml: No such file or directory"):
+        setup.set_up(config(1), tmp_path / "nodir" / "s.toml", pytest.fail)
+
+
 # --- Python, network -------------------------------------------------------------------------------------------
 def test_a_stream_gives_a_wrench_for_every_frame_and_ends_with_the_file():
     from live_stand_in import frames

@@ -20,7 +20,7 @@ from sensing.records import Frame
 from sensing.records_labelled import LabelledSet
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
-from sensing.tracking.zero import take_zero
+from sensing.tracking.zero import single_zero, take_zero
 
 PATIENCE_S = 60.0
 
@@ -154,6 +154,15 @@ def test_recording_pairs_tares_parts_paths_and_goes_on(pressed, tmp_path):
     with pytest.raises(FileError, match="holds a set with wall_mm"):
         Recording(tmp_path / "set", EndcapParams(130, 10), MOUNT)
     assert not list((tmp_path / "set").rglob("*.part"))
+
+
+def test_the_reference_is_looked_for_with_the_design_s_dots(pressed, tmp_path, monkeypatch):
+    frames, forces = pressed
+    design, looked = EndcapParams(150, 9, dot_mm=5.0), []
+    monkeypatch.setattr(record, "take_zero", lambda rest, name, params: looked.append(params) or single_zero(rest[0]))
+    with Recording(tmp_path / "set", design, MOUNT) as recording:
+        record.record(frames[:35], CsvFt(write_csv(tmp_path / "ft.csv", forces)), recording)
+    assert looked == [design]
 
 
 def test_a_clock_jump_keeps_what_was_paired(pressed, tmp_path):

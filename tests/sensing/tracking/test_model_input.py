@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cad.dots import dot_pattern
+from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
@@ -30,6 +31,12 @@ def on_sphere():
 def view(points, radial=None):
     tracker = SimpleNamespace(size=(640, 480), reference_px=TURNED.project(points))
     return ModelInput(tracker, SHAPE, PARAMS, TURNED, radial)
+
+
+def test_a_camera_of_another_picture_size_is_refused():
+    tracker = SimpleNamespace(size=(1280, 960), reference_px=TURNED.project(on_sphere()))
+    with pytest.raises(ParameterError, match="a camera of 640x480 px, the pictures have 1280x960"):
+        ModelInput(tracker, SHAPE, PARAMS, TURNED)
 
 
 def test_points_of_the_undeformed_sphere_are_seen_exactly_as_the_nominal_camera_sees_them():

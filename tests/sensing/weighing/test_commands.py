@@ -6,12 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from dwell_stand_in import creep
+from live_stand_in import film, stand_in
 
 from cad.errors import FileError
+from cad.params import EndcapParams
 from sensing import dwell, weigh
-from sensing.live.core.config import EndcapConfig
+from sensing.camera.nominal import nominal_mount
+from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.outputs.recorded_config import about, parsed
+from sensing.live.outputs.recorder import Recorder
 from sensing.records import Wrench
 from sensing.weighing import robot
 from sensing.weighing.film import film_readings
@@ -131,3 +135,36 @@ def test_a_drawing_that_fails_leaves_the_older_picture(tmp_path, monkeypatch, su
     with pytest.raises(FileError, match="No space left"):
         dwell._draw(picture, time_s, force_n, result)
     assert picture.read_bytes() == good and len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    ("here", "said"),
+    [
+        ({"diameter_mm": 130.0, "wall_mm": 8.0}, "endcap_0 was recorded from D200_T10, this endcap is D130_T8: give a"),
+        ({"diameter_mm": 200.0, "wall_mm": 10.0}, "no picture of endcap_0"),
+    ],
+)
+def test_a_recording_of_another_design_is_refused(tmp_path, here, said):
+    held = EndcapConfig("endcap_0", "test", diameter_mm=200.0, wall_mm=10.0)
+    recorder = Recorder(tmp_path / "a.mcap", LiveConfig((held,)), {"endcap_0": 0}, lambda _: None)
+    recorder.start()
+    recorder.close(60)
+    with pytest.raises(FileError, match=said):
+        next(film_readings(replace(held, **here), str(tmp_path / "a.mcap"), stand_in()))
+
+
+@pytest.mark.parametrize("command", ["weigh", "dwell"])
+def test_a_camera_file_of_another_size_than_a_film_is_one_line(tmp_path, monkeypatch, capsys, command):
+    monkeypatch.setattr(f"sensing.{command}.configured_models", lambda *_, **__: lambda _: stand_in())
+    monkeypatch.setattr(f"sensing.{command}.warm_up", lambda _: None)
+    monkeypatch.setattr("sensing.weigh.weights_digest", lambda _: "0")
+    nominal_mount(EndcapParams(130, 8), 1280, 960).save(tmp_path / "c.json")
+    (tmp_path / "p.jpg").write_bytes(film([0])[0])
+    (tmp_path / "e.toml").write_text("[[endcap]]\nname = 'a'\nsource = '0'\ncamera = 'c.json'\n")
+    film_of = str(tmp_path / "p.jpg")
+    poses = [f"--pose=tilt=0,grams={weight},source={film_of}" for weight in (600, 1800)]
+    words = poses if command == "weigh" else ["--source", film_of]
+    run = weigh.main if command == "weigh" else dwell.main
+    assert run(["--config", str(tmp_path / "e.toml"), *words]) == 2
+    error = capsys.readouterr().err
+    assert "a camera of 1280x960 px, the pictures have 640x480" in error and error.count("\n") == 1

@@ -28,9 +28,11 @@ from cad.whole_file import require_place
 from sensing.arguments import number, pair
 from sensing.calibration.dots import CalibrationError, find_blobs, pattern_points, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views, require_board
-from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.other_design import design_fit, require_design
 from sensing.calibration.picture import draw_fit, read_image, require_format, write_image
+from sensing.calibration.rest_camera import most_misplaced_px
+from sensing.calibration.rest_picture import picture_doubts
 from sensing.calibration.turns import best_turn
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
@@ -105,6 +107,26 @@ def _from_dots(options: argparse.Namespace) -> int:
         alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)
         if alike:
             LOG.warning(f"sensing.calibrate: {alike}")
+    _warn(result, image, params, options)
+    result.mounted.save(options.out, identity(params))
+    if options.picture:
+        write_image(options.picture, draw_fit(image, result, params))
+    show(result.report())
+    return 0
+
+
+def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, options: argparse.Namespace) -> None:
+    """Say what is doubtful about the picture, a line each: dots of a pressed dome, hidden ones, light, alike turns."""
+    doubts = [] if options.dots else [*picture_doubts(image, result.found_px, params, result.mounted).values()]
+    away_px, most_px = result.most_px * 480.0 / min(image.shape[:2]), most_misplaced_px(params)
+    if away_px > most_px:
+        doubts.append(
+            f"the dots lie up to {away_px:.1f} px from the design's (at most {most_px:.1f} of an untouched dome): "
+            "is it pressed? take the picture again; with a wrong camera forces are wrong"
+        )
+    for doubt in doubts:
+        LOG.warning(f"sensing.calibrate: {doubt}")
+    found = result.found_px
     repeats_deg = best_turn(result.mounted, found, *pattern_points(params), options.azimuth_hint).repeats_deg
     if repeats_deg < RELEASED_REPEATS_DEG - 1:
         LOG.warning(
@@ -112,11 +134,6 @@ def _from_dots(options: argparse.Namespace) -> int:
             f"nearest to --azimuth-hint {options.azimuth_hint:g} is taken; a camera turned by more than "
             f"{repeats_deg / 2:.3g} degrees from it would give wrong directions"
         )
-    result.mounted.save(options.out, identity(params))
-    if options.picture:
-        write_image(options.picture, draw_fit(image, result, params))
-    show(result.report())
-    return 0
 
 
 def _rest_picture(options: argparse.Namespace) -> tuple[NDArray[np.uint8], EndcapParams]:

@@ -188,7 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     take.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="replaced when it is there")
     add_design_arguments(take.add_argument_group("of the endcap, which live compares"), with_defaults=False)
     take.set_defaults(run=_take)
-    check = commands.add_parser("check", help="say what has changed: nothing, lamp, mounting or contact")
+    check = commands.add_parser("check", help="say what has changed: nothing, lamp, mounting, hidden dots or contact")
     check.set_defaults(run=_check)
     watch = commands.add_parser("watch", help="print changes as they come; renew the file when surely untouched")
     watch.add_argument("--still", type=_seconds, default=30.0, help="untouched and still for so many seconds (30)")

@@ -44,9 +44,9 @@ def picture_doubts(
     seen, wanted = seen_dots(dots_px, params, camera)
     if seen < (1 - MOST_MISSING) * wanted:
         doubts["dots_missing"] = (
-            f"{seen} of the {wanted} dots that the design's camera shows are in the reference (at least "
+            f"{seen} of the {wanted} dots that the design's camera shows are in the rest picture (at least "
             f"{np.ceil((1 - MOST_MISSING) * wanted):.0f}): free and wipe lens and dome, use the camera's full picture, "
-            "then zero again"
+            "then take it again"
         )
     return doubts
 
@@ -56,13 +56,13 @@ def light_doubts(light: Light) -> dict[str, str]:
     doubts = {}
     if light.too_bright:
         doubts["overexposed"] = (
-            f"{100 * light.white_share:.0f} % of the reference is white (at most {100 * MOST_WHITE:.0f} %): less light "
-            "or a shorter exposure, then zero again"
+            f"{100 * light.white_share:.0f} % of the rest picture is white (at most {100 * MOST_WHITE:.0f} %): "
+            "less light or a shorter exposure, then take it again"
         )
     if light.too_dark:
         doubts["dark"] = (
-            f"the silicone of the reference has gray value {light.median_gray:.0f} of 255 (at least {DARK_GRAY:.0f}): "
-            "more light or a longer exposure, then zero again"
+            f"the silicone of the rest picture has gray value {light.median_gray:.0f} of 255 "
+            f"(at least {DARK_GRAY:.0f}): more light or a longer exposure, then take it again"
         )
     return doubts
 

@@ -11,6 +11,10 @@ import pytest
 from long_cases import others_long
 
 from cad.params import EndcapParams
+from sensing.calibrate import main as calibrate_main
+from sensing.calibration.dots import find_blobs
+from sensing.calibration.from_dots import calibrate_from_dots
+from sensing.calibration.rest_camera import most_misplaced_px
 from sensing.calibration.rest_picture import picture_doubts
 from sensing.camera.nominal import nominal_mount
 from sensing.live.core.config import EndcapConfig
@@ -92,8 +96,8 @@ def test_a_healthy_picture_of_any_design_has_no_doubt(diameter_mm, wall_mm, dot_
 
 
 @pytest.mark.parametrize(("fault", "words"), [
-    (covered(ALL, slice(0, 320)), "dots that the design's camera shows are in the reference"),
-    (brighter(1.7), "of the reference is white"),
+    (covered(ALL, slice(0, 320)), "dots that the design's camera shows are in the rest picture"),
+    (brighter(1.7), "of the rest picture is white"),
 ], ids=["covered", "white"])  # fmt: skip
 def test_taking_a_reference_warns(picture, fault, words, tmp_path, capsys) -> None:
     for index in range(3):
@@ -112,3 +116,34 @@ def test_an_upright_picture_is_refused_with_its_size(picture) -> None:
     assert pipeline.update(frame_of(upright)) is None and pipeline.outcome is not None
     event, reason = pipeline.outcome
     assert event is Event.REFUSED and "480x640 px stands upright" in reason
+
+
+@pytest.mark.parametrize(("fault", "words"), [
+    (covered(slice(0, 160), ALL), "dots that the design's camera shows are in the rest picture"),
+    (brighter(1.7), "of the rest picture is white"),
+], ids=["covered", "white"])  # fmt: skip
+def test_calibrating_warns(picture, fault, words, tmp_path, capsys) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), fault(picture.copy()))
+    assert calibrate_main(["--photo", str(tmp_path / "a.png"), "--out", str(tmp_path / "c.json")]) == 0
+    assert words in capsys.readouterr().err
+
+
+def test_calibrating_on_a_pressed_dome_warns(tmp_path, capsys) -> None:
+    renderer = DomeRenderer(PARAMS, nominal_mount(PARAMS), RenderSettings(seed=31).at_level("draft"))
+    across = np.hypot(*renderer.surface_mm[:, :2].T)
+    spread = np.exp(-((across / 30) ** 2))[:, None] * np.array([[0.12, 0.12, 0.0]]) * renderer.surface_mm
+    dent = spread - 8 * np.exp(-((across / 30) ** 2))[:, None] * np.array([[0.0, 0.0, 1.0]])
+    cv2.imwrite(str(tmp_path / "a.png"), renderer.render(dent).image_bgr)
+    words = ["--photo", str(tmp_path / "a.png"), "--out", str(tmp_path / "c.json"), "--trust-design"]
+    assert calibrate_main(words) == 0
+    assert "is it pressed?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("diameter_mm", [99.0, 130.0, 250.0])
+def test_paint_by_hand_is_no_press_at_any_diameter(diameter_mm) -> None:
+    """The same scatter in mm is 4.3, 2.1 and 1 px."""
+    params = EndcapParams(diameter_mm, 6.5 if diameter_mm < 100 else 10.0)
+    image = rendered(params)
+    dots = find_blobs(image, params)[0]
+    most_px = calibrate_from_dots(dots, params, (640, 480)).most_px
+    assert 0.4 < most_px / most_misplaced_px(params) < 0.9

@@ -118,7 +118,7 @@ def _from_dots(options: argparse.Namespace) -> int:
 def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, options: argparse.Namespace) -> None:
     """Say what is doubtful about the picture, a line each: dots of a pressed dome, hidden ones, light, alike turns."""
     doubts = [] if options.dots else [*picture_doubts(image, result.found_px, params, result.mounted).values()]
-    away_px, most_px = result.most_px * 480.0 / min(image.shape[:2]), most_misplaced_px(params)
+    away_px, most_px = result.misplaced_px, most_misplaced_px(params)
     if away_px > most_px:
         doubts.append(
             f"the dots lie up to {away_px:.1f} px from the design's (at most {most_px:.1f} of an untouched dome): "

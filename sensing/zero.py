@@ -48,7 +48,7 @@ MEANING = {
     "lamp": "the light has changed: zero again if it stays",
     "mounting": "camera or dome have moved as a whole: corrected, zero again when untouched",
     "contact": "something touches the dome",
-    "hidden": "dots are not seen: is the lens covered, the lamp off, the picture white?",
+    "hidden": "is the lens covered, the lamp off, the picture white?",
 }
 
 
@@ -151,7 +151,7 @@ def _watch(options: argparse.Namespace) -> None:
 def _said(drift: Drift) -> str:
     x, y = drift.shift_px
     if drift.cause == "hidden":
-        return f"hidden: {drift.unseen:.0%} of the dots are not seen: {MEANING['hidden'].partition(': ')[2]}"
+        return f"hidden: {drift.unseen:.0%} of the dots are not seen: {MEANING['hidden']}"
     return (
         f"{drift.cause}: {MEANING[drift.cause]} (shift {x:+.2f}, {y:+.2f} px, "
         f"turn {np.degrees(drift.turn_rad):+.3f} deg, scale {drift.scale:.4f}, "

@@ -23,6 +23,7 @@ from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 
+WHOLE_PX = 14.0  # a dot whose centre is this far from the picture's edge, at 480 rows, is seen whole
 REFERENCE_HEIGHT_PX = 480  # blob sizes below are for a dot of 14 px at this image height
 BLUR_PX = 1.0
 BACKGROUND_PX = 37  # odd window of the median that removes dots: over twice a dot, under the dot spacing
@@ -114,6 +115,15 @@ def pattern_points(params: EndcapParams) -> tuple[Array, NDArray[np.intp]]:
     """Positions (n, 3) of the pattern's dots in the endcap frame (mm) and their ring numbers (n,)."""
     dots = dot_pattern(params)
     return np.array([dot_position_mm(params, dot) for dot in dots]), np.array([dot.ring for dot in dots])
+
+
+def sees_whole(camera: MountedCamera, points: Array) -> NDArray[np.bool_]:
+    """(n,) dots far enough from the picture's edge to be seen whole.
+
+    Args:
+        camera: the camera. points: (n, 3) of the pattern, endcap frame, mm.
+    """
+    return camera.sees(points, WHOLE_PX * camera.camera.height_px / REFERENCE_HEIGHT_PX)
 
 
 def spacing_px(blobs_px: Array) -> float:

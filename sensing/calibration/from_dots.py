@@ -81,6 +81,12 @@ class Calibration:
         """Distance of predicted and found dots that nine of ten keep."""
         return float(np.quantile(np.linalg.norm(self.residual_px, axis=1), 0.9))
 
+    @property
+    def misplaced_px(self) -> float:
+        """:attr:`most_px` as it is in a picture of 480 rows."""
+        lens = self.mounted.camera
+        return self.most_px * 480.0 / min(lens.width_px, lens.height_px)
+
     def report(self) -> str:
         """One line a parameter: value, deviation, and whether the photo or the prior decided it."""
         lines = [f"dots matched {len(self.residual_px)} of {len(self.found_px)} found"]

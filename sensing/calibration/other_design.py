@@ -14,7 +14,7 @@ import numpy as np
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.calibration.dots import CalibrationError, pattern_points
+from sensing.calibration.dots import CalibrationError, pattern_points, sees_whole
 from sensing.calibration.fit import Problem
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
@@ -28,7 +28,6 @@ from sensing.camera.parameters import camera_vector
 STEP_MM, SPAN = 10.0, 1.3  # other diameters are looked at in such steps, up to this factor smaller and larger
 INK_SCALE, INK_SIGMA = 1.12, 0.08  # ink radius over dent radius: M on the photos; E from painter to painter
 STRAY_LOG, UNSEEN_LOG = -4.0, -0.5  # E: log odds of a found dot that is not of the pattern, and of a dot not found
-INSIDE_PX = 14.0  # a dot this far from the frame's edge, at 480 rows, is seen whole
 MARGIN = 2.0  # log odds under which two designs fit alike
 FEW, FAR_SIGMA = 2, 1.6  # strays or unseen dots, and deviations of the dots' size, that speak for no other design
 BEYOND = 5.0  # and over which the other one is taken for the right one
@@ -147,10 +146,6 @@ def _diameters(given_mm: float) -> Array:
 
 def _unseen(calibration: Calibration, params: EndcapParams) -> int:
     """Dots of the pattern that should be seen whole and were not found."""
-    camera = calibration.mounted.camera
-    pixels = calibration.mounted.project(pattern_points(params)[0])
-    margin = INSIDE_PX * camera.height_px / 480
-    size = np.array([camera.width_px, camera.height_px])
-    whole = np.asarray(((pixels > margin) & (pixels < size - 1 - margin)).all(axis=1))
+    whole = sees_whole(calibration.mounted, pattern_points(params)[0])
     whole[calibration.pattern_index] = False
     return int(whole.sum())

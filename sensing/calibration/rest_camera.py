@@ -25,9 +25,7 @@ from sensing.camera.mount import MountedCamera
 from sensing.decode import decode_bgr
 from sensing.records import Frame
 
-MISPLACED_PX = (
-    3.1  # E: at 480 and D = 130: nine dots of ten lie nearer to the fitted design; the released photos 2.1 to 2.6
-)
+MISPLACED_PX = 3.1  # E: at 480 and D = 130: nine dots of ten lie nearer to the fitted design; the photos 2.1 to 2.6
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def rest_camera(
             require_design(fit, radii, size_px)
     except CalibrationError as error:
         return RestCamera(None, misfit, doubt=str(error))
-    away_px = found.most_px * 480.0 / min(size_px)
-    if away_px > most_misplaced_px(params):
+    if found.misplaced_px > most_misplaced_px(params):
+        away_px = found.misplaced_px
         return RestCamera(None, misfit, doubt=f"the dots lie up to {away_px:.1f} px from the design's: is it pressed?")
     return RestCamera(found.mounted, misfit, found=True)

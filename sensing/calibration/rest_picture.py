@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from cad.params import EndcapParams
-from sensing.calibration.dots import mutual_nearest, neighbour_ratio, pattern_points, spacing_px
+from sensing.calibration.dots import mutual_nearest, neighbour_ratio, pattern_points, sees_whole, spacing_px
 from sensing.camera.light import DARK_GRAY, MOST_WHITE, Light, light_of
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
@@ -21,9 +21,7 @@ from sensing.records import Image
 
 MOST_MISSING = 0.12  # E: of the dots that the design's camera shows
 LEAST_ROWS = 240  # M: of the short side; at 240 forces are off by 0.09 N rms, at 180 by 0.2 N, 1.3 deviations
-WHOLE_PX = 14.0  # at 480 rows: a dot whose centre lies so far from the border is seen whole
 NEAR = 0.3  # of the dots' spacing: a found dot this near to its place is that dot
-FULL_PX = 640, 480
 
 
 def picture_doubts(
@@ -75,10 +73,7 @@ def seen_dots(dots_px: Array, params: EndcapParams, camera: MountedCamera | None
             is not known: then every dot counts.
     """
     points = pattern_points(params)[0]
-    nominal = nominal_mount(params, *FULL_PX)
-    pixels = nominal.project(points)
-    inside = (pixels > WHOLE_PX) & (pixels < np.array(FULL_PX) - 1 - WHOLE_PX)
-    wanted = int(np.count_nonzero(inside.all(axis=1)))
+    wanted = int(np.count_nonzero(sees_whole(nominal_mount(params), points)))
     if camera is None or len(dots_px) < 2:
         return len(dots_px), wanted
     reach = NEAR * spacing_px(dots_px) * neighbour_ratio(camera, points)

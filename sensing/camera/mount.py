@@ -58,11 +58,11 @@ class MountedCamera:
         """Pixels (..., 2) of points (..., 3) in the endcap frame; ``nan`` beyond the view."""
         return self.camera.project(self.to_camera(points_endcap_mm))
 
-    def sees(self, points_endcap_mm: ArrayLike) -> NDArray[np.bool_]:
-        """Which points (..., 3) in the endcap frame lie within the picture."""
+    def sees(self, points_endcap_mm: ArrayLike, margin_px: float = 0.0) -> NDArray[np.bool_]:
+        """Which points (..., 3) in the endcap frame lie within the picture, more than a margin from its edge."""
         pixels = self.project(points_endcap_mm)
         size = np.array([self.camera.width_px, self.camera.height_px])
-        return np.asarray(((pixels > 0) & (pixels < size - 1)).all(axis=-1))
+        return np.asarray(((pixels > margin_px) & (pixels < size - 1 - margin_px)).all(axis=-1))
 
     @property
     def pupil_endcap_mm(self) -> Array:

@@ -20,6 +20,7 @@ from sensing.calibration.dots import (
     fewest_dots,
     find_blobs,
     pattern_points,
+    sees_whole,
 )
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
@@ -49,7 +50,7 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
         image_bgr: (h, w, 3) of the untouched endcap. params: its design.
     """
     gray = image_bgr[..., :2].astype(np.float64).mean(-1)  # blue and green, as the dots are found
-    exposure = _exposure(light_of(image_bgr))
+    exposure = _exposure(light_of(gray))
     light = [exposure] if exposure.verdict is Verdict.BAD else [exposure, _evenness(gray)]
     centres, radii = find_blobs(image_bgr, params)
     if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
@@ -157,12 +158,12 @@ def _pattern(centres: Array, params: EndcapParams, shape: tuple[int, ...]) -> li
     except CalibrationError as error:
         fix = "give the design (--diameter, --wall); light and focus first"
         return [finding("dots", Verdict.BAD, f"{len(centres)} found: {error}", fix, {"found": float(len(centres))})]
-    return [_missing(found, params, shape), _shape(found, params, shape)]
+    return [_missing(found, params), _shape(found, params)]
 
 
-def _shape(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
+def _shape(found: Calibration, params: EndcapParams) -> Finding:
     """Distance of nine dots of ten from the design's, seen by the camera that fits best."""
-    away_px, most_px = found.most_px * REFERENCE_HEIGHT_PX / min(shape[:2]), most_misplaced_px(params)
+    away_px, most_px = found.misplaced_px, most_misplaced_px(params)
     return finding(
         "shape", Verdict.GOOD if away_px <= most_px else Verdict.BAD,
         f"the dots lie up to {away_px:.1f} px from the design's, at most {most_px:.1f} of an untouched dome",
@@ -170,9 +171,9 @@ def _shape(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> 
     )  # fmt: skip
 
 
-def _missing(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> Finding:
+def _missing(found: Calibration, params: EndcapParams) -> Finding:
     """Dots of the pattern that should be seen and are not."""
-    missing = _absent(found, params, shape)
+    missing = _absent(found, params)
     fraction = len(missing) / max(1, len(missing) + len(found.pattern_index))
     named = [f"ring {dot.ring} number {dot.index} at {dot.u_px:.0f}, {dot.v_px:.0f} px" for dot in missing]
     text = f"{len(found.pattern_index)} of {len(missing) + len(found.pattern_index)} of the pattern are seen"
@@ -194,17 +195,16 @@ class Absent:
     v_px: float
 
 
-def _absent(found: Calibration, params: EndcapParams, shape: tuple[int, ...]) -> list[Absent]:
+def _absent(found: Calibration, params: EndcapParams) -> list[Absent]:
     """Dots that lie whole in the picture and in the circle that the lens lights, and have no partner."""
     pattern = dot_pattern(params)
     centre = np.array([0.0, 0.0, params.centre_height_mm])
     points = centre + params.inner_radius_mm * np.array([dot.direction for dot in pattern])
-    pixels, margin = found.mounted.project(points), 14 * shape[0] / REFERENCE_HEIGHT_PX
+    pixels = found.mounted.project(points)
     seen = pixels[found.pattern_index]
     middle = np.median(seen, axis=0)
     reach = float(np.linalg.norm(seen - middle, axis=1).max())
-    size = np.array([shape[1] - 1, shape[0] - 1])
-    whole = ((pixels > margin) & (pixels < size - margin)).all(axis=1)
+    whole = sees_whole(found.mounted, points)
     whole &= np.linalg.norm(pixels - middle, axis=1) <= reach
     whole[found.pattern_index] = False
     return [Absent(pattern[k].ring, pattern[k].index, *map(float, pixels[k])) for k in np.flatnonzero(whole)]

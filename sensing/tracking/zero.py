@@ -231,13 +231,12 @@ def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | Non
         FrameError: the frame cannot be decoded.
     """
     ratio = (_brightness(frame) if gray is None else cv2.mean(gray)[0]) / max(zero.brightness, 1e-6)
-    live = ~tracks.lost
+    live, unseen = ~tracks.lost, float(tracks.lost.mean())
     unit = min(tracks.size) / 480.0
     if live.sum() < 4:
-        return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, float(1 - live.mean()))
+        return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, unseen)
     similarity = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
     shift, turn, scale, residual = similarity
-    unseen = float(tracks.lost.mean())
     left = float(np.sort(residual)[-3])  # one or two dots may be off for other reasons
     reach = np.linalg.norm(shift) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
     if left > CONTACT_PX * unit:

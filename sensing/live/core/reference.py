@@ -181,7 +181,7 @@ def misplaced_px(zero: Zero, params: EndcapParams) -> float:
         fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, near=nominal_mount(params, *size))
     except CalibrationError:
         return 0.0
-    return fitted.most_px * 480.0 / min(size)
+    return fitted.misplaced_px
 
 
 def _require_unpressed(force_n: float, most_n: float) -> None:

@@ -45,10 +45,11 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
 def _require_first(feed: FileFeed, pipeline: EndcapPipeline) -> None:
     """Refuse files whose first picture is to be the reference and cannot be read, or does not suit the camera file."""
     first = feed.first() if pipeline.zero is None else None
-    if first is not None and first.fault:
+    if first is None:
+        return
+    if first.fault:
         raise FileError(f"{first.fault}; the first picture is the untouched endcap, or give a reference (zero)")
-    if first is not None and pipeline.endcap.camera is not None:
-        pipeline.require_camera_of(first)
+    pipeline.require_camera_of(first)
 
 
 def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:

@@ -24,6 +24,7 @@ from sensing.calibration.dots import (
 )
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
+from sensing.calibration.rest_picture import seen_dots
 from sensing.camera.dot_look import dot_look
 from sensing.camera.light import DARK_GRAY, Light, light_of
 from sensing.camera.nominal import nominal_mount
@@ -174,13 +175,16 @@ def _shape(found: Calibration, params: EndcapParams) -> Finding:
 def _missing(found: Calibration, params: EndcapParams) -> Finding:
     """Dots of the pattern that should be seen and are not."""
     missing = _absent(found, params)
-    fraction = len(missing) / max(1, len(missing) + len(found.pattern_index))
+    expected = len(missing) + len(found.pattern_index)
+    seen, wanted = seen_dots(found.found_px, params, found.mounted)  # what is covered may look like the lens's dark rim
+    fraction = max(len(missing) / max(1, expected), 1 - seen / wanted)
     named = [f"ring {dot.ring} number {dot.index} at {dot.u_px:.0f}, {dot.v_px:.0f} px" for dot in missing]
-    text = f"{len(found.pattern_index)} of {len(missing) + len(found.pattern_index)} of the pattern are seen"
+    text = f"{len(found.pattern_index)} of {expected} of the pattern are seen ({wanted} by the design's camera)"
     if named:
         text += "; missing: " + "; ".join(named[:NAMED]) + (f"; {len(named) - NAMED} more" * (len(named) > NAMED))
     return finding(
-        "dots", below(fraction, *MISSING), text, "wipe the lens and the dome there, free what covers it, or repaint",
+        "dots", below(fraction, *MISSING), text,
+        "wipe the lens and the dome there, free what covers it, use the camera's full picture, or repaint",
         {"seen": float(len(found.pattern_index)), "missing": float(len(missing)), "missing_dots": list(named)},
     )  # fmt: skip
 

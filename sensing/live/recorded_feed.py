@@ -38,22 +38,24 @@ class ReplayFeed(FileFeed):
     Args:
         path: recording. endcap: name. set_zero: takes a reference and starts anew, in the thread that takes the frames.
         playback: shared.
-
-    Attributes:
-        damage: where the file is damaged; empty if it is not, so far.
     """
 
     def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero], None], playback: Playback) -> None:
         super().__init__(lambda: iter(()))
         self._path, self._endcap, self._set_zero, self._playback = path, endcap, set_zero, playback
         self._items: queue.Queue[_Item] = queue.Queue(ROOM)
-        self.damage = ""
+        self._damage = ""
         playback.join()
 
     @property
     def ended(self) -> bool:
         """Whether the last frame has been taken."""
         return self._health.status in ("ended", "closed") and self._items.empty()
+
+    @property
+    def damage(self) -> str:
+        """Where the recording is damaged; empty where it is not, so far, and where it is only cut."""
+        return self._damage
 
     def take(self) -> Captured | None:
         """The next frame that is due, after the reference it begins with."""
@@ -86,7 +88,7 @@ class ReplayFeed(FileFeed):
                 try:
                     self._play(turn)
                 except (CutError, DamagedError) as error:  # that far it can be read, again and again
-                    problem, self.damage = error, str(error) if isinstance(error, DamagedError) else ""
+                    problem, self._damage = error, str(error) if isinstance(error, DamagedError) else ""
                 if self._playback.finished(turn):
                     break
         except Exception:

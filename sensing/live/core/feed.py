@@ -142,6 +142,11 @@ class FileFeed:
         """Whether the last frame has been taken."""
         return self._health.status in ("ended", "closed") and self._frames.empty()
 
+    @property
+    def damage(self) -> str:
+        """What of the file could not be read; empty where all could, or as long as it is read."""
+        return self._health.message if self._health.status == "ended" else ""
+
     def start(self, notify: Callable[[], None]) -> None:
         """Begin to read."""
         self._notify = notify

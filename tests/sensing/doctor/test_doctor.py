@@ -104,6 +104,12 @@ def test_covered_dots_are_listed_where_they_are(nominal):
     assert verdicts(covered)["dots"] is BAD
 
 
+def test_a_covered_third_is_bad_though_the_lens_might_end_there(nominal):
+    covered = nominal.copy()
+    cv2.rectangle(covered, (0, 0), (230, 480), (0, 0, 0), -1)
+    assert verdicts(nominal)["dots"] is GOOD and verdicts(covered)["dots"] is BAD
+
+
 def test_another_design_shows_in_the_size_of_the_dots():
     large = EndcapParams(180, 8)
     image = DomeRenderer(large, nominal_mount(large), SETTINGS).render().image_bgr
@@ -112,9 +118,10 @@ def test_another_design_shows_in_the_size_of_the_dots():
 
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the released photos are not on this computer")
-def test_the_released_photos_have_nothing_bad():
+def test_the_released_photos_have_nothing_bad_but_the_wide_one_that_lacks_dots_above_and_below():
     for path in sorted(PHOTOS.iterdir()):
-        assert set(verdicts(cv2.imread(str(path))).values()) == {GOOD}, path
+        bad = {name for name, verdict in verdicts(cv2.imread(str(path))).items() if verdict is not GOOD}
+        assert bad == ({"dots"} if "wide" in path.name else set()), path
 
 
 # --- streams ---------------------------------------------------------------------------------------------------

@@ -247,10 +247,11 @@ def test_where_another_output_cannot_begin_no_recording_is_left(tmp_path, capsys
 def test_a_picture_that_cannot_be_read_is_counted_and_the_rest_is_shown_recorded_and_replayed(tmp_path, capsys):
     rest, press = film([0, 1.0])
     folder, mcap = photos(tmp_path / "p", rest, rest, b"no picture", press), tmp_path / "r.mcap"
-    assert main(["--photos", str(folder), "--no-page", "--speed", "0", "--record", str(mcap)]) == 0
-    said = capsys.readouterr().out
+    assert main(["--photos", str(folder), "--no-page", "--speed", "0", "--record", str(mcap)]) == 1
+    said, lost = capsys.readouterr()
     assert "4 frames, 0 dropped, 1 unusable" in said and "1 of 4 pictures cannot be read" in said
     assert f"{folder}/2.jpg: no picture" in said
+    assert lost.startswith("sensing.live: 1 of 4 pictures cannot be read") and lost.count("\n") == 1
     assert main(["--replay", str(mcap), "--check"]) == 0
     assert "4 frames computed again, 0 differ" in capsys.readouterr().out
     photos(folder, b"no picture")
@@ -264,5 +265,5 @@ def test_a_video_that_is_cut_says_so(tmp_path, capsys):
         writer.write(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR))
     writer.release()
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    assert main(["--video", str(path), "--no-page", "--speed", "0"]) == 0
+    assert main(["--video", str(path), "--no-page", "--speed", "0"]) == 1
     assert "of the 8 frames that it states: is the file cut?" in capsys.readouterr().out

@@ -23,6 +23,7 @@ from sensing.simulator.press.condensed import CondensedStep, StoredTangent, stor
 from sensing.simulator.press.press import Press, Target, lifted
 from sensing.simulator.press.secant import SecantInverse
 from sensing.simulator.press.state import State
+from sensing.simulator.press.validity import has_passed
 from sensing.simulator.solid.shell import ShellModel
 
 CONTACT_SHARE = 1e-2  # of the tolerance, to which each pass solves its contact
@@ -65,7 +66,7 @@ class FrozenPress:
         if self.tangents and (target.normal_n is not None or state.normal_n > 0):
             tangent = min(self.tangents, key=lambda t: _distance(t, state, target))
             found = self._fast(state, target, tangent)
-            if found is not None:
+            if found is not None and not has_passed(self.press.model, found):
                 self.fast_steps += 1
                 if found.certificate is not None and found.certificate.iterations > RENEW_AFTER:
                     self._store(self.press.step_model(state, target), found, target)

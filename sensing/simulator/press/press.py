@@ -18,7 +18,7 @@ import numpy as np
 
 from sensing.simulator.contact.friction import ContactResponse, deepest_mm, free_memory
 from sensing.simulator.contact.indenter import Indenter, translation
-from sensing.simulator.press import branch, newton
+from sensing.simulator.press import branch, newton, validity
 from sensing.simulator.press.state import Certificate, Refusal, State, contact_wrench, reaction_wrench
 from sensing.simulator.solid import closed_forms
 from sensing.simulator.solid import rate_effects as viscous
@@ -29,8 +29,6 @@ MAX_HALVINGS = 6
 MAX_DEPTH_RATIO = 0.6  # of R: the contact law knows no self-contact of the inner surface
 MAX_FRICTION = 5.0
 FIRST_TOUCH_MM = 1e-3
-MAX_REACH = 0.15  # of depth or radius, unfelt between the Gauss points: about what the force is then wrong by
-REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
 WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms
 
 
@@ -94,7 +92,8 @@ class Press:
         """
         self.check(state, target)
         target = lifted(target)
-        here, done, size, halvings, spent, substeps, switched = state, 0.0, 1.0, 0, 0, 0, False
+        here, done, halvings, spent, substeps, switched = state, 0.0, 0, 0, 0, False
+        size = validity.first_share(self.indenter, state, target.depth_mm)
         while done < 1 - 1e-12:
             share = min(1.0, done + size)
             try:
@@ -196,23 +195,12 @@ class Press:
         )
 
     def within_reach(self, state: State) -> State:
-        """The state itself.
+        """The state itself, where the model covers it (:mod:`sensing.simulator.press.validity`).
 
         Raises:
-            Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low.
+            Refusal: ``mesh`` or ``range``.
         """
-        assert state.certificate is not None
-        unfelt = state.certificate.reach_mm - state.certificate.penetration_mm
-        blunt = self.indenter.radius_mm if self.indenter.kind != "plane" else np.inf
-        limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(state.depth_mm, 0.0), blunt))
-        if unfelt > limit:
-            raise Refusal(
-                "mesh",
-                f"the {self.indenter.kind} reaches {unfelt:.2f} mm into the surface between the points where "
-                f"contact is measured, over {limit:.2f} mm: its radius_mm={self.indenter.radius_mm:g} is too small "
-                "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
-            )
-        return state
+        return validity.require_valid(self.model, self.indenter, state)
 
     def _history(self, state: State, target: Target, displacement: Array) -> viscous.ViscousHistory | None:
         if state.history is None or target.time_s is None:
@@ -226,7 +214,11 @@ class Press:
             apart = float(problem.contact(displacement, depth, None, None).gap.min())
             if apart >= 0:  # between Gauss points: the body comes to the nearest one
                 depth += apart + FIRST_TOUCH_MM
-        solution = newton.solve(problem, displacement, depth)
+        try:
+            solution = newton.solve(problem, displacement, depth)
+        except Refusal:
+            self._require_felt(problem, displacement, depth)  # the better reason, where it applies
+            raise
         stable = solution if solution.negative_pivots == 0 else branch.leave(problem, solution)
         if stable is None:
             raise Refusal(
@@ -235,9 +227,17 @@ class Press:
                 "mm: the shell buckles here, and no stable state was found beside this one",
             )
         state = self.accept(state, target, stable, switched=stable is not solution)
+        validity.require_outside(self.model, state)
         if state.depth_mm > MAX_DEPTH_RATIO * self.model.geometry.outer_radius_mm:
             raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
         return state
+
+    def _require_felt(self, problem: newton.StepProblem, displacement: Array, depth_mm: float) -> None:
+        """Refuse a step that failed because its body lay between the points of contact where it began."""
+        moved = translation(self.frame, depth_mm, problem.shift_mm)
+        reach = deepest_mm(self.model.surface, self.body, self.model.solid.mesh.points + displacement, moved)
+        felt = max(0.0, -float(problem.contact(displacement, depth_mm, None, None).gap.min()))
+        validity.require_felt(self.indenter, depth_mm, reach - felt)
 
     def check(self, state: State, target: Target) -> None:
         """Refuse a target that the model does not cover, or not from this state."""

@@ -25,6 +25,7 @@ from sensing.simulator.press import newton
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target, lifted
 from sensing.simulator.press.state import Refusal, State
+from sensing.simulator.press.validity import has_passed
 from sensing.simulator.reduced.basis import FRICTION, MODES, STATES, ReducedModel, reduced_model, training_states
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.shell import ShellModel
@@ -85,7 +86,11 @@ class ReducedPress:
         aim = lifted(target)
         if self.fast.tangents and state.normal_n > 0 and (aim.normal_n is not None or (aim.depth_mm or 0.0) > 0):
             found = self.attempt(state, aim)
-            if found is not None and found[1] * self.reduced.estimate_factor <= self.limit:
+            if (
+                found is not None
+                and found[1] * self.reduced.estimate_factor <= self.limit
+                and not has_passed(self.press.model, found[0])
+            ):
                 self.fast_steps += 1
                 estimate = found[1] * self.reduced.estimate_factor
                 return self.press.within_reach(replace(found[0], error_estimate=estimate))

@@ -27,6 +27,7 @@ class HardCase:
 
     name: str
     targets: tuple[Target, ...]
+    diameter_mm: float = 130.0
     wall_mm: float = 8.0
     poisson: float = 0.49
     friction: float = 0.5
@@ -102,13 +103,15 @@ CASES: tuple[HardCase, ...] = (
     HardCase("small bump, radius 3 mm", _depths(2, 4), indenter=Indenter(30, "sphere", 3.0)),
     HardCase("too deep for the model", _depths(45)),
     HardCase("pulling", _press(-1)),
+    HardCase("sphere of 5 mm, 12 mm deep in one step", _depths(12), indenter=Indenter(30, "sphere", 5.0)),
+    HardCase("on the clamped rim (D 99, tilt 95)", _press(5), 99.0, 6.5, indenter=Indenter(tilt_deg=95)),
 )
 
 
 def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
     """Follow a case on a half model and judge every state."""
     law = silicone().neo_hooke(case.poisson)
-    model = shell_model(shell_geometry(130, case.wall_mm), law, density, half=True)
+    model = shell_model(shell_geometry(case.diameter_mm, case.wall_mm), law, density, half=True)
     press = Press(model, case.indenter, case.friction)
     state, reached, buckled = press.start(), "nothing", ""
     for target in case.targets:

@@ -14,6 +14,7 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.press import newton
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal, State, contact_patch
+from sensing.simulator.press.validity import has_passed, require_outside
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
 from sensing.simulator.solid.shell import ShellModel, shell_model
@@ -73,6 +74,44 @@ def test_how_deep_a_body_reaches_into_the_undeformed_dome_is_its_depth(half: She
     assert reach == pytest.approx(0.3, abs=0.02)  # the mesh follows the sphere to 0.01 mm
     measured = free_memory(half.surface, half.solid.mesh.points - translation, indenter.body(half.geometry))
     assert kind == "plane" or measured.gap.min() > 0  # the points alone would have said: no contact
+
+
+def test_a_sphere_that_comes_deeper_than_its_radius_in_one_step_presses_as_in_many(half: ShellModel) -> None:
+    """It once stood beyond the surface, with a residual of zero and no force."""
+    press = Press(half, Indenter(30, "sphere", 8.0), 0.5)
+    once = press.advance(press.start(), Target(depth_mm=17.0))
+    many = press.start()
+    for depth in np.linspace(1, 17, 9):
+        many = press.advance(many, Target(depth_mm=float(depth)))
+    assert many.normal_n > 20 and once.normal_n == pytest.approx(many.normal_n, rel=0.01)
+    assert not has_passed(half, once)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "edge"])
+def test_a_body_beyond_the_surface_is_seen(half: ShellModel, kind: str) -> None:
+    """Placed there by hand: between the surfaces or inside of both, with or without contact."""
+    indenter = Indenter(30, kind, 8.0)
+    press, still = Press(half, indenter, 0.0), np.zeros_like(half.solid.mesh.points)
+    for depth_mm, passed in ((-3.0, False), (1.0, False), (6.0, False), (10.0, True), (15.0, True), (20.0, True)):
+        contact = press.problem(press.start(), Target(depth_mm=depth_mm)).contact(still, depth_mm, None, None)
+        state = replace(press.start(), contact=contact, depth_mm=depth_mm)
+        assert has_passed(half, state) is passed, depth_mm
+    with pytest.raises(Refusal, match="mesh: the body has passed"):
+        require_outside(half, state)
+
+
+def test_a_small_sphere_under_a_force_is_refused_for_the_mesh_not_for_a_snap(half: ShellModel) -> None:
+    press = Press(half, Indenter(30, "sphere", 2.0), 0.5)
+    with pytest.raises(Refusal, match="mesh: the sphere reaches"):
+        press.advance(press.start(), Target(normal_n=1.0))
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_a_body_on_the_clamped_rim_is_refused(level: int) -> None:
+    """There the clamp takes load that its reactions do not show."""
+    simulator = Simulator(shell_geometry(99, 6.5), LAW, "draft", level=level)
+    with pytest.raises(Refusal, match=r"range: .* of the force acts on the clamped rim .* take a smaller tilt"):
+        list(simulator.follow(Scene(Indenter(tilt_deg=95), friction=0.5), [Target(normal_n=5.0)]))
 
 
 @pytest.mark.parametrize("level", [1, 2])

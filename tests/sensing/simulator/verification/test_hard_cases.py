@@ -15,6 +15,7 @@ EXPECTED = {
     "sharp edge, radius 1 mm": "refused: mesh",
     "small bump, radius 3 mm, light": "refused: mesh",
     "edge, radius 8 mm": "converged",
+    "on the clamped rim (D 99, tilt 95)": "refused: range",
 }
 
 

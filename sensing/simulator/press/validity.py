@@ -1,0 +1,112 @@
+"""Whether a converged state lies within what the model covers: a body outside the skin, felt, and off the clamped rim.
+
+A residual of zero does not say so. A small body that a step moves by more than its radius can stand beyond the surface,
+where it presses nothing or presses outward; one between two points of contact is felt too little; one on the bonded rim
+presses what the model holds fixed, and the base that it would meet there is not modelled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensing.simulator.contact.friction import POINTS_PER_SIDE
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.press.state import Refusal, State
+from sensing.simulator.solid.element import face_rule, shape_quad
+from sensing.simulator.solid.shell import ShellModel
+
+MAX_REACH = 0.15  # of depth or radius, unfelt between the Gauss points: about what the force is then wrong by
+REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
+MAX_RIM_SHARE = 0.01  # of the contact's force, on nodes that the clamp holds
+STRIDE = 0.5  # of a body's radius: so far it comes in one step at most, so that its middle stays outside
+_, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])
+
+
+def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:
+    """Share of the way to a depth that the first step takes: a sphere or edge comes by :data:`STRIDE` radii at most."""
+    if depth_mm is None or indenter.kind not in ("sphere", "edge"):
+        return 1.0
+    travel = abs(depth_mm - state.depth_mm)
+    return min(1.0, STRIDE * indenter.radius_mm / travel) if travel > 0 else 1.0
+
+
+def has_passed(model: ShellModel, state: State) -> bool:
+    """Whether the body's middle lies on the inner side of the surface.
+
+    At the place that is nearest to the body, the body's outward normal points into the shell as long as it is outside.
+    """
+    assert state.contact is not None
+    face, point = np.unravel_index(int(state.contact.gap.argmin()), state.contact.gap.shape)
+    nodes, gradient = model.surface.nodes[face], _GRADIENT[point]
+    rest = model.solid.mesh.points[nodes]
+    normal = np.cross(*(gradient.T @ (rest + state.displacement[nodes])))
+    middle = rest.mean(axis=0) - np.array(model.geometry.centre_mm)
+    side = np.cross(*(gradient.T @ rest)) @ middle  # the order of a face's nodes says nothing of its outer side
+    return bool(state.contact.gradient[face, point] @ normal * side > 0)
+
+
+def require_outside(model: ShellModel, state: State) -> None:
+    """Refuse a state whose body has passed through the surface.
+
+    Raises:
+        Refusal: ``mesh``; shorter steps may lead there.
+    """
+    if has_passed(model, state):
+        raise Refusal(
+            "mesh",
+            f"the body has passed through the surface on the way to depth {state.depth_mm:.2f} mm: it is too small for "
+            "this mesh; take a finer density or a larger radius",
+        )
+
+
+def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
+    """The state itself.
+
+    Raises:
+        Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low;
+            ``range`` where it presses on the clamped rim.
+    """
+    assert state.certificate is not None
+    require_felt(indenter, state.depth_mm, state.certificate.reach_mm - state.certificate.penetration_mm)
+    share = rim_share(model, state)
+    if share > MAX_RIM_SHARE:
+        raise Refusal(
+            "range",
+            f"{100 * share:.0f} % of the force acts on the clamped rim (at most {100 * MAX_RIM_SHARE:.0f} %): "
+            f"tilt_deg={indenter.tilt_deg:g} is too near to the rim at {_rim_deg(model):.0f} degrees for this load, and "
+            "the base is not modelled; take a smaller tilt or load",
+        )
+    return state
+
+
+def require_felt(indenter: Indenter, depth_mm: float, unfelt_mm: float) -> None:
+    """Refuse a body that reaches too far between the points of contact.
+
+    Args:
+        depth_mm: approach of the body. unfelt_mm: how much deeper it reaches than at any Gauss point.
+
+    Raises:
+        Refusal: ``mesh``.
+    """
+    blunt = indenter.radius_mm if indenter.kind != "plane" else np.inf
+    limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(depth_mm, 0.0), blunt))
+    if unfelt_mm > limit:
+        raise Refusal(
+            "mesh",
+            f"the {indenter.kind} reaches {unfelt_mm:.2f} mm into the surface between the points where "
+            f"contact is measured, over {limit:.2f} mm: its radius_mm={indenter.radius_mm:g} is too small "
+            "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
+        )
+
+
+def rim_share(model: ShellModel, state: State) -> float:
+    """Force of the contact on clamped nodes over the whole force; 0 without contact."""
+    assert state.contact is not None
+    force = state.contact.force
+    whole = float(np.linalg.norm(force.sum(axis=(0, 1))))
+    held = np.isin(model.surface.nodes, model.clamped)
+    return float(np.linalg.norm(force[held].sum(axis=0))) / whole if whole > 0 else 0.0
+
+
+def _rim_deg(model: ShellModel) -> float:
+    return float(np.degrees(model.geometry.clamp_polar_rad(model.geometry.outer_radius_mm)))

@@ -46,8 +46,8 @@ from sensing.tracking.zero import (
 MEANING = {
     "none": "as when it was zeroed",
     "lamp": "the light has changed: zero again if it stays",
-    "mounting": "camera or dome have moved as a whole: corrected, zero again when untouched",
-    "contact": "something touches the dome",
+    "mounting": "camera, lens or dome have moved as a whole: zero again when untouched",
+    "contact": "something touches the dome, or it was turned and its own weight moves the dots",
     "hidden": "is the lens covered, the lamp off, the picture white?",
 }
 

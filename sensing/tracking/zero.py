@@ -2,8 +2,8 @@
 
 A touch deforms part of the skin; a lamp that ages or a camera that settles in its mount changes the whole picture at
 once. So drift is classified by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
-all dots alike, and small, is the mounting; a change of brightness without motion is the lamp; dots that are not seen
-any more while the others stand still are hidden; the rest is contact.
+all dots alike is the mounting (:mod:`sensing.tracking.mounting`); a change of brightness without motion is the lamp;
+dots that are not seen any more while the others stand still are hidden; the rest is contact.
 
 Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
 """
@@ -15,7 +15,7 @@ import hashlib
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -31,11 +31,11 @@ from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, worki
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import find_dots
+from sensing.tracking.mounting import MOVED_PX, MotionKind, common_motion
 from sensing.tracking.tracker import DotTracker
 
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
 CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which it is contact
-MOUNT_PX = 0.3  # at 480: similarity motion from which the mounting has drifted
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
 LEAST_FRAMES = 3
 MOST_FILE_BYTES = 1 << 26  # of a reference file when unpacked
@@ -231,63 +231,22 @@ def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | Non
         FrameError: the frame cannot be decoded.
     """
     ratio = (_brightness(frame) if gray is None else cv2.mean(gray)[0]) / max(zero.brightness, 1e-6)
-    live, unseen = ~tracks.lost, float(tracks.lost.mean())
-    unit = min(tracks.size) / 480.0
-    if live.sum() < 4:
+    unseen, unit = float(tracks.lost.mean()), min(tracks.size) / 480.0
+    motion = common_motion(tracks)
+    if motion is None:
         return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, unseen)
-    similarity = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
-    shift, turn, scale, residual = similarity
-    left = float(np.sort(residual)[-3])  # one or two dots may be off for other reasons
-    reach = np.linalg.norm(shift) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
-    if left > CONTACT_PX * unit:
+    explained = motion.kind is MotionKind.MOUNTING or motion.reach_px <= MOVED_PX * unit
+    if motion.residual_px > CONTACT_PX * unit or not explained:
         cause: Cause = "contact"
     elif unseen > MOST_UNSEEN:
         cause = "hidden"
-    elif reach > MOUNT_PX * unit:
+    elif motion.kind is MotionKind.MOUNTING:
         cause = "mounting"
     elif abs(ratio - 1) > LAMP:
         cause = "lamp"
     else:
         cause = "none"
-    return Drift(cause, shift, turn, scale, left, ratio, unseen)
-
-
-def without_mounting(tracks: DotTracks, drift: Drift) -> DotTracks:
-    """Tracks with the similarity motion of a drifted mounting taken out; unchanged for any other cause."""
-    if drift.cause != "mounting":
-        return tracks
-    centre = (np.array(tracks.size) - 1) / 2
-    arm = tracks.position_px - centre - drift.shift_px
-    cos, sin = np.cos(drift.turn_rad) / drift.scale, np.sin(drift.turn_rad) / drift.scale
-    back = np.stack([cos * arm[:, 0] + sin * arm[:, 1], -sin * arm[:, 0] + cos * arm[:, 1]], axis=1) + centre
-    stretch = None
-    if tracks.stretch is not None:
-        turn_back = np.array([[cos, sin], [-sin, cos]])
-        stretch = turn_back @ (np.eye(2) + tracks.stretch) - np.eye(2)
-    return replace(tracks, position_px=back, stretch=stretch)
-
-
-def _fit_similarity(
-    before: NDArray[np.float64], after: NDArray[np.float64], size: tuple[int, int]
-) -> tuple[NDArray[np.float64], float, float, NDArray[np.float64]]:
-    """(shift at the picture's centre, turn, scale, (N,) residual), robust by two rounds of trimming.
-
-    Complex numbers: after = a before + b with positions from the centre; a = scale exp(i turn); least squares.
-    """
-    centre = (np.array(size) - 1) / 2
-    z = (before - centre) @ np.array([1, 1j])
-    w = (after - centre) @ np.array([1, 1j])
-    keep = np.ones(len(z), bool)
-    for _ in range(3):
-        z_mean, w_mean = z[keep].mean(), w[keep].mean()
-        arm = z[keep] - z_mean
-        a = np.vdot(arm, w[keep] - w_mean) / max(np.vdot(arm, arm).real, 1e-9)
-        b = w_mean - a * z_mean
-        residual = np.abs(w - (a * z + b))
-        keep = residual <= max(2.5 * np.median(residual), 1e-9)
-        if keep.sum() < 3:
-            break
-    return np.array([b.real, b.imag]), float(np.angle(a)), float(abs(a)), residual
+    return Drift(cause, motion.shift_px, motion.turn_rad, motion.scale, motion.residual_px, ratio, unseen)
 
 
 def _brightness(frame: Frame) -> float:

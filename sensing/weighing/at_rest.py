@@ -19,6 +19,7 @@ from sensing.weighing.gain import WeighingError
 HINTS = {
     "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
     "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
+    "moved": "camera or lens have moved since the reference; zero again",
 }
 Array = NDArray[np.float64]
 STILL_S = 1.0

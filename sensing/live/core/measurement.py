@@ -28,6 +28,7 @@ from sensing.live.core.state import MEASURED, Event
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
+from sensing.tracking.mounting import MountingWatch
 from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
@@ -38,6 +39,7 @@ from sensing.wrench.simulation_spread import learned_from_simulation, simulation
 from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, shear_mpa_of, weights_digest
 
 DRIFT_EVERY = 30  # frames between looks at lamp and mounting
+MOVED = "moved"  # flag: camera or lens, since the reference
 COARSE = 8  # reduction at which methods without dots compare whole pictures
 
 
@@ -74,7 +76,7 @@ class Measurement:
         self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
-        self._count = 0
+        self._mounting, self._count = MountingWatch(), 0
         self.contact: ContactState | None = None
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
@@ -106,6 +108,8 @@ class Measurement:
         rated = self._rate.step(estimate)
         estimate = rated.wrench
         judged = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
+        if tracks is not None:
+            self._mounting.update(tracks)
         verdict = self._of_reference(judged)
         watch.lap("gate")
         seen = verdict.event is not Event.UNSEEN
@@ -135,12 +139,18 @@ class Measurement:
         )  # fmt: skip
 
     def _of_reference(self, verdict: Verdict) -> Verdict:
-        """The verdict with what is doubtful about the reference and its camera."""
-        check = self._check
-        if check is None or not check.flags or verdict.event not in MEASURED:
+        """The verdict with what is doubtful about the reference and its camera, and whether that has moved since."""
+        if verdict.event not in MEASURED:
             return verdict
-        reason = "; ".join(filter(None, (verdict.reason, check.reason)))
-        return replace(verdict, event=Event.FLAGGED, reason=reason, flags=verdict.flags | check.flags)
+        check = self._check
+        flags = frozenset[str]() if check is None else check.flags
+        reasons = [verdict.reason, "" if check is None or not flags else check.reason, self._mounting.reason]
+        flags |= {MOVED} if self._mounting.reason else set()
+        if not flags:
+            return verdict
+        return replace(
+            verdict, event=Event.FLAGGED, reason="; ".join(filter(None, reasons)), flags=verdict.flags | flags
+        )
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
         """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,7 +30,8 @@ from sensing.records import Frame
 from sensing.tracking.dots import find_dots
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
-from sensing.tracking.zero import Zero, ZeroError, measure_drift, single_zero, take_zero, without_mounting
+from sensing.tracking.mounting import common_motion, without_motion
+from sensing.tracking.zero import Zero, ZeroError, single_zero, take_zero
 
 _ONE_AT_A_TIME = threading.Lock()  # or all endcaps would be slow together
 
@@ -145,27 +146,26 @@ class ReferenceTaker:
             if last is not None and last.image.shape == zero.image.shape:
                 before = self._build(last)
                 assert isinstance(before, ModelInput)
-                _require_unpressed(press_n(before, last, zero, self._estimator), self._most_n)
+                _require_unpressed(press_n(before, zero, self._estimator), self._most_n)
             elif last is None:
                 _require_design(misplaced_px(zero, self._params), most_misplaced_px(self._params))
         return Reference(zero, method)
 
 
-def press_n(before: ModelInput, last: Zero, new: Zero, estimator: WrenchEstimator) -> float:
+def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator) -> float:
     """Force that the picture of a new reference shows against the last, without what the mounting explains.
 
     Args:
-        before: method set up with the last reference; it starts anew. last, new: the references. estimator: field to
-            wrench.
+        before: method set up with the last reference; it starts anew. new: the other. estimator: field to wrench.
     """
     frame = new.frame()
     gray = before.decode(frame)
     tracks = before.track(gray, frame.time_s)
-    drift = measure_drift(last, frame, tracks, gray)
+    motion = common_motion(tracks)
     before.restart()
-    if tracks.lost.mean() > 0.5:  # another camera or endcap: nothing to compare with
+    if motion is None or tracks.lost.mean() > 0.5:  # another camera or endcap: nothing to compare with
         return 0.0
-    still = without_mounting(tracks, replace(drift, cause="mounting"))
+    still = without_motion(tracks, motion)
     return float(np.linalg.norm(estimator.estimate(before.field(still)).force_n))
 
 

@@ -52,7 +52,9 @@ def _add_mechanics(parser: argparse.ArgumentParser) -> None:
     _option(parser, "dot_rings", str, "dots of each ring from tip to equator")
     _option(parser, "dot_mm", number, "diameter of a dot, mm")
     _option(parser, "silicone", str, "row of cad/materials.csv")
-    _option(parser, "interlock", number, "stiffness of the zone with TPU gyroid over that of silicone; TPU 95A: 1.49")
+    _option(
+        parser, "interlock", number, "stiffness of the zone with TPU gyroid over the silicone's; Smooth-Sil 950: 1.49"
+    )
     _option(parser, "indenter", str, "what presses", choices=tuple(KINDS))
     _option(parser, "radius_mm", number, "radius of a sphere or edge, mm", "--radius")
     _option(parser, "axis_deg", number, "direction of an edge from the meridian, degrees", "--axis")

@@ -73,8 +73,8 @@ def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
         raise Refusal(
             "range",
             f"{100 * share:.0f} % of the force acts on the clamped rim (at most {100 * MAX_RIM_SHARE:.0f} %): "
-            f"tilt_deg={indenter.tilt_deg:g} is too near to the rim at {_rim_deg(model):.0f} degrees for this load, and "
-            "the base is not modelled; take a smaller tilt or load",
+            f"tilt_deg={indenter.tilt_deg:g} is too near to the rim at {_rim_deg(model):.0f} degrees for this load, "
+            "and the base is not modelled; take a smaller tilt or load",
         )
     return state
 

@@ -102,7 +102,7 @@ def require_interlock(interlock: float) -> None:
     if not PLAIN <= interlock <= RIGID:
         raise ParameterError(
             f"interlock={interlock:g} outside {PLAIN:g}..{RIGID:g}: how many times as stiff as silicone it is; 1.49 is "
-            "that of TPU 95A (docs/design.md)",
+            "that of Smooth-Sil 950 on TPU 95A (docs/design.md)",
             name="interlock",
             value=interlock,
         )

@@ -16,8 +16,9 @@ from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
 from sensing.tracking.auto_zero import AutoZero
+from sensing.tracking.mounting import MotionKind, common_motion, without_motion
 from sensing.tracking.tracker import DotTracker
-from sensing.tracking.zero import ZeroError, load_zero, measure_drift, save_zero, take_zero, without_mounting
+from sensing.tracking.zero import ZeroError, load_zero, measure_drift, save_zero, take_zero
 from sensing.zero import main
 
 IMAGE, _ = draw_dots(Drawing())
@@ -93,9 +94,10 @@ def test_drift_is_reported_apart_from_contact(zero, motion, gain, cause):
 def test_mounting_is_measured_and_taken_out(zero):
     frame = still(1, 1.0, SHIFTED)[0]
     tracks = DotTracker(zero.frame()).update(frame)
-    drift = measure_drift(zero, frame, tracks)
-    assert np.abs(drift.shift_px - [1.2, -0.9]).max() < 0.05 and abs(drift.turn_rad - 0.004) < 3e-4
-    assert np.linalg.norm(without_mounting(tracks, drift).displacement_px, axis=1).mean() < 0.15
+    motion = common_motion(tracks)
+    assert motion is not None and motion.kind is MotionKind.MOUNTING
+    assert np.abs(motion.shift_px - [1.2, -0.9]).max() < 0.05 and abs(motion.turn_rad - 0.004) < 3e-4
+    assert np.linalg.norm(without_motion(tracks, motion).displacement_px, axis=1).mean() < 0.15
 
 
 def test_auto_zero_waits_until_surely_untouched(zero):

@@ -1,0 +1,114 @@
+"""A camera or lens that moved is told from a touch, of rendered and drawn pictures."""
+
+import cv2
+import numpy as np
+import pytest
+from live_stand_in import PUSH, frames, pipeline
+
+from sensing.records import DotTracks
+from sensing.sources.drawn import Drawing, draw_dots
+from sensing.sources.warp import Displacement, warp_image
+from sensing.tracking.mounting import LEAST_DOTS, MotionKind, MountingWatch, common_motion, without_motion
+
+SIZE = (640, 480)
+REST, _ = draw_dots(Drawing())
+
+
+def tracks(move, noise_px: float = 0.01, lost: int = 0) -> DotTracks:
+    """Dots on a grid, moved by ``move`` of their places from the picture's centre."""
+    rng = np.random.default_rng(7)
+    places = np.stack(np.meshgrid(np.linspace(60, 580, 10), np.linspace(40, 440, 8)), axis=-1).reshape(-1, 2)
+    centre = (np.array(SIZE) - 1) / 2
+    moved = move(places - centre) + centre + rng.normal(0, noise_px, places.shape)
+    gone = np.arange(len(places)) < lost
+    return DotTracks(0.0, np.arange(len(places)), places, moved, np.ones(len(places)), gone, SIZE)
+
+
+def similarity(shift=(0.0, 0.0), turn: float = 0.0, scale: float = 1.0):
+    rotation = scale * np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return lambda arm: arm @ rotation + np.array(shift)
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        similarity((0.1, 0.0)),
+        similarity((-1.0, 2.0)),
+        similarity(scale=1.0004),
+        similarity(scale=0.99),
+        similarity(turn=0.001),
+        similarity((4.0, -3.0), 0.02, 1.01),
+    ],
+)
+def test_a_similarity_of_all_dots_is_the_mounting_and_can_be_taken_out(motion):
+    given = tracks(motion)
+    found = common_motion(given)
+    assert found is not None and found.kind is MotionKind.MOUNTING
+    assert np.abs(without_motion(given, found).displacement_px).max() < 0.05
+
+
+def test_noise_is_none_and_a_touch_is_a_touch():
+    still, local = common_motion(tracks(similarity())), common_motion(tracks(bump(0.4)))
+    assert still is not None and still.kind is MotionKind.NONE
+    assert local is not None and local.kind is MotionKind.CONTACT
+    assert common_motion(tracks(similarity(), lost=80 - LEAST_DOTS + 1)) is None
+
+
+def bump(high_px: float):
+    """Dots within a few spacings of one place move outward."""
+
+    def move(arm):
+        away = arm - np.array([120.0, 60.0])
+        return arm + high_px * np.exp(-(np.linalg.norm(away, axis=1, keepdims=True) ** 2) / 2 / 70**2) * [1.0, 0.5]
+
+    return move
+
+
+def test_a_camera_that_has_moved_counts_until_an_untouched_picture_shows_otherwise():
+    watch = MountingWatch()
+    for given, moved in (
+        (similarity(), False),
+        (bump(1.0), False),
+        (similarity((0.5, 0.0)), True),
+        (lambda arm: bump(1.0)(arm) + np.array([0.5, 0.0]), True),
+        (similarity(), False),
+    ):
+        watch.update(tracks(given))
+        assert bool(watch.reason) is moved
+    watch.update(tracks(similarity((0.5, 0.0))))
+    assert "by 0.50 px" in watch.reason or "by 0.51 px" in watch.reason or "by 0.49 px" in watch.reason
+
+
+def jpegs(*pictures: np.ndarray) -> list[bytes]:
+    found = []
+    for index, picture in enumerate(pictures):
+        marked = picture.copy()
+        marked[-4:, : 1 + index] ^= 8  # no two are equal
+        found.append(cv2.imencode(".jpg", marked)[1].tobytes())
+    return found
+
+
+def test_live_flags_a_knocked_camera_and_a_warm_lens_and_goes_on_to_under_a_touch():
+    knocked = Displacement((0.6, -0.3))
+    pressed = Displacement((0.6, -0.3), bumps=PUSH.bumps)
+    rest = [REST] * 12
+    for moved in (warp_image(REST, knocked), zoomed(1.001)):
+        shown = [*rest, moved, moved, warp_image(REST, pressed), REST, REST]
+        found = [r for r in map(pipeline().update, frames(jpegs(*shown))) if r is not None]
+        flagged = ["moved" in r.wrench.flags for r in found[-5:]]
+        assert flagged == [True, True, True, False, False]
+        assert not any("moved" in r.wrench.flags for r in found[:-5])
+        assert "camera or lens have moved" in found[-4].reason
+
+
+def test_live_does_not_call_a_press_a_moved_camera():
+    shown = [*[REST] * 12, *(warp_image(REST, PUSH.scaled(share)) for share in (0.02, 0.05, 0.1, 0.3, 1.0, 0.05))]
+    found = [r for r in map(pipeline().update, frames(jpegs(*shown))) if r is not None]
+    assert not any("moved" in r.wrench.flags for r in found)
+
+
+def zoomed(scale: float) -> np.ndarray:
+    return cv2.warpAffine(
+        REST, cv2.getRotationMatrix2D((319.5, 239.5), 0, scale), SIZE, flags=cv2.INTER_CUBIC,
+        borderMode=cv2.BORDER_REPLICATE,
+    )  # fmt: skip

@@ -3,7 +3,7 @@
 A similarity (shift, turn, scale) is fitted to the dots' motion since the reference. A camera that moved leaves almost
 nothing of it: on rendered pictures at most 0.2 of the motion, in shifts, turns and zooms of 0.1 to 12 px. A touch moves
 the dots near it otherwise than the others, and leaves 0.7 and more (222 presses of 0.5 to 40 N at two sizes); so does
-the skin's own weight in another pose (docs/own_weight.md).
+the skin's own weight in another pose (docs/live.md, "Own weight").
 
 Units: full-size pixels, radians.
 """

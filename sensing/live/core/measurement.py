@@ -108,9 +108,7 @@ class Measurement:
         rated = self._rate.step(estimate)
         estimate = rated.wrench
         judged = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
-        if tracks is not None:
-            self._mounting.update(tracks)
-        verdict = self._of_reference(judged)
+        verdict = self._of_reference(judged, tracks)
         watch.lap("gate")
         seen = verdict.event is not Event.UNSEEN
         used = seen and not verdict.held
@@ -138,8 +136,10 @@ class Measurement:
             trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
         )  # fmt: skip
 
-    def _of_reference(self, verdict: Verdict) -> Verdict:
+    def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:
         """The verdict with what is doubtful about the reference and its camera, and whether that has moved since."""
+        if tracks is not None:
+            self._mounting.update(tracks)
         if verdict.event not in MEASURED:
             return verdict
         check = self._check

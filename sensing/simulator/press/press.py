@@ -217,7 +217,7 @@ class Press:
         try:
             solution = newton.solve(problem, displacement, depth)
         except Refusal:
-            self._require_felt(problem, displacement, depth)  # the better reason, where it applies
+            self._require_measured(problem, displacement, depth)  # the better reason, where it applies
             raise
         stable = solution if solution.negative_pivots == 0 else branch.leave(problem, solution)
         if stable is None:
@@ -232,12 +232,12 @@ class Press:
             raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
         return state
 
-    def _require_felt(self, problem: newton.StepProblem, displacement: Array, depth_mm: float) -> None:
+    def _require_measured(self, problem: newton.StepProblem, displacement: Array, depth_mm: float) -> None:
         """Refuse a step that failed because its body lay between the points of contact where it began."""
         moved = translation(self.frame, depth_mm, problem.shift_mm)
         reach = deepest_mm(self.model.surface, self.body, self.model.solid.mesh.points + displacement, moved)
-        felt = max(0.0, -float(problem.contact(displacement, depth_mm, None, None).gap.min()))
-        validity.require_felt(self.indenter, depth_mm, reach - felt)
+        measured = max(0.0, -float(problem.contact(displacement, depth_mm, None, None).gap.min()))
+        validity.require_measured(self.indenter, depth_mm, reach - measured)
 
     def check(self, state: State, target: Target) -> None:
         """Refuse a target that the model does not cover, or not from this state."""

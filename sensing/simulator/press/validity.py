@@ -1,8 +1,8 @@
-"""Whether a converged state lies within what the model covers: a body outside the skin, felt, and off the clamped rim.
+"""Whether a converged state lies within what the model covers: the body outside, on enough points, off the rim.
 
 A residual of zero does not say so. A small body that a step moves by more than its radius can stand beyond the surface,
-where it presses nothing or presses outward; one between two points of contact is felt too little; one on the bonded rim
-presses what the model holds fixed, and the base that it would meet there is not modelled.
+where it presses nothing or presses outward; the force of one between two points of contact is too low; one on the
+bonded rim presses what the model holds fixed, and the base that it would meet there is not modelled.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sensing.simulator.press.state import Refusal, State
 from sensing.simulator.solid.element import face_rule, shape_quad
 from sensing.simulator.solid.shell import ShellModel
 
-MAX_REACH = 0.15  # of depth or radius, unfelt between the Gauss points: about what the force is then wrong by
+MAX_REACH = 0.15  # of depth or radius, missed between the Gauss points: about what the force is then wrong by
 REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
 MAX_RIM_SHARE = 0.01  # of the contact's force, on nodes that the clamp holds
 STRIDE = 0.5  # of a body's radius: so far it comes in one step at most, so that its middle stays outside
@@ -23,7 +23,11 @@ _, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])
 
 
 def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:
-    """Share of the way to a depth that the first step takes: a sphere or edge comes by :data:`STRIDE` radii at most."""
+    """Share of the way to a depth that the first step takes: a sphere or edge comes by :data:`STRIDE` radii at most.
+
+    Args:
+        indenter: the body. state: where it begins. depth_mm: where it goes; None under a given force.
+    """
     if depth_mm is None or indenter.kind not in ("sphere", "edge"):
         return 1.0
     travel = abs(depth_mm - state.depth_mm)
@@ -62,12 +66,15 @@ def require_outside(model: ShellModel, state: State) -> None:
 def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
     """The state itself.
 
+    Args:
+        model: the shell. indenter: the body. state: converged.
+
     Raises:
         Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low;
             ``range`` where it presses on the clamped rim.
     """
     assert state.certificate is not None
-    require_felt(indenter, state.depth_mm, state.certificate.reach_mm - state.certificate.penetration_mm)
+    require_measured(indenter, state.depth_mm, state.certificate.reach_mm - state.certificate.penetration_mm)
     share = rim_share(model, state)
     if share > MAX_RIM_SHARE:
         raise Refusal(
@@ -79,21 +86,21 @@ def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
     return state
 
 
-def require_felt(indenter: Indenter, depth_mm: float, unfelt_mm: float) -> None:
+def require_measured(indenter: Indenter, depth_mm: float, missed_mm: float) -> None:
     """Refuse a body that reaches too far between the points of contact.
 
     Args:
-        depth_mm: approach of the body. unfelt_mm: how much deeper it reaches than at any Gauss point.
+        indenter: the body. depth_mm: its approach. missed_mm: how much deeper it reaches than at any Gauss point.
 
     Raises:
         Refusal: ``mesh``.
     """
     blunt = indenter.radius_mm if indenter.kind != "plane" else np.inf
     limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(depth_mm, 0.0), blunt))
-    if unfelt_mm > limit:
+    if missed_mm > limit:
         raise Refusal(
             "mesh",
-            f"the {indenter.kind} reaches {unfelt_mm:.2f} mm into the surface between the points where "
+            f"the {indenter.kind} reaches {missed_mm:.2f} mm into the surface between the points where "
             f"contact is measured, over {limit:.2f} mm: its radius_mm={indenter.radius_mm:g} is too small "
             "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
         )

@@ -1,4 +1,4 @@
-"""A camera or lens that moved is told from a touch, of rendered and drawn pictures."""
+"""A camera or lens that moved, and a touch, of rendered and drawn pictures."""
 
 import cv2
 import numpy as np

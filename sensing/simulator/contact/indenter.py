@@ -42,7 +42,7 @@ class Indenter:
         axis_deg: direction of the edge's axis, or of the rows of crests, in the tangent plane, from the meridian.
 
     Raises:
-        ParameterError: unknown kind, tilt outside its range, radius not positive.
+        ParameterError: unknown kind, tilt outside its range, radius not positive, axis not finite.
     """
 
     tilt_deg: float = 0.0
@@ -58,9 +58,11 @@ class Indenter:
                 value=self.kind,
             )
         if not 0 <= self.tilt_deg <= MAX_TILT_DEG:
+            advice = "beyond it the body meets the base first" if self.tilt_deg > MAX_TILT_DEG else "give a number"
+            if self.tilt_deg < 0:
+                advice = "turn the azimuth instead of a negative tilt"
             raise ParameterError(
-                f"tilt_deg={self.tilt_deg:g} outside 0..{MAX_TILT_DEG:g}: there the body meets the base first; "
-                "turn the azimuth instead of a negative tilt",
+                f"tilt_deg={self.tilt_deg:g} outside 0..{MAX_TILT_DEG:g}: {advice}",
                 name="tilt_deg",
                 value=self.tilt_deg,
             )
@@ -69,6 +71,12 @@ class Indenter:
                 f"radius_mm={self.radius_mm:g} is not positive: give the radius of the {self.kind}",
                 name="radius_mm",
                 value=self.radius_mm,
+            )
+        if not math.isfinite(self.axis_deg):
+            raise ParameterError(
+                f"axis_deg={self.axis_deg:g} is no angle: give its degrees from the meridian",
+                name="axis_deg",
+                value=self.axis_deg,
             )
 
     @property

@@ -68,6 +68,16 @@ def test_the_readme_has_commands():
     assert len(shell_lines((ROOT / "README.md").read_text(encoding="utf-8"))) > 10
 
 
+def test_what_a_page_says_you_see_is_in_the_code():
+    """Words that the first column of "What can go wrong" has in quotes."""
+    code = "\n".join(
+        path.read_text("utf-8") for name in ("cad", "fab", "sensing") for path in (ROOT / name).rglob("*.py")
+    )
+    pages = [path.read_text("utf-8") for path in (ROOT / "docs" / "users").glob("*.md")]
+    quoted = [words for page in pages for words in re.findall(r'^\|[^|]*"([^"|]+)"[^|]*\|', page, re.M)]
+    assert len(quoted) >= 2 and [words for words in quoted if words not in code] == []
+
+
 def test_every_page_of_the_four_users_and_the_tutorials_is_linked():
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     assert re.findall(r"\(users/(\w+)\.md\)", index) == ["technician", "roboticist", "researcher", "maintainer"]

@@ -9,15 +9,16 @@ from pathlib import Path
 
 from cad.messages import show
 from sensing.arguments import number, scientific, whole
+from sensing.records_labelled import LabelledSet
 from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
-from sensing.simulator.dataset.writer import refusals, shard_path, write_dataset
+from sensing.simulator.dataset.writer import refusals, write_dataset
 from sensing.simulator.protocols.catalogue import PROTOCOLS
 from sensing.simulator.solid.mesh import DENSITIES
 
 DESCRIPTION = """\
 Write labelled, rendered frames (read them with sensing.records_labelled). An unfinished or smaller set of the same
-options is completed. Examples:
+options is completed, of a larger one what is missing of the frames asked for. Examples:
 
   python -m sensing.simulator data --frames 2000 --out exports/data
   python -m sensing.simulator data --frames 34000 --workers 2 --sensor 7 --unpainted 0.1 --out exports/other_sensor
@@ -100,10 +101,10 @@ def run(options: argparse.Namespace) -> int:
     request = DataRequest(**{field.name: getattr(options, field.name) for field in fields(DataRequest)})
     folder = options.out or Path("exports") / f"data_{request.params.label}_{request.protocol}_{request.seed}"
     written = write_dataset(request, folder, options.workers, options.scheduler, options.states)
-    shards = request.shards()
-    frames = sum(path.frames for shard in shards for path in shard)
-    size = sum(shard_path(folder, number).stat().st_size for number in range(len(shards)))
-    refused = refusals(folder)
+    data, refused = LabelledSet(folder), refusals(folder)
+    there, whole = len(data.shards), data.manifest["shards"]
+    shards = f"{there} shards" if there >= whole else f"{there} of {whole} shards of a larger set"
+    size = sum(path.stat().st_size for path in data.shards)
     lost = f"{len(refused)} paths with refused states, listed in their shards" if refused else "nothing refused"
-    show(f"{folder}: {frames} frames in {len(shards)} shards ({written} written now), {size / 1e6:.0f} MB, {lost}")
+    show(f"{folder}: {len(data)} frames in {shards} ({written} written now), {size / 1e6:.0f} MB, {lost}")
     return 0

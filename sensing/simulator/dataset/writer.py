@@ -14,6 +14,7 @@ import zipfile
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -45,7 +46,8 @@ def write_dataset(
     """Write the shards that are missing.
 
     Args:
-        request: what to make. folder: where; an unfinished set of the same request is completed.
+        request: what to make. folder: where; an unfinished set of the same request is completed, and a larger one
+            stays the larger one.
         workers: processes on this machine. scheduler: address of a Dask scheduler to use instead.
         stored: set whose solved states are taken instead of solving them (:mod:`sensing.simulator.dataset.stored`).
 
@@ -64,7 +66,7 @@ def write_dataset(
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         with _locked(folder):
-            _begin(request, folder)
+            whole = _begin(request, folder)
             missing = [k for k in range(len(shards)) if not _is_whole(shard_path(folder, k))]
             begin = time.monotonic()
             work = [(request, k, shards[k], stored) for k in missing]
@@ -72,7 +74,8 @@ def write_dataset(
             for count, (number, data) in enumerate(made, 1):
                 put_file(shard_path(folder, number), data, durable=True)
                 _progress(count, len(missing), begin)
-            write_card(folder)
+            if len(shard_files(folder)) >= whole:
+                write_card(folder)
     except BrokenProcessPool as error:
         raise FileError(
             f"{folder}: a worker was killed (out of memory?): the shards there stay readable; run the same command "
@@ -153,11 +156,13 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _begin(request: DataRequest, folder: Path) -> None:
-    """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left."""
-    wanted = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": request.record()}
-    wanted |= {"shards": len(request.shards()), "identity": request.identity.record()}
-    wanted = json.loads(json.dumps(wanted))
+def _begin(request: DataRequest, folder: Path) -> int:
+    """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left.
+
+    Returns:
+        Number of shards of the whole set: of the larger request, where a set was asked for twice.
+    """
+    wanted = _manifest(request)
     if (folder / "manifest.json").exists():
         manifest = read_manifest(folder)
         found = ADDED_SINCE | manifest.get("request", {})
@@ -168,6 +173,11 @@ def _begin(request: DataRequest, folder: Path) -> None:
         if manifest.get("columns", {}).keys() != SIMULATED.keys():
             raise FileError(f"{folder}: holds a set of other columns, of an earlier version: choose an empty folder")
         require_same(folder, "holds a set", identity_of(folder, manifest), request.identity, "choose an empty folder")
+        frames = found.get("frames")
+        if not isinstance(frames, int):
+            raise FileError(f"{folder / 'manifest.json'}: frames={frames!r} is no count: choose an empty folder")
+        if frames > request.frames:  # what is there of the larger set must not pass for all of it
+            wanted = _manifest(replace(request, frames=frames))
     (folder / CARD).unlink(missing_ok=True)  # written anew when the set is whole
     for litter in folder.rglob("*.part"):
         litter.unlink()
@@ -175,6 +185,14 @@ def _begin(request: DataRequest, folder: Path) -> None:
     put_file(folder / "dots.npz", buffer.getvalue(), durable=True)
     request.mounted.save(folder / "camera.json", request.identity)
     put_file(folder / "manifest.json", (json.dumps(wanted, indent=1) + "\n").encode(), durable=True)
+    return int(wanted["shards"])
+
+
+def _manifest(request: DataRequest) -> dict[str, Any]:
+    """What a request is, as it reads in a file."""
+    wanted = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": request.record()}
+    wanted |= {"shards": len(request.shards()), "identity": request.identity.record()}
+    return dict(json.loads(json.dumps(wanted)))
 
 
 def _is_whole(path: Path) -> bool:

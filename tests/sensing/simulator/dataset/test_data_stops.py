@@ -20,6 +20,7 @@ from small_data import command, environment, group_lives, same, small_request
 
 from cad.errors import FileError, ParameterError
 from sensing.records_labelled import LabelledSet
+from sensing.simulator.__main__ import main
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset import writer as dataset
 from sensing.simulator.dataset.writer import shard_path, write_dataset
@@ -142,6 +143,27 @@ def test_a_set_that_is_whole_stays_as_it_is(small_set: Path, tmp_path: Path, wor
     shutil.copytree(small_set, tmp_path, dirs_exist_ok=True)
     assert write_dataset(small_request(), tmp_path, workers) == 0
     assert same(tmp_path, small_set)
+
+
+def test_a_smaller_request_leaves_a_larger_set_the_larger_one(
+    small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Its manifest had said 6 frames in one shard: what an interrupted set holds then counted as all of it."""
+    shutil.copytree(small_set, tmp_path, dirs_exist_ok=True)
+    command = ["data", "--frames", "6", "--density", "draft", "--protocol", "short", "--render", "draft"]
+    command += ["--azimuths", "2", "--out", str(tmp_path)]
+    asked = (small_set / "manifest.json").read_bytes()
+    assert main(command) == 0 and (tmp_path / "manifest.json").read_bytes() == asked
+    assert "12 frames in 2 shards (0 written now)" in capsys.readouterr().out
+    assert (tmp_path / "croissant.json").exists()
+    shard_path(tmp_path, 1).unlink()  # as if the larger one had been interrupted
+    assert main(command) == 0 and (tmp_path / "manifest.json").read_bytes() == asked
+    assert "6 frames in 1 of 2 shards of a larger set (0 written now)" in capsys.readouterr().out
+    assert not (tmp_path / "croissant.json").exists()
+    with pytest.raises(FileError, match="not whole \\(1 of 2 shards\\)"):
+        LabelledSet(tmp_path).require_whole()
+    (tmp_path / "manifest.json").write_bytes(asked.replace(b'"frames": 12', b'"frames": "12"'))
+    assert main(command) == 2 and "frames='12' is no count" in capsys.readouterr().err
 
 
 @pytest.mark.long

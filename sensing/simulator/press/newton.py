@@ -26,7 +26,7 @@ from sensing.simulator.solid.system import Factorisation, Solid, factorise, fact
 TOLERANCE = 1e-9  # residual over contact force
 FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
 UNKNOWN_PIVOTS = -1  # of a level that factorises no tangent of its own
-FLOOR_PER_BULK_MM2 = 1.5e-3  # the same, as a share of the bulk modulus: ten times the round-off of its forces
+FLOOR_PER_BULK_MM2 = 1.5e-3  # the same over the largest bulk modulus: ten times the round-off of its forces
 MAX_ITERATIONS = 40
 TRUE_BELOW = 0.05  # relative residual under which the true friction bound takes over
 LAGGED_AFTER_FAILURE = 3
@@ -134,7 +134,7 @@ def evaluate(
     target = problem.mesh_force_n
     gap = 0.0 if target is None else normal - target
     potential = energy + contact.energy - (0.0 if target is None else target * depth_mm)
-    floor = max(FLOOR_N, FLOOR_PER_BULK_MM2 * model.solid.law.bulk_mpa)
+    floor = max(FLOOR_N, FLOOR_PER_BULK_MM2 * model.solid.law.bulk_mpa * model.interlock)
     scale = max(float(np.linalg.norm(external)), target or 0.0, floor)
     error = float(np.hypot(np.linalg.norm(residual), gap)) / scale
     return Iterate(

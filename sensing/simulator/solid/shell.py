@@ -29,6 +29,7 @@ class ShellModel:
         surface: contact quadrature of the outer surface.
         clamped: nodes on the clamp (m,).
         half: whether only y >= 0 is meshed; forces of the model are then half of the shell's.
+        interlock: how many times as stiff as silicone its stiffest part is.
     """
 
     geometry: ShellGeometry
@@ -36,6 +37,7 @@ class ShellModel:
     surface: ContactSurface
     clamped: Index
     half: bool
+    interlock: float = PLAIN
 
     @property
     def force_share(self) -> float:
@@ -90,7 +92,7 @@ def shell_model(
         build_solid(mesh, law, fixed), geometry.clamp_height_mm + scaling.INTERLOCK_DEPTH_MM, interlock
     )
     surface = contact_surface(mesh, law.young_mpa, geometry.wall_mm, penalty_ratio)
-    return ShellModel(geometry, solid, surface, clamped, half)
+    return ShellModel(geometry, solid, surface, clamped, half, interlock)
 
 
 def require_interlock(interlock: float) -> None:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from cad.errors import ParameterError
-from cad.materials import silicone
+from cad.materials import hyperelastic_law, silicone
 from cad.scaling import INTERLOCK_DEPTH_MM
+from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.levels import Simulator
+from sensing.simulator.press.press import Press, Target
 from sensing.simulator.similarity.labelled import shell_of
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.geometry import shell_geometry
@@ -42,6 +44,18 @@ def test_only_elements_in_the_zone_are_stiffer():
     assert ratio[height.max(axis=1) < INTERLOCK_DEPTH_MM] == pytest.approx(FACTOR)
     assert ratio[height.min(axis=1) > INTERLOCK_DEPTH_MM] == pytest.approx(1.0)
     assert set(np.unique(ratio.round(9))) == {1.0, FACTOR}
+
+
+def test_the_stiffest_interlock_converges_in_nearly_incompressible_silicone():
+    """Both at the end of their range: the round-off of the interlock's forces was taken for a lack of balance."""
+    forces = []
+    for poisson in (0.495, 0.4999):
+        law = hyperelastic_law(0.34, poisson)
+        press = Press(shell_model(shell_geometry(130, 8), law, "draft", True, interlock=100.0), Indenter(20.0), 0.0)
+        state = press.advance(press.start(), Target(depth_mm=0.5))
+        assert state.certificate.substeps == 1 and state.certificate.wrench_gap < 1e-6
+        forces.append(state.normal_n)
+    assert forces[1] == pytest.approx(forces[0], rel=0.01)
 
 
 def test_a_set_says_its_interlock_and_takes_none_that_cannot_be():

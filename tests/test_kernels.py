@@ -6,10 +6,13 @@ on another, and the numbers are wrong without a word (shown by delaying one of t
 nothing to swap.
 
 And a run on a fresh checkout, which compiles, must be replayed to the bit by one that loads the compiled code.
+
+numba keeps compiled code as long as the file of its function does not change. So what is compiled into it lies there.
 """
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
@@ -82,6 +85,31 @@ for at_s in (estimator.newest_s, estimator.newest_s + 0.02):
         show(bar.T_world_bar)
         show(bar.covariance)
 """
+# What kernels take from other files: whoever changes one of these changes the kernel's file, too.
+TAKEN = {
+    "sensing/robot/measurement_kernels.py": {"times_vector", "turned_by"},
+    "sensing/simulator/contact/kernels.py": {"BodyKind"},
+    "sensing/tracking/search_kernels.py": {"MARGIN"},
+}
+
+
+def test_what_is_compiled_into_a_kernel_lies_in_its_file() -> None:
+    root = Path(__file__).resolve().parent.parent
+    sources = {path.relative_to(root).as_posix(): path.read_text("utf-8") for path in root.glob("sensing/**/*.py")}
+    found = {name: taken_from_other_files(source) for name, source in sources.items() if "njit" in source}
+    assert len(found) > 15 and {name: names for name, names in found.items() if names} == TAKEN
+
+
+def taken_from_other_files(source: str) -> set[str]:
+    """Names that compiled functions of a file use, and that it imports from this project."""
+    body = ast.parse(source).body
+    imports = [node for node in body if isinstance(node, ast.ImportFrom)]
+    own = [node for node in imports if (node.module or "").split(".")[0] in ("cad", "fab", "sensing")]
+    imported = {alias.asname or alias.name for node in own for alias in node.names}
+    functions = [node for node in body if isinstance(node, ast.FunctionDef)]
+    kernels = [node for node in functions if any("njit" in ast.unparse(each) for each in node.decorator_list)]
+    lines = [line for kernel in kernels for line in kernel.body]
+    return imported & {node.id for line in lines for node in ast.walk(line) if isinstance(node, ast.Name)}
 
 
 @pytest.mark.long  # compiles nearly everything anew

@@ -14,13 +14,17 @@ A point that enters within a step slips only over the fraction of the step's tim
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from types import FunctionType
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from sensing.simulator.contact import kernels as contact_kernels
-from sensing.simulator.contact.body import Body, plugin_distance
+from sensing.simulator.contact.body import Body, Distance, plugin_distance
 from sensing.simulator.solid.element import OUTER_FACE, Array, face_rule, shape_quad
 from sensing.simulator.solid.mesh import HexMesh, Index
 
@@ -146,10 +150,24 @@ def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation
 
     A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
     """
-    _, nearest = contact_kernels.loops(plugin_distance(body.kind))
+    _, nearest = _loops(plugin_distance(body.kind))
     face, place, _ = nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)
     shape, _ = shape_quad(np.clip(_BETWEEN[place] + _BETWEEN * (_SIDE[1] - _SIDE[0]), -1, 1))
     return -float(nearest(surface.nodes[face : face + 1], shape, body, position, translation)[2])
+
+
+@cache
+def _loops(distance: Distance | None) -> tuple[Callable[..., float], Callable[..., tuple[int, int, float]]]:
+    """(respond, nearest) of the kernels for a plug-in's signed distance; None for the bodies known here.
+
+    The same loops are compiled with it in the place of theirs, once in a process: those known here lose nothing by it.
+    """
+    plain = contact_kernels.respond, contact_kernels.nearest
+    if distance is None:
+        return plain
+    names = {**vars(contact_kernels), "_distance": njit(**contact_kernels.HELPER)(distance)}
+    respond, nearest = (njit(FunctionType(loop.py_func.__code__, names, loop.__name__)) for loop in plain)
+    return respond, nearest
 
 
 def respond(
@@ -192,7 +210,7 @@ def respond(
         position=np.zeros((faces, points, 3)),
         gradient=np.zeros((faces, points, 3)),
     )
-    energy = contact_kernels.loops(plugin_distance(body.kind))[0](
+    energy = _loops(plugin_distance(body.kind))[0](
         surface.quadrature(), memory.arrays(), body, position, translation, friction_law, out
     )
     return ContactResponse(energy, contact_fraction=friction_law.contact_fraction, **out._asdict())

@@ -1,22 +1,23 @@
-"""Compiled loops of :mod:`sensing.simulator.contact.friction` (N, mm, MPa). Helpers are always inlined."""
+"""Compiled loops of :mod:`sensing.simulator.contact.friction` (N, mm, MPa). Helpers are always inlined.
+
+All that is compiled into the loops is in this file: numba keeps them as long as it does not change.
+"""
 
 # mypy: ignore-errors
 from __future__ import annotations
 
 import math
-from functools import cache
-from types import FunctionType
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from sensing.simulator.contact.body import BodyKind
-from sensing.simulator.contact.rough import rough_distance
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
 
-_HELPER = {"forceinline": True}
+HELPER = {"forceinline": True}
+FEET, NEAR = 8, 0.25  # Newton steps to the foot on rough ground, within that part of its radius
 
 
 class Quadrature(NamedTuple):
@@ -115,7 +116,7 @@ def respond(quadrature, memory, body, position, translation, friction, out):
     return energy
 
 
-@njit(**_HELPER)
+@njit(**HELPER)
 def _relative(shape, nodes, position, translation, y):
     """A point of a face as the body sees it, into ``y`` (3,)."""
     for i in range(3):
@@ -125,7 +126,7 @@ def _relative(shape, nodes, position, translation, y):
         y[i] = place - translation[i]
 
 
-@njit(**_HELPER)
+@njit(**HELPER)
 def _trial(tau0, y, y0, eps, normal, trial):
     """Friction if nothing slipped, in the tangent plane, into ``trial``; returns its size."""
     dot, size = 0.0, 0.0
@@ -138,7 +139,7 @@ def _trial(tau0, y, y0, eps, normal, trial):
     return math.sqrt(size)
 
 
-@njit(**_HELPER)
+@njit(**HELPER)
 def _stick(trial, eps, normal, turn, tau, k):
     """Friction and its tangent of a point that holds; ``turn``: d(log contact-time fraction) by the overlap."""
     for i in range(3):
@@ -148,7 +149,7 @@ def _stick(trial, eps, normal, turn, tau, k):
             k[i, j] += turn * trial[i] * normal[j]
 
 
-@njit(**_HELPER)
+@njit(**HELPER)
 def _slip(trial, size, limit, eps, normal, slope, tau, k):
     """Friction and its tangent of a point that slips; ``slope``: of the bound by the overlap, 0 where it is frozen."""
     ratio = limit / size
@@ -160,7 +161,7 @@ def _slip(trial, size, limit, eps, normal, slope, tau, k):
             k[i, j] += slope * trial[i] / size * normal[j]
 
 
-@njit(**_HELPER)
+@njit(**HELPER)
 def _add(shape, w, p, normal, tau, k, force, stiffness):
     """A point's force and tangent onto the nodes of its face."""
     for a in range(9):
@@ -193,26 +194,12 @@ def nearest(nodes, shape, body, position, translation):
     return face, place, nearest
 
 
-@cache
-def loops(distance=None):
-    """(:func:`respond`, :func:`nearest`) for a plug-in's signed distance; None for the bodies known here.
-
-    Args:
-        distance: function of (body, y (3,), gradient (3,), hessian (3, 3)) as :func:`_distance`. The same loops are
-            compiled with it in its place, once in a process: those known here lose nothing by it.
-    """
-    if distance is None:
-        return respond, nearest
-    names = {**globals(), "_distance": njit(**_HELPER)(distance)}
-    return tuple(njit(FunctionType(loop.py_func.__code__, names, loop.__name__)) for loop in (respond, nearest))
-
-
-@njit(**_HELPER)
+@njit(**HELPER)
 def _distance(body, y, gradient, hessian):
     """Signed distance of y (3,) to the body at its first touch; fills gradient (3,) and Hessian (3, 3)."""
     hessian[:] = 0.0
     if body.kind == BodyKind.ROUGH:
-        return rough_distance(body, y, gradient, hessian)
+        return _rough_distance(body, y, gradient, hessian)
     if body.kind == BodyKind.PLANE:
         value = 0.0
         for i in range(3):
@@ -236,3 +223,71 @@ def _distance(body, y, gradient, hessian):
             if body.kind == BodyKind.EDGE:
                 hessian[i, j] -= body.axis[i] * body.axis[j] / radius
     return radius - body.radius_mm
+
+
+@njit(**HELPER)
+def _rough_distance(body, y, gradient, hessian):
+    """Signed distance to the ground g(s, t) = b (cos k s + cos k t - 2), crest in ``point_mm``, s along the rows.
+
+    With k = pi / R and b = R / pi^2 crests and hollows have the radius R and stand 2 R apart; g spans 0.41 R. The
+    distance is that to the foot of y, found by Newton's method. Near the surface the Hessian is S - d S S, S the second
+    fundamental form there, which is exact to first order in d.
+
+    Args:
+        body: the ground. y: (3,) point. gradient, hessian: (3,) and (3, 3), filled.
+    """
+    n, e, p = body.axis, body.along, body.point_mm
+    c = (n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0])
+    s = t = z = 0.0
+    for i in range(3):
+        s += (y[i] - p[i]) * e[i]
+        t += (y[i] - p[i]) * c[i]
+        z += (y[i] - p[i]) * n[i]
+    k, b = math.pi / body.radius_mm, body.radius_mm / math.pi**2
+    u, v = _foot(s, t, z, k, b, NEAR * body.radius_mm)
+    gu, gv = -b * k * math.sin(k * u), -b * k * math.sin(k * v)
+    length = math.sqrt(1.0 + gu * gu + gv * gv)
+    value = (z - b * (math.cos(k * u) + math.cos(k * v) - 2.0) - (s - u) * gu - (t - v) * gv) / length
+    for i in range(3):
+        gradient[i] = (n[i] - gu * e[i] - gv * c[i]) / length
+    bend = b * k * k / length
+    _bent(e, bend * math.cos(k * u), c, bend * math.cos(k * v), gradient, value, hessian)
+    return value
+
+
+@njit(**HELPER)
+def _foot(s, t, z, k, b, near):
+    """(s, t) of the point of rough ground nearest to (s, t, z); the point below where it is further than ``near``."""
+    u, v = s, t
+    if abs(z - b * (math.cos(k * s) + math.cos(k * t) - 2.0)) > near:  # its sign is enough
+        return u, v
+    for _ in range(FEET):
+        off = b * (math.cos(k * u) + math.cos(k * v) - 2.0) - z
+        gu, gv = -b * k * math.sin(k * u), -b * k * math.sin(k * v)
+        guu, gvv = -b * k * k * math.cos(k * u), -b * k * k * math.cos(k * v)
+        a, d, m = 1.0 + gu * gu + off * guu, 1.0 + gv * gv + off * gvv, gu * gv
+        f, h = u - s + off * gu, v - t + off * gv
+        det = a * d - m * m
+        u -= (d * f - m * h) / det
+        v -= (a * h - m * f) / det
+    return u, v
+
+
+@njit(**HELPER)
+def _bent(e, cu, c, cv, normal, distance, hessian):
+    """S - d S S into ``hessian``, with S = cu e e' + cv c c' in the tangent plane of ``normal``."""
+    across_e = across_c = 0.0
+    for i in range(3):
+        across_e += e[i] * normal[i]
+        across_c += c[i] * normal[i]
+    form = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            form[i, j] = cu * (e[i] - across_e * normal[i]) * (e[j] - across_e * normal[j])
+            form[i, j] += cv * (c[i] - across_c * normal[i]) * (c[j] - across_c * normal[j])
+    for i in range(3):
+        for j in range(3):
+            square = 0.0
+            for m in range(3):
+                square += form[i, m] * form[m, j]
+            hessian[i, j] = form[i, j] - distance * square

@@ -21,18 +21,17 @@ from sensing.live.core.state import TRANSITIONS, VALID, Event, State  # noqa: E4
 
 OUT = ROOT / "docs" / "live_states.png"
 GOOD, BAD, END = "#dcefdc", "#f6e6cf", "#e9e9e9"
-LAST = (State.ENDED, State.CLOSED)
 
 
 def entering(state: State) -> str:
     """Events that lead to a state from most others."""
-    others = [row for row in TRANSITIONS if row not in (state, *LAST)]
+    others = [row for row in TRANSITIONS if row not in (state, State.ENDED)]
     return ", ".join(e.value for e in Event if sum(TRANSITIONS[row][e] is state for row in others) > len(others) / 2)
 
 
 def exceptions() -> list[str]:
     """Transitions that differ from those of most states."""
-    rows = [row for row in TRANSITIONS if row not in LAST]
+    rows = [row for row in TRANSITIONS if row is not State.ENDED]
     found = []
     for event in Event:
         usual = max(set(State), key=lambda state: sum(TRANSITIONS[row][event] is state for row in rows))
@@ -68,13 +67,12 @@ def main() -> None:
     figure, axes = plt.subplots(figsize=(9, 5.4), layout="constrained")
     axes.set(xlim=(0, 100), ylim=(0, 58))
     axes.axis("off")
-    none = [state for state in State if state not in VALID and state not in LAST]
+    none = [state for state in State if state not in VALID]
     group(axes, 1, 42, "no number", none, BAD)
-    group(axes, 57, 42, "numbers", [state for state in State if state in VALID and state not in LAST], GOOD)
-    for number, state in enumerate(LAST):
-        box(axes, 59, 22 - 5 * number, 38, 4.2, END)
-        axes.text(60, 24.1 - 5 * number, state.value, va="center", size=9)
-        axes.text(96, 24.1 - 5 * number, entering(state), va="center", ha="right", size=8, style="italic")
+    group(axes, 57, 42, "numbers", [state for state in State if state in VALID and state is not State.ENDED], GOOD)
+    box(axes, 59, 22, 38, 4.2, END)
+    axes.text(60, 24.1, State.ENDED.value, va="center", size=9)
+    axes.text(96, 24.1, entering(State.ENDED), va="center", ha="right", size=8, style="italic")
     for start, end, height, text in ((43, 57, 44, "good, flagged"), (57, 43, 38, "all others")):
         axes.annotate("", (end, height), (start, height), arrowprops={"arrowstyle": "-|>", "lw": 1.2})
         axes.text(50, height + 0.8, text, ha="center", size=8, style="italic")

@@ -50,7 +50,7 @@ class ReplayFeed(FileFeed):
     @property
     def ended(self) -> bool:
         """Whether the last frame has been taken."""
-        return self._health.status in ("ended", "closed") and self._items.empty()
+        return self._health.status == "ended" and self._items.empty()
 
     @property
     def damage(self) -> str:

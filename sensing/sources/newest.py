@@ -18,7 +18,7 @@ from typing import Literal, Protocol
 from cad.errors import EndcapError
 from sensing.records import Frame
 
-Status = Literal["starting", "running", "silent", "unplugged", "ended", "closed"]
+Status = Literal["starting", "running", "silent", "unplugged", "ended"]
 
 
 class SourceError(EndcapError):

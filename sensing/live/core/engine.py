@@ -23,9 +23,7 @@ from sensing.records import Frame
 IDLE_S = 0.1  # longest sleep; a lost wake-up costs no more
 
 
-_SOURCE_EVENTS: dict[str, Event] = {
-    "silent": Event.SILENCE, "unplugged": Event.LOST, "ended": Event.ENDED, "closed": Event.CLOSED,
-}  # fmt: skip
+_SOURCE_EVENTS: dict[str, Event] = {"silent": Event.SILENCE, "unplugged": Event.LOST, "ended": Event.ENDED}
 
 
 @dataclass

@@ -140,7 +140,7 @@ class FileFeed:
     @property
     def ended(self) -> bool:
         """Whether the last frame has been taken."""
-        return self._health.status in ("ended", "closed") and self._frames.empty()
+        return self._health.status == "ended" and self._frames.empty()
 
     @property
     def damage(self) -> str:

@@ -3,7 +3,7 @@
     state = next_state(State.RUNNING, Event.UNSEEN)          # State.BLIND
 
 Every frame is one event (:class:`Event`, from the pipeline), and so is what the clock and the source show while no
-frame comes. The state follows the newest event; only states that have ended keep theirs. Numbers count in the states of
+frame comes. The state follows the newest event; only the end of a file is for ever. Numbers count in the states of
 :data:`VALID` alone. Times in s of the monotonic clock.
 """
 
@@ -32,7 +32,6 @@ class State(StrEnum):
     UNPLUGGED = "unplugged"
     FAILED = "failed"
     ENDED = "ended"
-    CLOSED = "closed"
 
 
 class Event(StrEnum):
@@ -50,7 +49,6 @@ class Event(StrEnum):
     SILENCE = "silence"  # no frame for too long
     LOST = "lost"  # the source cannot be read; it is opened again
     ENDED = "ended"  # the last frame has been read
-    CLOSED = "closed"  # closed by the run
 
 
 VALID = frozenset({State.RUNNING, State.DEGRADED, State.ENDED})  # of a file that has ended, the last ones
@@ -61,7 +59,6 @@ LEVEL = {  # of diagnostic_msgs/DiagnosticStatus: 0 OK, 1 WARN, 2 ERROR
     State.ZEROING: 1,
     State.DEGRADED: 1,
     State.ENDED: 1,
-    State.CLOSED: 1,
 }
 ERROR_LEVEL = 2
 
@@ -78,15 +75,13 @@ _USUAL = {
     Event.SILENCE: State.SILENT,
     Event.LOST: State.UNPLUGGED,
     Event.ENDED: State.ENDED,
-    Event.CLOSED: State.CLOSED,
 }
 TRANSITIONS: dict[State, dict[Event, State]] = {state: dict(_USUAL) for state in State}
 TRANSITIONS[State.RUNNING][Event.UNDECODED] = State.DEGRADED  # one damaged picture; the next one decides
 TRANSITIONS[State.WAITING][Event.COLLECTED] = State.WAITING  # the reason stays until a reference is taken
 TRANSITIONS[State.UNPLUGGED][Event.SILENCE] = State.UNPLUGGED  # the more exact word stays
 TRANSITIONS[State.FAILED][Event.ENDED] = State.FAILED  # the reason stays
-TRANSITIONS[State.ENDED] = dict.fromkeys(Event, State.ENDED) | {Event.CLOSED: State.CLOSED}
-TRANSITIONS[State.CLOSED] = dict.fromkeys(Event, State.CLOSED)
+TRANSITIONS[State.ENDED] = dict.fromkeys(Event, State.ENDED)
 
 
 def word(event: Event) -> str:

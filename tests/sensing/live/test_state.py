@@ -7,6 +7,7 @@ import re
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -25,6 +26,7 @@ from sensing.live.outputs.terminal import endcap_line
 from sensing.live.replay import verify
 from sensing.live.run import LiveRun
 from sensing.records import Frame
+from sensing.sources.newest import Health, Status
 
 ROOT = Path(__file__).resolve().parents[3]
 SIZE = (640, 480)
@@ -55,9 +57,8 @@ def broken(jpeg: bytes) -> bytes:
 def test_every_state_knows_every_event_and_only_the_end_is_for_ever():
     assert set(TRANSITIONS) == set(State) and all(set(row) == set(Event) for row in TRANSITIONS.values())
     sticky = {s for s in State if {next_state(s, e) for e in Event} == {s}}
-    assert sticky == {State.CLOSED}
-    assert {next_state(State.ENDED, e) for e in Event} == {State.ENDED, State.CLOSED}
-    for state in set(State) - {State.ENDED, State.CLOSED}:  # nothing else is: one good frame is enough
+    assert sticky == {State.ENDED}
+    for state in set(State) - {State.ENDED}:  # nothing else is: one good frame is enough
         assert next_state(state, Event.GOOD) is State.RUNNING and next_state(state, Event.FLAGGED) is State.DEGRADED
 
 
@@ -66,7 +67,7 @@ def test_every_state_knows_every_event_and_only_the_end_is_for_ever():
     [
         (Event.UNSEEN, State.BLIND), (Event.RESIZED, State.WRONG_SIZE), (Event.REPEATED, State.FROZEN),
         (Event.ERROR, State.FAILED), (Event.SILENCE, State.SILENT), (Event.LOST, State.UNPLUGGED),
-        (Event.REFUSED, State.WAITING), (Event.ENDED, State.ENDED), (Event.CLOSED, State.CLOSED),
+        (Event.REFUSED, State.WAITING), (Event.ENDED, State.ENDED),
     ],
 )  # fmt: skip
 def test_a_fault_shows_at_once_from_any_running_state(event, state):
@@ -99,9 +100,16 @@ def test_transitions_that_depend_on_the_state(before, event, after):
     assert next_state(before, event) is after
 
 
+def test_every_event_and_every_status_of_a_source_is_reported_somewhere():
+    live = "".join(path.read_text() for path in (ROOT / "sensing" / "live").rglob("*.py") if path.name != "state.py")
+    assert {event for event in Event if f"Event.{event.name}" not in live} == set()
+    sources = live + (ROOT / "sensing" / "sources" / "newest.py").read_text()
+    assert set(get_args(Status)) == {Health().status} | set(re.findall(r'status="([a-z]+)"', sources))
+
+
 def test_levels_are_those_of_diagnostics():
     assert [s for s in State if LEVEL.get(s, 2) == 0] == [State.RUNNING]
-    for state in set(State) - VALID - {State.STARTING, State.ZEROING, State.CLOSED}:
+    for state in set(State) - VALID - {State.STARTING, State.ZEROING}:
         assert LEVEL.get(state, 2) == 2
 
 
@@ -291,5 +299,3 @@ def test_the_run_answers_for_each_endcap(press):
         wait_for(lambda: seen.append(run.engine.health()[0]) or seen[-1].status == "running")
         health = seen[-1]
         assert health.valid and health.level == 0 and health.zeroed and not health.undoable
-    stopped = Machine()
-    assert stopped.happened(Event.CLOSED, "", 0.0).valid is False

@@ -21,7 +21,7 @@ const Words = (() => {
     "damaged pictures": "the decoder complains: no number", "wrong size": "the camera's mode was changed: no number",
     frozen: "the camera repeats one picture: no number", silent: "no frame comes: no number",
     unplugged: "the camera is gone; it is opened again every half second", failed: "an error of the program: no number",
-    ended: "the file is at its end: the last numbers", closed: "the run has ended",
+    ended: "the file is at its end: the last numbers",
   };
   const colours = {
     "green to red circle": "a dot, and how well its surroundings match the reference", "blue cross": "a dot that is lost; where it is expected",

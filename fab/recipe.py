@@ -81,11 +81,6 @@ class Recipe:
         """Time from the closed mold until the silicone thickens."""
         return self.silicone.pot_life_min - self.timeline[-1].end_min
 
-    @property
-    def fits_pot_life(self) -> bool:
-        """Whether the mold is closed before the silicone thickens."""
-        return self.pot_life_to_spare_min >= 0
-
     def record(self) -> dict[str, Any]:
         """The recipe as JSON."""
         record = {key: value for key, value in asdict(self).items() if key not in ("silicone", "timeline")}

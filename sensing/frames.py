@@ -61,12 +61,11 @@ def T_sphere_endcap(params: EndcapParams) -> Array:
 
 def wrench_adjoint(T_target_source: Array) -> Array:
     """(6, 6) that takes (force N, torque N m) from the source to the target frame."""
-    return _adjoint(T_target_source, force_first=True)
-
-
-def twist_adjoint(T_target_source: Array) -> Array:
-    """(6, 6) that takes (velocity of the origin m/s, angular velocity rad/s) from the source to the target frame."""
-    return _adjoint(T_target_source, force_first=False)
+    R = T_target_source[:3, :3]
+    result = np.zeros((6, 6))
+    result[:3, :3] = result[3:, 3:] = R
+    result[3:, :3] = skew(T_target_source[:3, 3] / MM_PER_M) @ R
+    return result
 
 
 def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
@@ -148,15 +147,3 @@ def skew(p: ArrayLike) -> Array:
     """(3, 3) with skew(p) q = p x q."""
     x, y, z = np.asarray(p, float)
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
-def _adjoint(T: Array, force_first: bool) -> Array:
-    R = T[:3, :3]
-    lever = skew(T[:3, 3] / MM_PER_M) @ R
-    result = np.zeros((6, 6))
-    result[:3, :3] = result[3:, 3:] = R
-    if force_first:
-        result[3:, :3] = lever
-    else:
-        result[:3, 3:] = lever
-    return result

@@ -116,11 +116,6 @@ class Copper:
     plane: BaseGeometry
 
 
-def board_face() -> Polygon:
-    """The board's face."""
-    return _ring(BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM)
-
-
 def build_copper(led_count: int = LED_COUNT) -> Copper:
     """All copper of a ring.
 

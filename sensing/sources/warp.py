@@ -8,14 +8,13 @@ found by fixed-point iteration (u is a contraction as long as its gradient stays
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.records import Frame, Image
+from sensing.records import Image
 
 SETTLED_PX = 2e-3  # the warp is found
 
@@ -113,30 +112,6 @@ def cell_truth(
     down = (np.arange(shape[0] * per_cell) + 0.5) * side / (shape[0] * per_cell) - 0.5 + (size[1] - side) // 2
     uv = np.stack(displacement.at(*np.meshgrid(across, down)))
     return uv.reshape(2, shape[0], per_cell, shape[1], per_cell).mean(axis=(2, 4)) * unit_px / side
-
-
-class WarpSource:
-    """Frames of one picture under a sequence of displacements, at a steady rate.
-
-    Args:
-        image: the undeformed picture.
-        displacements: one per frame.
-        rate_hz: frame rate that the capture times follow.
-        name: what the frames call their source.
-    """
-
-    def __init__(
-        self,
-        image: Image,
-        displacements: Sequence[Displacement],
-        rate_hz: float = 30.0,
-        name: str = "warped picture",
-    ) -> None:
-        self._image, self._displacements, self._rate_hz, self._name = image, displacements, rate_hz, name
-
-    def __iter__(self) -> Iterator[Frame]:
-        for index, displacement in enumerate(self._displacements):
-            yield Frame(index / self._rate_hz, index, self._name, image=warp_image(self._image, displacement))
 
 
 @numba.njit(cache=True)

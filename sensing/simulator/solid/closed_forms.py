@@ -75,14 +75,6 @@ def flattening_force_n(geometry: ShellGeometry, law: HyperelasticLaw, depth_mm: 
     return point_stiffness_n_mm(geometry, law) * depth_mm
 
 
-def flattening_radius_mm(outer_radius_mm: float, depth_mm: float) -> float:
-    """Radius of a flattened spherical cap, a = sqrt(R d): half the geometric intersection's area, as in Hertz.
-
-    The intersection of sphere and plane, sqrt(2 R d), is the upper bound.
-    """
-    return math.sqrt(outer_radius_mm * depth_mm)
-
-
 def inflated_sphere_pressure_mpa(shear_mpa: float, inner_stretch: float, outer_stretch: float) -> float:
     """Pressure in an incompressible neo-Hookean thick sphere.
 

@@ -52,11 +52,6 @@ def checked(prony: Prony) -> Prony:
     return prony
 
 
-def relaxed_share(prony: Prony, time_s: float) -> float:
-    """G(t) over the long-term modulus after a sudden strain: 1 + sum b_i exp(-t / tau_i)."""
-    return 1 + sum(b * math.exp(-time_s / tau) for b, tau in over_slow(prony))
-
-
 def isochoric_stress(law: HyperelasticLaw, solid: Solid, displacement: Array) -> Array:
     """Second Piola-Kirchhoff stress of the isochoric energy (e, 27, 3, 3), MPa.
 

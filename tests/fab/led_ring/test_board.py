@@ -14,11 +14,11 @@ from shapely import LineString, Point, Polygon, unary_union
 
 from cad.errors import FileError
 from cad.led_placement import placements
-from cad.led_ring import BOARD_THICKNESS_MM, led_ring_part
+from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM, led_ring_part
 from cad.params import EndcapParams
 from fab.led_ring.__main__ import main
 from fab.led_ring.circuit import PINS
-from fab.led_ring.copper import PADS, Track, Via, board_face, build_copper
+from fab.led_ring.copper import PADS, Track, Via, build_copper
 from fab.led_ring.gerber import board_files, read_archive, regions, write_archive
 from fab.led_ring.kicad import kicad_checks, write_project
 from fab.led_ring.light import dome_light, irradiance
@@ -126,7 +126,8 @@ def test_a_trace_near_the_edge_or_beyond_it(tmp_path):
     copper = build_copper()
     stray = Track("N1", "top", ((-38.4, 0.0), (-35.5, 0.0)), 0.3)  # from the string's track to the rim
     assert failed_rules(replace(copper, tracks=(*copper.tracks, stray)), tmp_path) >= {"ring.copper_to_edge_mm"}
-    assert edge_distance_mm(replace(stray, points=((-39.5, 0.0), (-35.5, 0.0))).shape, board_face()) < -0.9
+    face = Point(0, 0).buffer(BOARD_OUTER_RADIUS_MM) - Point(0, 0).buffer(BOARD_INNER_RADIUS_MM)
+    assert edge_distance_mm(replace(stray, points=((-39.5, 0.0), (-35.5, 0.0))).shape, face) < -0.9
 
 
 def test_shorts_opens_and_bad_holes(tmp_path):

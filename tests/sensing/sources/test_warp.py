@@ -1,4 +1,4 @@
-"""Warped pictures: displacement, its cells, and the source that plays them."""
+"""Warped pictures: displacement and its cells."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 from cad.errors import ParameterError
 from sensing.sources.degrade import random_degradation
-from sensing.sources.warp import Bump, Displacement, WarpSource, cell_truth, warp_image
+from sensing.sources.warp import Bump, Displacement, cell_truth, warp_image
 
 
 def test_warp_moves_a_dot_where_the_displacement_says():
@@ -34,12 +34,6 @@ def test_cell_truth_converges_to_the_centre_value_for_small_cells():
     assert abs(fine[0].max() - 10) < 0.01
     coarse = cell_truth(motion, (640, 480), (30, 30), unit_px=480)
     assert np.allclose(fine.reshape(2, 30, 8, 30, 8).mean(axis=(2, 4)), coarse, atol=1e-3)
-
-
-def test_warp_source_frames_follow_the_clock():
-    image = np.zeros((48, 64), np.uint8)
-    got = list(WarpSource(image, [Displacement((i, 0.0)) for i in range(3)], rate_hz=50))
-    assert [f.time_s for f in got] == [0.0, 0.02, 0.04] and got[0].size == (64, 48)
 
 
 def test_unknown_level_is_refused():

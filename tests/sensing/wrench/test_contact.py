@@ -1,12 +1,11 @@
-"""Contact: the stated rate holds on noise of several kinds; places and friction against closed forms."""
+"""Contact: the stated rate holds on noise of several kinds; places against closed forms."""
 
 import numpy as np
 import pytest
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera.nominal import nominal_mount
-from sensing.records import ShearField, Wrench
+from sensing.records import Wrench
 from sensing.wrench.contact import (
     LEAST_ON_N,
     ContactDetector,
@@ -14,7 +13,7 @@ from sensing.wrench.contact import (
     autocorrelation_time,
     threshold_from_rest,
 )
-from sensing.wrench.contact_place import friction_use, patch_centre_px, place_on_dome, pressure_centre
+from sensing.wrench.contact_place import line_of_action
 
 PARAMS = EndcapParams(130, 8)
 
@@ -80,8 +79,8 @@ def test_bad_intervals_are_named(forces, rate, said):
         threshold_from_rest(forces, rate)
 
 
-def wrench(force, time_s=0.0, torque=(0, 0, 0)):
-    return Wrench(time_s, np.array(force, float), np.array(torque, float))
+def wrench(force, time_s=0.0):
+    return Wrench(time_s, np.array(force, float), np.zeros(3))
 
 
 def test_hysteresis_and_unusable_frames():
@@ -95,6 +94,12 @@ def test_hysteresis_and_unusable_frames():
         ContactThreshold(1.0, 2.0, 1e-3, 1, False)
 
 
+def pressure_centre(force, torque):
+    """Centre of pressure of a force and its torque about the endcap's origin."""
+    about_centre = torque - np.cross([0, 0, PARAMS.centre_height_mm / 1000], force)
+    return line_of_action(np.array(force, float), about_centre, PARAMS.outer_radius_mm, PARAMS.centre_height_mm)
+
+
 def test_pressure_centre_of_a_force_at_a_point():
     rng = np.random.default_rng(3)
     for _ in range(50):
@@ -104,42 +109,17 @@ def test_pressure_centre_of_a_force_at_a_point():
         side = np.cross(outward, rng.normal(size=3))
         force = -5 * outward + 3 * side / np.linalg.norm(side)
         spin = 0.02 * force / np.linalg.norm(force)
-        centre = pressure_centre(wrench(force, torque=np.cross(touch / 1000, force) + spin), PARAMS)
+        centre = pressure_centre(force, np.cross(touch / 1000, force) + spin)
         assert np.allclose(centre.position_mm, touch, atol=1e-9)
         assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(0.02)
-        use = friction_use(wrench(force), centre, PARAMS, coefficient=0.6)
-        assert use.normal_n == pytest.approx(5) and use.tangential_n == pytest.approx(3) and use.state == "slip"
-        assert friction_use(wrench(force), centre, PARAMS, coefficient=1.0).state == "stick"
-        assert friction_use(wrench(force), centre, PARAMS).state == "unknown"
 
 
 def test_a_line_that_misses_the_sphere_and_no_force():
     lever = np.array([80.0, 0, PARAMS.centre_height_mm])
-    centre = pressure_centre(wrench([0, 0, -1], torque=np.cross(lever / 1000, [0, 0, -1.0])), PARAMS)
+    centre = pressure_centre([0, 0, -1], np.cross(lever / 1000, [0, 0, -1.0]))
     assert centre.miss_mm == pytest.approx(15) and centre.position_mm[0] == pytest.approx(65)
-    assert np.isnan(pressure_centre(wrench([0, 0, 0]), PARAMS).position_mm).all()
-    assert np.isnan(pressure_centre(wrench([np.nan, 0, 0]), PARAMS).position_mm).all()
-
-
-@pytest.mark.parametrize("shape", [(30, 30), (48, 36)])
-def test_patch_centre_of_a_spreading_bump(shape):
-    at = np.array([120.0, 70.0])
-    y, x = ((np.mgrid[0 : shape[0], 0 : shape[1]] + 0.5).transpose(1, 2, 0) * 200 / np.array(shape) - 0.5).transpose(
-        2, 0, 1
-    )
-    bump = 0.05 * np.exp(-((x - at[0]) ** 2 + (y - at[1]) ** 2) / (2 * 25**2))
-    field = ShearField(0.0, np.stack([bump * (x - at[0]), bump * (y - at[1])]).astype(np.float32))
-    assert np.abs(patch_centre_px(field) - at).max() < 1.0
-    assert np.isnan(patch_centre_px(ShearField(0.0, np.zeros((2, 8, 8), np.float32)))).all()
-
-
-def test_place_on_the_dome_is_seen_where_it_was_asked():
-    mounted = nominal_mount(PARAMS)
-    for point in ([100.0, 100.0], [130.0, 80.0], [60.0, 99.0]):
-        place = place_on_dome(np.array(point), mounted, PARAMS)
-        assert np.linalg.norm(place - [0, 0, PARAMS.centre_height_mm]) == pytest.approx(65)
-        full = mounted.project(place)
-        assert np.allclose((full - [80, 0] + 0.5) * 200 / 480 - 0.5, point, atol=1e-6)
+    assert np.isnan(pressure_centre([0, 0, 0], np.zeros(3)).position_mm).all()
+    assert np.isnan(pressure_centre([np.nan, 0, 0], np.zeros(3)).position_mm).all()
 
 
 def test_a_quiet_minute_does_not_make_a_threshold_that_a_lamp_passes():

@@ -14,10 +14,10 @@ A point that enters within a step slips only over the fraction of the step's tim
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import FunctionType
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -157,12 +157,12 @@ def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation
 
 
 @cache
-def _loops(distance: Distance | None) -> tuple[Callable[..., float], Callable[..., tuple[int, int, float]]]:
+def _loops(distance: Distance | None) -> tuple[Any, Any]:
     """(respond, nearest) of the kernels for a plug-in's signed distance; None for the bodies known here.
 
     The same loops are compiled with it in the place of theirs, once in a process: those known here lose nothing by it.
     """
-    plain = contact_kernels.respond, contact_kernels.nearest
+    plain: tuple[Any, Any] = contact_kernels.respond, contact_kernels.nearest
     if distance is None:
         return plain
     names = {**vars(contact_kernels), "_distance": njit(**contact_kernels.HELPER)(distance)}

@@ -7,7 +7,7 @@ All that is compiled into the loops is in this file: numba keeps them as long as
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,7 +16,7 @@ from sensing.simulator.contact.body import BodyKind
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
 
-HELPER = {"forceinline": True}
+HELPER: dict[str, Any] = {"forceinline": True}
 FEET, NEAR = 8, 0.25  # Newton steps to the foot on rough ground, within that part of its radius
 
 

@@ -56,10 +56,11 @@ class BomLine:
         unit: ``pc``, ``g`` or ``set``.
         owner: part or step that asks for it.
         use: what it is for.
-        price_usd: for all of them; ``None`` where we do not know.
+        price_usd: of what one endcap and its mold take of it; ``None`` where we do not know.
         provenance: letter of docs/provenance.md.
         order_as: what to type into a shop's search field: standard or part number, pack.
         kind: ``made``, ``part``, ``silicone``, ``consumable`` or ``tool``.
+        pack_usd: of what is ordered for it: a whole bag, spool or batch; ``None`` where that is ``price_usd``.
     """
 
     item: str
@@ -71,3 +72,9 @@ class BomLine:
     provenance: str = "E"
     order_as: str = ""
     kind: str = "part"
+    pack_usd: float | None = None
+
+    @property
+    def paid_usd(self) -> float | None:
+        """What is paid for the line; ``None`` where we do not know."""
+        return self.price_usd if self.pack_usd is None else self.pack_usd

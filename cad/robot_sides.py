@@ -97,6 +97,12 @@ def fixing_words(robot: str) -> str:
     return ", ".join(f"{holes.count} x {holes.order_as}" for holes in robot_side(robot))
 
 
+def robot_words(robot: str) -> str:
+    """Name of a pattern in words: ``flange ISO 9409-1-50-4-M6``, ``tensegrity arm``."""
+    words = robot.split("_")
+    return f"flange ISO {'-'.join(words[1:]).upper()}" if words[0] == "iso" else " ".join(words)
+
+
 def _row(row: dict[str, str]) -> Row:
     if row["element"] not in ELEMENTS:
         raise ValueError(f"element={row['element']!r} is none of {', '.join(ELEMENTS)}")

@@ -13,15 +13,17 @@ import trimesh
 
 from cad.fasteners import BomLine, ScrewJoint
 from cad.mold_layout import MoldLayout
-from cad.robot_sides import DEFAULT_ROBOT, robot_side
+from cad.robot_sides import DEFAULT_ROBOT, robot_side, robot_words
 from fab.checks.check import Check
 from fab.checks.screw_fit import ScrewFit, fitted
+from fab.part_words import joint_words, part_words
 from fab.recipe import Recipe
-from fab.supplies import bag, camera_supply, silicone_line, supply_lines
+from fab.supplies import bag_size, camera_supply, silicone_line, supply_lines
 
 SCREW_USD = {"screw_m2": 0.05, "screw_m3": 0.06, "screw_m4": 0.10}
 ROBOT_SCREW_USD = 0.4  # E: a screw M6 or a pin, bought singly
-RING_USD = 12.0  # E: one of a batch of five, fitted by the board house
+RING_USD, RING_BATCH = 12.0, 5  # E: a fitted board; so many at the least are made by a board house
+NUT_USD, WASHER_USD = 0.05, 0.02  # E
 STEEL = "A2 or 8.8"  # what to ask for besides standard and size
 
 
@@ -60,10 +62,11 @@ def bom_lines(
         name, quantity = part["name"], part["quantity"]
         if part["role"] == "printed":
             found = prints.get(name)
-            use = f"print, {found[0]:.0f} g" if found else "print"
+            use = part_words(name) + (f"; {found[0]:.0f} g" if found else "")
             cost = quantity * found[1] if found else None
             order = f"spool of {part['material']}, 1.75 mm"
-            lines.append(BomLine(f"{name} ({part['material']})", quantity, "pc", name, use, cost, "E", order, "made"))
+            item = f"{name} ({part['material']})"
+            lines.append(BomLine(item, quantity, "pc", name, use, cost, "E", order, "made", 0.0))  # the spool is paid
         elif part["role"] == "bought":
             lines.append(_bought_line(name, quantity))
         else:
@@ -87,11 +90,17 @@ def _bought_line(name: str, quantity: int) -> BomLine:
     """Camera or ring."""
     if name == "camera":
         camera = camera_supply()
-        return BomLine("USB camera", quantity, "pc", name, "buy", camera.price_usd, "P", camera.order_as)
+        return BomLine("USB camera", quantity, "pc", name, part_words(name), camera.price_usd, "P", camera.order_as)
     if name == "led_ring":
-        order = "files of make ring to a board house, or the table in chapter LED ring to solder it yourself"
-        return BomLine("LED ring board", quantity, "pc", name, "order", RING_USD, "P", order)
-    return BomLine(name, quantity, "pc", name, "buy")
+        order = (
+            f"files of make ring to a board house (batch of {RING_BATCH}), or the table in chapter LED ring to solder "
+            "it yourself"
+        )
+        pack = max(RING_BATCH, quantity) * RING_USD
+        return BomLine(
+            "LED ring board", quantity, "pc", name, part_words(name), quantity * RING_USD, "P", order, pack_usd=pack
+        )
+    return BomLine(name, quantity, "pc", name, part_words(name))
 
 
 def bom_checks(
@@ -122,13 +131,12 @@ def bom_csv(lines: Sequence[BomLine]) -> str:
     """The bill as CSV."""
     stream = io.StringIO()
     table = csv.writer(stream, lineterminator="\n")
-    table.writerow(["item", "order_as", "quantity", "unit", "kind", "owner", "use", "price_usd", "provenance"])
+    first = ["item", "order_as", "quantity", "unit", "kind", "owner", "use"]
+    table.writerow([*first, "price_usd", "paid_usd", "provenance"])
     for line in lines:
-        price = "" if line.price_usd is None else f"{line.price_usd:.2f}"
-        amount = f"{line.quantity:g}"
-        table.writerow(
-            [line.item, line.order_as, amount, line.unit, line.kind, line.owner, line.use, price, line.provenance]
-        )
+        words = [line.item, line.order_as, f"{line.quantity:g}", line.unit, line.kind, line.owner, line.use]
+        prices = ["" if usd is None else f"{usd:.2f}" for usd in (line.price_usd, line.paid_usd)]
+        table.writerow([*words, *prices, line.provenance])
     return stream.getvalue()
 
 
@@ -145,41 +153,45 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
     lines = []
     for (name, standard), members in sorted(groups.items()):
         count = sum(len(fit.joint.places) for fit in members)
-        uses = ", ".join(sorted({_use(fit.joint) for fit in members}))
-        price = count * SCREW_USD[members[0].joint.thread]
-        lines.append(_fastener(f"{name} {standard}", count, "screws", uses, price, _order(name, standard)))
+        uses = ", ".join(sorted({joint_words(fit.joint.name) for fit in members}))
+        each = SCREW_USD[members[0].joint.thread]
+        lines.append(_fastener(f"{name} {standard}", count, "screws", uses, each, _order(name, standard)))
     captured = max((len(f.joint.places) for f in fits if f.joint.holder == "captured nut"), default=0)
     loose = [f for f in fits if f.joint.holder == "loose nut"]
     count = sum(len(f.joint.places) for f in loose)
     square = "DIN 562 M3, zinc-plated or A2"
-    lines.append(
-        _fastener("M3 square nut DIN 562", captured, "nuts", "captured in the interface", 0.05 * captured, square)
-    )
+    lines.append(_fastener("M3 square nut DIN 562", captured, "nuts", "captured in the interface", NUT_USD, square))
     order = f"ISO 4032 M4, {STEEL}"
-    lines.append(_fastener("M4 hexagon nut ISO 4032", count, "nuts", "closes the mold", 0.05 * count, order))
+    lines.append(_fastener("M4 hexagon nut ISO 4032", count, "nuts", "closes the mold", NUT_USD, order))
     small = sum(f.joint.washers * len(f.joint.places) for f in fits if f.joint.holder == "captured nut")
     if small:
         order = "ISO 7092 M3 (6 mm outside, 0.5 mm)"
-        lines.append(
-            _fastener("M3 washer ISO 7092 (small)", small, "washers", "base to interface", 0.02 * small, order)
-        )
+        lines.append(_fastener("M3 washer ISO 7092 (small)", small, "washers", "base to interface", WASHER_USD, order))
     count = sum(2 * f.joint.washers * len(f.joint.places) for f in loose)
     order = "ISO 7089 M4 (9 mm outside)"
-    lines.append(_fastener("M4 washer ISO 7089", count, "washers", "closes the mold", 0.02 * count, order))
+    lines.append(_fastener("M4 washer ISO 7089", count, "washers", "closes the mold", WASHER_USD, order))
     return lines
 
 
 def _robot_lines(robot: str) -> list[BomLine]:
     """What holds the adapter on the robot; nothing for a blank side."""
     return [
-        BomLine(holes.order_as, holes.count, "pc", "arm_adapter", f"adapter to the robot ({robot})",
-                ROBOT_SCREW_USD * holes.count, "E", f"{holes.order_as}, {bag(holes.count)}")
+        _fastener(
+            f"{holes.element} {holes.order_as}", holes.count, "robot", f"arm adapter to {robot_words(robot)}",
+            ROBOT_SCREW_USD, holes.order_as, "E",
+        )
         for holes in robot_side(robot)
     ]  # fmt: skip
 
 
-def _fastener(item: str, count: int, owner: str, use: str, price_usd: float, order: str) -> BomLine:
-    return BomLine(item, count, "pc", owner, use, price_usd, "S", f"{order}, {bag(count)}")
+def _fastener(
+    item: str, count: int, owner: str, use: str, each_usd: float, order: str, provenance: str = "S"
+) -> BomLine:
+    """So many out of the smallest bag that holds them, which is bought whole."""
+    size = bag_size(count)
+    return BomLine(
+        item, count, "pc", owner, use, count * each_usd, provenance, f"{order}, bag of {size}", pack_usd=size * each_usd
+    )
 
 
 def _order(name: str, standard: str) -> str:
@@ -188,7 +200,3 @@ def _order(name: str, standard: str) -> str:
         return f"{' '.join(standard.split()[:2])} {name}, {STEEL}"
     thread, length = name.split(" x ")
     return f"thread-forming pan-head screw for plastic {thread.replace('M', '')} x {length} (EJOT PT or equivalent)"
-
-
-def _use(joint: ScrewJoint) -> str:
-    return joint.name.replace("_", " ").rstrip("0123456789 ") if joint.owner == "hanger" else f"{joint.owner}"

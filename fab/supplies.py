@@ -13,11 +13,12 @@ from cad.data_table import positive, read_table
 from cad.fasteners import BomLine
 from cad.lens import camera_module
 from fab.recipe import Recipe
+from fab.slice.filaments import filament
 
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
 CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degassed
-SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0}  # of the rows of supplies.csv
+SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
 SPARE = 1.1  # E: skirts, brims, and a part that fails
 LEAST_CHAMBER_L = 5
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
@@ -74,11 +75,21 @@ def supply_lines(mix: Recipe) -> list[BomLine]:
     return [
         BomLine(
             row.name, row.amount, row.unit, row.name, row.use, row.price_usd, row.letter,
-            row.order_as.format(**blanks), row.kind,
+            row.order_as.format(**blanks), row.kind, spool_usd(row.name),
         )
         for row in supplies().values()
         if row.kind != "silicone"
     ]  # fmt: skip
+
+
+def spool_usd(item: str) -> float | None:
+    """Price of one spool, by its plastic's price a kilogram; ``None`` for what is no filament.
+
+    Args:
+        item: name of a row, such as ``PLA filament``.
+    """
+    plastic = next((name for name in SPOOL_G if item == _filament_item(name)), None)
+    return None if plastic is None else SPOOL_G[plastic] / 1000 * filament(plastic).price_usd_kg
 
 
 def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[float, float]]) -> dict[str, float]:
@@ -101,11 +112,16 @@ def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float]) -> list[Bo
         lines: of the bill. grams: of each plastic, as sliced; of one that is missing the table's amount stays.
     """
     spools = {
-        f"{plastic.split()[0]} filament": math.ceil(SPARE * grams[plastic] / spool)
+        _filament_item(plastic): math.ceil(SPARE * grams[plastic] / spool)
         for plastic, spool in SPOOL_G.items()
         if grams.get(plastic)
     }
-    return [replace(line, quantity=spools.get(line.item, line.quantity)) for line in lines]
+    return [
+        replace(line, quantity=spools[line.item], pack_usd=spools[line.item] * (spool_usd(line.item) or 0.0))
+        if line.item in spools
+        else line
+        for line in lines
+    ]
 
 
 def camera_supply() -> Supply:
@@ -126,10 +142,14 @@ def silicone_line(mix: Recipe) -> BomLine:
     return BomLine(item, grams, "g", "shell", "cast", count * (kit.price_usd or 0.0), kit.letter, order, "silicone")
 
 
-def bag(count: int) -> str:
-    """The smallest bag of screws with at least so many, in words."""
-    size = next((size for size in PACKS if size >= count), count)
-    return f"bag of {size}"
+def bag_size(count: int) -> int:
+    """How many the smallest bag of screws holds that has at least so many."""
+    return next((size for size in PACKS if size >= count), count)
+
+
+def _filament_item(plastic: str) -> str:
+    """The row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A."""
+    return f"{plastic.split()[0]} filament"
 
 
 def _supply(row: dict[str, str]) -> Supply:

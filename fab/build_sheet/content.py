@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cad.dots import dot_pattern
-from cad.robot_sides import fixing_words
+from cad.robot_sides import fixing_words, robot_words
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
 from fab.build_sheet.commands import make_command
@@ -12,6 +12,7 @@ from fab.build_sheet.finishing import assembling, light_check, painting
 from fab.build_sheet.lighting import led_ring
 from fab.build_sheet.prints import bed_needed, mold_sums, prints
 from fab.build_sheet.shopping import bill
+from fab.build_sheet.sums import cost_facts
 
 PAPER_MOLD_USD = 8.50  # P
 
@@ -46,14 +47,14 @@ def _cover(data: SheetData) -> list[Block]:
         ("cast weighs", f"{recipe.expected_g:.0f} g of silicone"),
         ("gates", f"{len(data.checks)}, all held" if all(c["ok"] for c in data.checks) else "NOT ALL HELD"),
     ]
-    facts.append(("robot", f"adapter for {data.robot}" + (f": {words}" if (words := fixing_words(data.robot)) else "")))
+    fixing = fixing_words(data.robot)
+    facts.append(("robot", f"adapter for {robot_words(data.robot)}" + (f": {fixing}" if fixing else "")))
     facts.append(("print bed", bed_needed(data)))
     if mold := mold_sums(data):
         facts.append(
             ("mold", f"{mold[0]}, {mold[1]:.0f} g of PLA, {mold[2]:.2f} USD (the paper: about {PAPER_MOLD_USD:.2f})")
         )
-    total = sum(line.price_usd or 0.0 for line in data.lines)
-    facts.append(("everything", f"about {total:.0f} USD, small things bought whole"))
+    facts += cost_facts(data)
     return [
         Picture(data.pictures["cover"], "what you will build"),
         Table(("", ""), tuple(facts), (1, 4)),

@@ -54,19 +54,22 @@ def bill(data: SheetData) -> list[Block]:
     casting = [line for line in data.lines if line.kind in ("silicone", "consumable")]
     tools = [line for line in data.lines if line.kind == "tool"]
     widths = (0.9, 2.2, 3.3, 0.8, 1.9, 0.7, 0.4)
-    header = ("", "item", "order as", "how many", "for", "USD", "")
+    header = ("", "item", "order as", "how many", "for", "USD, pack", "")
     return [
         Heading("What you need", 1),
         Paragraph(
             "The same lines are in bom.csv. A part number names one that fits; any other of the same value, size and "
-            "rating does as well. Prices are estimates in US dollars, made parts by the grams they take. The last "
-            "column says where a line comes from: " + "; ".join(f"{letter} {words}" for letter, words in LEGEND) + "."
+            "rating does as well. Prices are estimates in US dollars: of printed parts the plastic in them, by the "
+            "gram; of all else what is paid for the whole pack that is ordered (bag, spool, kit, batch); bom.csv has "
+            "both. The last column says where a line comes from: "
+            + "; ".join(f"{letter} {words}" for letter, words in LEGEND)
+            + "."
         ),
         Heading("Print"),
         Table(
-            ("", "part", "how many", "for", "USD"),
+            ("", "part", "how many", "for", "USD, plastic"),
             _alike(data, made),
-            (0.9, 3, 1, 2, 0.8),
+            (0.9, 2.2, 1, 3, 0.8),
         ),
         Heading("Buy: parts"),
         Table(header, _rows(data, parts), widths),
@@ -87,7 +90,7 @@ def _alike(data: SheetData, made: Sequence[BomLine]) -> tuple[tuple[str | Path, 
         count = sum(line.quantity for line in lines)
         name = lines[0].item if len(lines) == 1 else lines[0].item.replace(lines[0].owner, f"{kind}_1 to {len(lines)}")
         price = "" if lines[0].price_usd is None else f"{sum(line.price_usd or 0.0 for line in lines):.2f}"
-        use = lines[0].use + (" each" if len(lines) > 1 and "g" in lines[0].use else "")
+        use = lines[0].use + (" each" if len(lines) > 1 and lines[0].price_usd is not None else "")
         rows.append((_picture(data, lines[0]), name, f"{count:g} pc", use, price))
     return tuple(rows)
 
@@ -108,4 +111,4 @@ def _amount(line: BomLine) -> str:
 
 
 def _price(line: BomLine) -> str:
-    return "" if line.price_usd is None else f"{line.price_usd:.2f}"
+    return "" if line.paid_usd is None else f"{line.paid_usd:.2f}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cad.robot_sides import fixing_words, robot_side
+from cad.robot_sides import fixing_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
@@ -48,7 +48,7 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
         "cure_h": f"{recipe.silicone.cure_h:g}",
         "overflow_ml": f"{recipe.overflow_mm3 / 1000:.1f}",
-        "robot": data.robot,
+        "robot": robot_words(data.robot),
         "robot_fixing": _fixing(data.robot),
     }
 

@@ -17,6 +17,7 @@ from cad.errors import FileError
 from cad.lens import camera_module
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from cad.robot_sides import robot_words
 from fab.bom import bom_lines
 from fab.build_sheet import __main__ as command
 from fab.build_sheet import dots as drawings
@@ -70,9 +71,9 @@ def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
 def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, count):
     data = SheetData(MoldLayout(PARAMS), {"robot": robot}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
     words = filled(data, ("{robot}: {robot_fixing}",))[0]
-    assert words.startswith(f"{robot}: ") and ("drill it" in words) == (count == 0)
+    assert words.startswith(f"{robot_words(robot)}: ") and ("drill it" in words) == (count == 0)
     lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
-    assert sum(line.quantity for line in lines if line.owner == "arm_adapter") == count
+    assert sum(line.quantity for line in lines if line.owner == "robot") == count
 
 
 def test_the_commands_of_a_sheet_carry_dots_of_ones_own():

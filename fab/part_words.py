@@ -1,0 +1,35 @@
+"""What parts and joints are for, in plain words: for the bill of materials and the build sheet."""
+
+from __future__ import annotations
+
+import re
+
+PARTS = {  # name without its number -> what it is for
+    "cup_bowl": "mold: outside of the dome, from the tip to its widest section",
+    "cup_collar": "mold: outside of the dome, from its widest section to the rim",
+    "core_centre": "mold: inside of the dome; the piece that comes out first",
+    "core_key": "mold: inside of the dome; parallel sides, out second",
+    "core_wedge": "mold: inside of the dome; tapered, out last",
+    "hanger": "mold: holds core and interface in the cup",
+    "interface": "endcap: joins dome and base; silicone fills its gyroid",
+    "base": "endcap: carries camera and LED ring",
+    "ring_spacer": "endcap: holds the LED ring in the base",
+    "arm_adapter": "endcap: from the base to the robot",
+    "camera": "sees the dots from inside the dome",
+    "led_ring": "lights the dome from inside",
+}
+
+
+def part_words(name: str) -> str:
+    """What a part is for; its name in plain words where it is no part of the table.
+
+    Args:
+        name: of a part, such as ``core_key_2``.
+    """
+    return PARTS.get(re.sub(r"_\d+$", "", name), name.replace("_", " "))
+
+
+def joint_words(name: str) -> str:
+    """What a joint holds together: ``hanger to core`` for ``hanger_to_core_key_1``, those of one kind alike."""
+    kind = re.sub(r"core_[a-z]+|cup_|_\d+", lambda match: "core" if match[0].startswith("core") else "", name)
+    return kind.replace("_", " ")

@@ -1,4 +1,4 @@
-"""Cameras of this computer and their modes: ``python -m sensing.sources``; with ``check``, what is wrong with them."""
+"""Cameras and their modes: ``python -m sensing.sources``; ``check``: what is wrong with them; ``save``: one frame."""
 
 from __future__ import annotations
 
@@ -17,15 +17,20 @@ from sensing.sources.camera import list_devices, list_modes
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Prints one line per camera and mode, or checks sources; returns the exit status."""
+    """Prints one line per camera and mode, checks sources, or saves a frame; returns the exit status."""
     words = sys.argv[1:] if arguments is None else arguments
     if words[:1] == ["check"]:
         from sensing.doctor.command import main as check
 
         return check(words[1:], _recorded)
+    if words[:1] == ["save"]:
+        from sensing.sources.save import main as save
+
+        return save(words[1:])
     parser = argparse.ArgumentParser(
         prog=program("python -m sensing.sources"), description="Cameras and their modes.",
-        epilog="python -m sensing.sources check --help: what is wrong with a camera or its picture, and the fix",
+        epilog="python -m sensing.sources check --help: what is wrong with a camera or its picture, and the fix; "
+        "python -m sensing.sources save --help: one frame as a picture",
     )  # fmt: skip
     parser.add_argument("device", nargs="?", type=whole, metavar="N", help="only /dev/videoN (default: all)")
     options = parser.parse_args(words)

@@ -19,6 +19,7 @@ from fab.build_sheet.blocks import Drawing
 
 MARGIN_MM = 4.0
 DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
+CIRCLE_DEG = 92.0  # off the axis: the released lens's circle ends there on the photo of 720 rows (M)
 FRAME_PX = (640.0, 480.0)
 SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
@@ -81,6 +82,28 @@ def repeat_deg(params: EndcapParams) -> float:
 def disc_px() -> float:
     """Radius at which the picture of the shell ends."""
     return lens_px(math.radians(DISC_DEG))
+
+
+def edge_px() -> tuple[float, float]:
+    """Least and largest radius at which the bright disc ends: with the shell, or with the circle of the lens."""
+    return disc_px(), lens_px(math.radians(CIRCLE_DEG))
+
+
+def edge_cuts_px(radius: float) -> tuple[float | None, float | None]:
+    """How far from the corner a circle cuts the frame's upper and lower, and its left and right edge.
+
+    Args:
+        radius: of the circle about the frame's centre, px.
+
+    Returns:
+        Two distances, px; None where it does not cut that edge.
+    """
+    half_width, half_height = FRAME_PX[0] / 2, FRAME_PX[1] / 2
+
+    def from_corner(along: float, across: float) -> float | None:
+        return along - math.sqrt(radius**2 - across**2) if across < radius < math.hypot(along, across) else None
+
+    return from_corner(half_width, half_height), from_corner(half_height, half_width)
 
 
 def dots_in(pixels: Iterable[tuple[float, float]], width: float, height: float) -> int:

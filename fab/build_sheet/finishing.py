@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Sequence
 
 from cad.dots import dot_pattern, ring_count
 from cad.lens import RELEASED_MODULE, camera_module
@@ -17,8 +18,9 @@ from fab.build_sheet.dots import (
     FRAME_PX,
     SQUARE_PX,
     camera_pixels,
-    disc_px,
     dots_in,
+    edge_cuts_px,
+    edge_px,
     first_light,
     gores,
     repeat_deg,
@@ -27,6 +29,7 @@ from fab.build_sheet.dots import (
 from fab.build_sheet.steps import stage_blocks, steps
 
 RELEASED = EndcapParams(130.0, 8.0)
+CENTRED_PX = 10.0  # E: so far from the frame's middle may the camera's be
 
 
 def painting(data: SheetData) -> list[Block]:
@@ -98,29 +101,66 @@ def light_check(data: SheetData) -> list[Block]:
     return [
         Heading("First light", 1),
         Paragraph(
-            "Plug the camera in and look at a frame of 640 x 480 with nothing touching the dome. Compare with "
-            "the drawing: "
-            "dots black, the shell's disc green, the centre square dashed."
+            "Plug the camera in and save a frame of 640 x 480 with nothing touching the dome, after `make setup`: "
+            f"{INTERPRETER} -m sensing.sources save 0 a.jpg (0 is the camera's number; {INTERPRETER} -m "
+            "sensing.sources lists them). Compare with the drawing: dots black, the edge of the bright disc green, the "
+            "centre square dashed."
         ),
         first_light(data.layout.params),
         Table(
             ("look at", "good", "if not"),
             (
-                ("disc of the shell", f"centre within 10 px of the frame's, radius about {disc_px():.0f} px",
-                 "camera not flat on its four pads, or another lens"),
+                ("edge of the bright disc", edge_words(), "camera not flat on its four pads, or another lens"),
                 ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
                  "ink missing, or lamps too dark"),
                 ("dots in the centre square", f"about {square} by the same{of_square}",
                  "camera not centred"),
                 ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
                 "fixed by hand"),
-                ("dots of the common meridian", "one straight line to the right", "turn the picture, not the camera"),
+                ("dots of the common meridian", _line_words(params), _turn_words(params)),
                 *_repeats(params),
             ),
             (1.4, 2.2, 2),
         ),
         *_first_run(data),
     ]  # fmt: skip
+
+
+def edge_words() -> str:
+    """Where the frame shows the edge of the picture; for most lenses its circle is wider than the frame."""
+    radii, half_height = edge_px(), FRAME_PX[1] / 2
+    uppers, sides = zip(*(edge_cuts_px(radius) for radius in radii), strict=True)
+    if radii[-1] <= half_height:
+        return f"a whole circle: centre within {CENTRED_PX:.0f} px of the frame's, radius {_span(radii)} px"
+    if not any(uppers):
+        return "not in the frame: it lies outside the corners"
+    alike = 2 * CENTRED_PX * radii[-1] / math.sqrt(radii[-1] ** 2 - half_height**2)
+    cuts = (
+        f"arcs that cut the upper and lower edge {_span(uppers)} px from each corner, the four alike to {alike:.0f} px"
+    )
+    return f"{cuts}; the left and right edge {_span(sides)} px from it" if any(sides) else cuts
+
+
+def _span(lengths: Sequence[float | None]) -> str:
+    """Least and largest of those that are there: ``72 to 92``."""
+    known = sorted(length for length in lengths if length is not None)
+    return " to ".join(dict.fromkeys(f"{length:.0f}" for length in (known[0], known[-1])))
+
+
+def _line_words(params: EndcapParams) -> str:
+    """Where the dots at azimuth 0 lie, and those opposite to them, which rings of an even count have."""
+    even = [count % 2 == 0 for count in params.dot_rings[1:]]
+    line = "one straight line from the middle to the right edge"
+    if all(even):
+        return f"{line}, and as straight to the left"
+    return f"{line}; to the left rings of an even count alone" if any(even) else f"{line}, none to the left"
+
+
+def _turn_words(params: EndcapParams) -> str:
+    """What finds the turn of a camera that is not mounted upright."""
+    repeat = repeat_deg(params)
+    limit = "" if repeat >= 360.0 else f", if it is less than {repeat / 2:.3g}°"
+    return f"leave the camera: sensing.calibrate and sensing.setup find its turn from the dots{limit}"
 
 
 def _repeats(params: EndcapParams) -> list[tuple[str, str, str]]:
@@ -137,16 +177,19 @@ def _first_run(data: SheetData) -> list[Block]:
     params = data.layout.params
     return [
         Paragraph(
-            "Then save the frame as a.jpg in the toolkit's folder, open a terminal there, and run: "
+            "Then see whether the dots are found: "
             + program_command(
                 "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
             )
-            + " (after `make setup`). fit.png shows the same dots with circles on them."
+            + ". fit.png is a.jpg with a green cross where the design has each dot that was found, seen by the camera "
+            "that fits best. A yellow line from a cross points to where the dot is painted, ten times as long as it is "
+            "off. A gray cross is a dot that was not found, a red ring a dark spot that is no dot."
         ),
         Paragraph(
             "To run it: "
             + program_command("sensing.setup", params, "--silicone", shlex.quote(data.recipe.silicone.name))
-            + " takes the untouched reference and writes endcaps.toml; then "
-            + f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact."
+            + " takes the untouched reference, finds the camera in it, and writes endcaps.toml; then "
+            + f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact. Neither "
+            'reads camera.json by itself: to use it, write camera = "camera.json" under [[endcap]] in endcaps.toml.'
         ),
     ]  # fmt: skip

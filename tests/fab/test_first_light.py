@@ -1,0 +1,85 @@
+"""The build sheet's chapter of the first frame: what can be read off a frame, and what its commands do."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from cad.dots import ring_count
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab.build_sheet import finishing
+from fab.build_sheet.blocks import Paragraph, Table
+from fab.build_sheet.data import SheetData
+from fab.build_sheet.dots import FRAME_PX, camera_pixels, edge_cuts_px, edge_px
+from fab.build_sheet.finishing import edge_words, light_check
+from fab.recipe import recipe
+from sensing.calibration.picture import draw_fit
+from sensing.sources.__main__ import main as sources
+
+PARAMS = EndcapParams(142.0, 7.5)
+
+
+def sheet(params: EndcapParams = PARAMS) -> tuple[str, dict[str, tuple[str, ...]]]:
+    """Running text, and the table's rows by their first cell."""
+    blocks = light_check(SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {}))
+    table = next(block for block in blocks if isinstance(block, Table))
+    text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
+    return text, {str(row[0]): tuple(map(str, row[1:])) for row in table.rows}
+
+
+def test_the_edge_is_where_the_circle_meets_the_edges_of_the_frame():
+    for radius in edge_px():
+        assert radius > FRAME_PX[0] / 2  # wider than the frame: neither centre nor radius can be read off it
+        upper, side = edge_cuts_px(radius)
+        assert (320 - upper) ** 2 + 240**2 == pytest.approx(radius**2) == 320**2 + (240 - side) ** 2
+    words = sheet()[1]["edge of the bright disc"][0]
+    assert words == edge_words() and "73 to 92 px from each corner" in words and "113 to 155 px" in words
+
+
+@pytest.mark.parametrize(
+    ("radii", "expected"),
+    [
+        ((220.0, 230.0), "a whole circle: centre within 10 px of the frame's, radius 220 to 230 px"),
+        ((300.0, 310.0), "upper and lower edge 124 to 140 px from each corner, the four alike to 32 px"),
+        ((410.0, 420.0), "not in the frame: it lies outside the corners"),
+    ],
+)
+def test_of_another_lens_only_what_is_seen_is_named(radii, expected, monkeypatch):
+    monkeypatch.setattr(finishing, "edge_px", lambda: radii)
+    assert edge_words().endswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("rings", "left", "limit"),
+    [
+        (PARAMS.dot_rings, "and as straight to the left", "if it is less than 90°"),
+        ((1, 5, 11), "none to the left", "from the dots"),
+        ((1, 6, 9), "to the left rings of an even count alone", "if it is less than 60°"),
+    ],
+)
+def test_the_line_of_dots_is_on_the_sides_where_the_drawing_has_it(rings, left, limit):
+    params = EndcapParams(142.0, 7.5, rings)
+    line, turn = sheet(params)[1]["dots of the common meridian"]
+    assert line.endswith(left) and turn.endswith(limit)
+    on_left = {dot.ring for dot, (x, y) in camera_pixels(params).items() if x < 319 and abs(y - 240) < 1e-6}
+    assert all(ring_count(params, ring) % 2 == 0 for ring in on_left)
+    assert bool(on_left) == ("none" not in left)
+
+
+def test_the_sheet_saves_the_frame_with_a_command_that_there_is(tmp_path, capsys):
+    text, _ = sheet()
+    assert ".venv/bin/python -m sensing.sources save 0 a.jpg" in text
+    with pytest.raises(SystemExit) as end:
+        sources(["save", "--help"])
+    assert end.value.code == 0 and "save one frame" in capsys.readouterr().out.lower()
+
+
+def test_the_words_of_the_fit_are_those_of_its_drawing_and_the_camera_file_has_its_place():
+    text, _ = sheet()
+    drawn = re.findall(r"(\w+) (cross|ring) \w+", draw_fit.__doc__)
+    assert [word for pair in drawn for word in pair] == ["green", "cross", "gray", "cross", "red", "ring"]
+    assert all(f"{colour} {mark}" in text for colour, mark in drawn) and "yellow line" in text
+    assert "circles" not in text and "ten times" in text and "10 x residual" in draw_fit.__doc__
+    assert 'write camera = "camera.json" under [[endcap]] in endcaps.toml' in text

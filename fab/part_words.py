@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from cad.params import EndcapParams
+
 PARTS = {  # name without its number -> what it is for
     "cup_bowl": "mold: outside of the dome, from the tip to its widest section",
     "cup_collar": "mold: outside of the dome, from its widest section to the rim",
@@ -27,6 +29,16 @@ def part_words(name: str) -> str:
         name: of a part, such as ``core_key_2``.
     """
     return PARTS.get(re.sub(r"_\d+$", "", name), name.replace("_", " "))
+
+
+def height_words(params: EndcapParams, unit: str = "") -> str:
+    """How high the cast silicone is, and how high with the flange of the interface that it stands on.
+
+    Args:
+        params: the design. unit: behind each number.
+    """
+    flange, tip = params.flange_thickness_mm, params.tip_height_mm
+    return f"{tip - flange:.1f}{unit} high as cast; {tip:.1f}{unit} with the interface's flange of {flange:g}{unit}"
 
 
 def joint_words(name: str) -> str:

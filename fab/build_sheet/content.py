@@ -13,6 +13,7 @@ from fab.build_sheet.lighting import led_ring
 from fab.build_sheet.prints import bed_needed, mold_sums, prints
 from fab.build_sheet.shopping import bill
 from fab.build_sheet.sums import cost_facts
+from fab.part_words import height_words
 
 PAPER_MOLD_USD = 8.50  # P
 
@@ -41,7 +42,7 @@ def _cover(data: SheetData) -> list[Block]:
     params, recipe = data.layout.params, data.recipe
     facts = [
         ("made by", f"{make_command('molds', data)} (joint clearance {data.layout.joint_clearance_mm:g})"),
-        ("silicone dome", f"{params.diameter_mm:g} outside, wall {params.wall_mm:g}, {params.tip_height_mm:.1f} high"),
+        ("silicone dome", f"{params.diameter_mm:g} outside, wall {params.wall_mm:g}, {height_words(params)}"),
         ("dots", f"{len(dot_pattern(params))} dents of {params.dot_mm:g} diameter, {params.dent_depth_mm:.3g} deep"),
         ("silicone", f"{recipe.silicone.name}: {recipe.part_a_g:.1f} g A + {recipe.part_b_g:.1f} g B"),
         ("cast weighs", f"{recipe.expected_g:.0f} g of silicone"),

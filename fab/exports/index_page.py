@@ -13,6 +13,7 @@ from cad.dots import dot_pattern
 from cad.materials import silicone
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import Check
+from fab.part_words import height_words
 from fab.variant import Variant
 
 PAGE = "index.html"
@@ -94,7 +95,7 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
     row = silicone(variant.silicone)
     volume = next(p["volume_mm3"]["mesh"] for p in manifest["parts"] if p["name"] == "shell")
     facts = (
-        ("dome", f"{params.diameter_mm:g} mm outside, wall {params.wall_mm:g} mm, {params.tip_height_mm:.1f} mm high"),
+        ("dome", f"{params.diameter_mm:g} mm outside, wall {params.wall_mm:g} mm, {height_words(params, ' mm')}"),
         (
             "dots",
             f"{len(dot_pattern(params))} dents of {params.dot_mm:g} mm, {params.dent_depth_mm:.3g} mm deep, inside",

@@ -1,0 +1,29 @@
+"""Words of parts, sizes and the workshop: true of the parts, and each in the glossary."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from build123d import Solid
+
+from cad.materials import DEFAULT_SILICONE
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from cad.shell import shell_part
+from fab.exports.index_page import _facts
+from fab.part_words import height_words
+from fab.variant import Variant
+
+
+@pytest.mark.parametrize("size", [(130.0, 8.0), (142.0, 7.5)])
+def test_the_height_of_the_dome_is_that_of_the_cast_silicone(size):
+    params = EndcapParams(*size)
+    core = Solid.make_sphere(params.inner_radius_mm).translate((0, 0, params.centre_height_mm))
+    box = shell_part(MoldLayout(params), core).solid.bounding_box()
+    cast, whole, flange = map(float, re.findall(r"[\d.]+", height_words(params)))
+    assert cast == pytest.approx(box.max.Z - box.min.Z, abs=0.06) and whole == pytest.approx(box.max.Z, abs=0.06)
+    assert flange == params.flange_thickness_mm
+    manifest = {"parts": [{"name": "shell", "volume_mm3": {"mesh": 3e5}}], "gyroid": {"period_mm": 9, "density": 0.1}}
+    page = _facts(Variant(MoldLayout(params, silicone=DEFAULT_SILICONE)), manifest)
+    assert f"{cast:.1f} mm high as cast; {whole:.1f} mm with" in page

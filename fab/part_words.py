@@ -20,6 +20,14 @@ PARTS = {  # name without its number -> what it is for
     "camera": "sees the dots from inside the dome",
     "led_ring": "lights the dome from inside",
 }
+WORKSHOP = {  # what has no line of the bill, as the steps name it -> what it is
+    "gyroid": "curved TPU sheet on the interface's flange; silicone runs through it and locks",
+    "dam": "wall round the bowl above its seam; keeps in the silicone that rises while the mold closes",
+    "piston": "end of the collar that slides into the dam, down to the bowl's seam",
+    "vent": "hole through the hanger, through which air and surplus silicone leave",
+    "well": "wider mouth of a vent on the hanger's outside; silicone in it shows that the mold is full",
+    "gore": "strip of the dome's inner surface, from the tip outward, drawn flat",
+}
 
 
 def part_words(name: str) -> str:

@@ -13,7 +13,7 @@ from fab.build_sheet.lighting import led_ring
 from fab.build_sheet.prints import bed_needed, mold_sums, prints
 from fab.build_sheet.shopping import bill
 from fab.build_sheet.sums import cost_facts
-from fab.part_words import height_words
+from fab.part_words import WORKSHOP, height_words
 
 PAPER_MOLD_USD = 8.50  # P
 
@@ -25,6 +25,8 @@ def build_document(data: SheetData) -> Document:
         *_cover(data),
         *bill(data),
         *prints(data),
+        Heading("Words of the chapters that follow"),
+        Table(("word", "what it is"), tuple(WORKSHOP.items()), (1, 4)),
         *silicone(data),
         *casting(data),
         *demolding(data),

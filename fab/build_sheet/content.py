@@ -16,6 +16,7 @@ from fab.build_sheet.sums import cost_facts
 from fab.part_words import WORKSHOP, height_words
 
 PAPER_MOLD_USD = 8.50  # P
+COVER_RATIO = 0.75  # of the text's width: table and words below the picture stay on its page
 
 
 def build_document(data: SheetData) -> Document:
@@ -25,8 +26,6 @@ def build_document(data: SheetData) -> Document:
         *_cover(data),
         *bill(data),
         *prints(data),
-        Heading("Words of the chapters that follow"),
-        Table(("word", "what it is"), tuple(WORKSHOP.items()), (1, 4)),
         *silicone(data),
         *casting(data),
         *demolding(data),
@@ -59,13 +58,15 @@ def _cover(data: SheetData) -> list[Block]:
         )
     facts += cost_facts(data)
     return [
-        Picture(data.pictures["cover"], "what you will build"),
+        Picture(data.pictures["cover"], "what you will build", COVER_RATIO),
         Table(("", ""), tuple(facts), (1, 4)),
         Paragraph(
             "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
             "buy, cast, demold, paint, assemble, test. What stops the cure is in the chapter Silicone: no latex. "
             "Commands are typed in the toolkit's folder."
         ),
+        Heading("Words of the steps"),
+        Table(("word", "what it is"), tuple(WORKSHOP.items()), (1, 4)),
     ]
 
 

@@ -181,9 +181,9 @@ def _first_run(data: SheetData) -> list[Block]:
             + program_command(
                 "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
             )
-            + " writes fit.png: a.jpg with a green cross where the design has each dot that was found, seen by the camera "
-            "that fits best. A yellow line from a cross points to where the dot is painted, ten times as long as it is "
-            "off. A gray cross is a dot that was not found, a red ring a dark spot that is no dot."
+            + " writes fit.png: a.jpg with a green cross where the design has each dot that was found, seen by the "
+            "camera that fits best. A yellow line from a cross points to where the dot is painted, ten times as long "
+            "as it is off. A gray cross is a dot that was not found, a red ring a dark spot that is no dot."
         ),
         Paragraph(
             "To run it: "

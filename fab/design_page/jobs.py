@@ -21,6 +21,7 @@ from fab.workers import end_with_parent
 ROOT = Path(__file__).resolve().parents[2]
 MOST_LINES = 200
 END_S = 30.0
+STOPPED = 128 + signal.SIGTERM  # status of a command that was stopped, and of a run stopped between two of them
 
 Commands = Callable[[tuple[str, ...], str, bool, Path], list[list[str]]]
 
@@ -58,7 +59,7 @@ class Jobs:
         self._changed = threading.Condition()
         self._state = _State()
         self._process: subprocess.Popen[str] | None = None
-        self._is_closing = False
+        self._is_stopped = self._is_closing = False
 
     def start(self, words: tuple[str, ...], printer: str, label: str, is_whole: bool) -> bool:
         """Begin a run; False where one is going on.
@@ -72,6 +73,7 @@ class Jobs:
         with self._changed:
             if self._state.running or self._is_closing:
                 return False
+            self._is_stopped = False
             self._state = _State(label, True, None, (), self._state.number + 1)
             self._changed.notify_all()
         runs = self._commands(words, printer, is_whole, self._exports)
@@ -79,8 +81,9 @@ class Jobs:
         return True
 
     def stop(self) -> None:
-        """End the run; the command leaves nothing behind."""
+        """End the run: the command under way leaves nothing behind, and none after it begins."""
         with self._changed:
+            self._is_stopped = True
             process = self._process
         if process is not None and process.poll() is None:
             process.send_signal(signal.SIGTERM)
@@ -123,6 +126,8 @@ class Jobs:
             self._changed.notify_all()
 
     def _one(self, run: list[str]) -> int:
+        if self._is_stopped:
+            return STOPPED
         process = subprocess.Popen(
             run, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             errors="replace", start_new_session=True,  # Ctrl-C is for the page, which then ends the run
@@ -130,8 +135,8 @@ class Jobs:
         )  # fmt: skip
         with self._changed:
             self._process = process
-            is_closing = self._is_closing
-        if is_closing:
+            is_stopped = self._is_stopped
+        if is_stopped:  # while it was being started
             process.send_signal(signal.SIGTERM)
         assert process.stdout is not None
         for line in process.stdout:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import http.client
 import json
+import signal
+import subprocess
 import sys
 import threading
 from contextlib import contextmanager
@@ -13,7 +15,7 @@ import pytest
 
 from cad.errors import FileError, ParameterError
 from fab.design_page import __main__ as command
-from fab.design_page.jobs import Jobs, program_commands
+from fab.design_page.jobs import STOPPED, Jobs, program_commands
 from fab.design_page.server import TOKEN_HEADER, DesignServer
 
 LABEL = "D130_T8"
@@ -175,6 +177,52 @@ def test_one_run_at_a_time_and_stop_ends_it(exports):
         assert ask(server, "/stop", {}, **good)[0] == 200
         state = follow(server, lambda s: not s["running"])
         assert state["status"] != 0
+
+
+def follow_to_the_end(jobs: Jobs):
+    number = 0
+    while (state := jobs.seen(number, 60.0))["running"]:
+        number = state["number"]
+    return state
+
+
+def test_stop_before_the_first_command_lets_none_begin(exports):
+    def commands(*_: object):
+        jobs.stop()  # the run is on, its first process is not
+        return [[sys.executable, "-c", PRINTS]]
+
+    jobs = Jobs(exports, commands)
+    assert jobs.start((), "mk4", LABEL, True)
+    state = follow_to_the_end(jobs)
+    assert (state["status"], state["lines"]) == (STOPPED, [])
+
+
+def test_stop_between_two_commands_lets_the_next_one_not_begin(exports):
+    class StoppedBetween(Jobs):
+        def _one(self, run):
+            status = super()._one(run)
+            self.stop()
+            return status
+
+    commands = [[sys.executable, "-c", f"print({name!r})"] for name in ("molds", "slice")]
+    jobs = StoppedBetween(exports, lambda *_: commands)
+    for _ in range(2):  # the stop of one run is not that of the next
+        assert jobs.start((), "mk4", LABEL, True)
+        state = follow_to_the_end(jobs)
+        assert (state["status"], state["lines"]) == (STOPPED, ["molds"])
+
+
+def test_stop_while_a_command_is_being_started_ends_it(exports, monkeypatch):
+    jobs, begin = Jobs(exports, stand_in(WAITS)), subprocess.Popen
+
+    def popen(*words, **options):
+        process = begin(*words, **options)
+        jobs.stop()
+        return process
+
+    monkeypatch.setattr("fab.design_page.jobs.subprocess.Popen", popen)
+    assert jobs.start((), "mk4", LABEL, False)
+    assert follow_to_the_end(jobs)["status"] == -signal.SIGTERM
 
 
 def test_closing_the_page_ends_its_run(exports):

@@ -136,7 +136,7 @@ class EndcapStats:
 
     def _look(self, now: float) -> _Timing:
         latency, stages = np.sort(self._latency_ms[: self.frames]), list(self._stages)
-        if not stages:
+        if not stages or not latency.size:  # none yet, or the first is just being added
             return _Timing(now + HOLD_S)
         names = dict.fromkeys(name for stage in stages for name in stage)
         times = np.array([[stage.get(name, np.nan) for name in names] for stage in stages])

@@ -2,6 +2,8 @@
 
 import io
 import json
+from collections import deque
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -84,6 +86,23 @@ def test_where_nobody_looks_state_and_reason_are_printed_when_they_change():
         "endcap_0: starting", "endcap_0: blind: 0 of 88 dots are seen", "endcap_0: running",
         "endcap_0: silent: no frame for 1.2 s",
     ]  # fmt: skip
+
+
+def test_the_first_reading_may_come_while_the_state_is_looked_up():
+    stats = EndcapStats("endcap_0")
+    first = SimpleNamespace(
+        latency_ms=5.0, ready_s=1.0, captured_s=1.0, stage_ms={"track": 2.0}, dots=(1, 2), drift=None
+    )
+
+    class AddedMeanwhile(deque):
+        def __iter__(self):
+            if not stats.frames:
+                stats.add(first)
+            return super().__iter__()
+
+    stats._stages = AddedMeanwhile()
+    assert np.isnan(stats.health(Health(), Condition(), 0, fresh=True).p99_ms)
+    assert stats.health(Health(), Condition(), 0, fresh=True).p99_ms == 5.0
 
 
 def test_a_run_ends_with_its_sources_and_a_summary(press):

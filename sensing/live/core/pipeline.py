@@ -239,8 +239,7 @@ class EndcapPipeline:
             made = self._taker.take()
         except EndcapError as error:
             if self._used is None:
-                self._taker.ask()
-                self._taker.pressed = type(error).__name__ == "PressedError"
+                self._taker.ask_again()
                 return str(error)
             self._say(f"not zeroed: {error}")
             return ""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -48,8 +48,16 @@ class Reference:
     method: FieldMethod
 
 
+@dataclass(eq=False)
+class _Request:
+    """What was asked for, with the frames collected for it."""
+
+    confirmed: bool
+    frames: list[Frame] = field(default_factory=list)
+
+
 class ReferenceTaker:
-    """Takes references for one endcap.
+    """Takes references for one endcap; a request replaces the one before, even while its reference is being made.
 
     Args:
         name: of the endcap. params: its design. frames: averaged for a reference; 1 takes a single picture as it is, 0
@@ -71,8 +79,9 @@ class ReferenceTaker:
     ) -> None:
         self._name, self._params, self._count, self._build = name, params, frames, build
         self._estimator, self._most_n = estimator, most_n
-        self._frames: list[Frame] | None = None
-        self._confirmed, self._stopped = False, False
+        self._stopped = False
+        self._lock = threading.Lock()  # of what follows: asked for, made and taken in three threads
+        self._request: _Request | None = None  # None once it is answered
         self._made: Reference | EndcapError | None = None
         self._thread: threading.Thread | None = None
         self.reason, self.pressed = "", False
@@ -80,26 +89,34 @@ class ReferenceTaker:
     @property
     def collecting(self) -> bool:
         """Whether frames are wanted."""
-        return self._frames is not None
+        request = self._request
+        return request is not None and len(request.frames) < self._count
 
     def ask(self, confirmed: bool = False) -> None:
         """Begin with the next frame (any thread); ``confirmed`` takes it whatever it looks like."""
         if self._count:
-            self._confirmed, self.pressed, self.reason = confirmed, False, "taking a new reference: leave it untouched"
-            self._frames = []
+            with self._lock:
+                self._request, self._made = _Request(confirmed), None
+                self.pressed, self.reason = False, "taking a new reference: leave it untouched"
+
+    def ask_again(self) -> None:
+        """Begin anew after a refusal, unless somebody has asked since."""
+        with self._lock:
+            if self._request is None:
+                self._request = _Request(False)
 
     def offer(self, frame: Frame, last: Zero | None) -> None:
         """One frame; the last one needed begins the work, in a thread of its own unless one picture is enough."""
-        if self._frames is None:
+        request = self._request
+        if request is None or len(request.frames) == self._count:
             return
-        self._frames.append(frame)
-        if len(self._frames) < self._count:
+        request.frames.append(frame)
+        if len(request.frames) < self._count:
             return
-        frames, self._frames = self._frames, None
         if self._count == 1:  # a file: nothing may be missed, so it is worth the wait
-            self._make(frames, None)
+            self._make(request, None)
             return
-        self._thread = threading.Thread(target=self._make, args=(frames, last), daemon=True)
+        self._thread = threading.Thread(target=self._make, args=(request, last), daemon=True)
         self._thread.start()
 
     def take(self) -> Reference | None:
@@ -108,13 +125,14 @@ class ReferenceTaker:
         Raises:
             EndcapError: why there is none, once.
         """
-        made, self._made = self._made, None
-        if isinstance(made, EndcapError):
-            self.pressed, self.reason = isinstance(made, PressedError), str(made)
-            raise made
-        if made is not None:
-            self.pressed, self.reason = False, ""
-        return made
+        with self._lock:
+            made, self._made = self._made, None
+            if isinstance(made, EndcapError):
+                self.pressed, self.reason = isinstance(made, PressedError), str(made)
+                raise made
+            if made is not None:
+                self.pressed, self.reason = False, ""
+            return made
 
     def stop(self) -> None:
         """No reference will be needed any more (any thread)."""
@@ -126,23 +144,28 @@ class ReferenceTaker:
         if self._thread is not None:
             self._thread.join(wait_s)
 
-    def _make(self, frames: list[Frame], last: Zero | None) -> None:
-        try:
-            with _ONE_AT_A_TIME:
-                if not self._stopped:
-                    self._made = self._checked(frames, last)
-        except EndcapError as error:
-            self._made = error
-        except Exception as error:  # a bug must not end as a reference that never comes
-            self._made = ZeroError(f"{type(error).__name__}: {error}")
+    def _make(self, request: _Request, last: Zero | None) -> None:
+        made: Reference | EndcapError
+        with _ONE_AT_A_TIME:
+            if self._stopped or request is not self._request:
+                return
+            try:
+                made = self._checked(request, last)
+            except EndcapError as error:
+                made = error
+            except Exception as error:  # a bug must not end as a reference that never comes
+                made = ZeroError(f"{type(error).__name__}: {error}")
+        with self._lock:
+            if request is self._request:
+                self._request, self._made = None, made
 
-    def _checked(self, frames: list[Frame], last: Zero | None) -> Reference:
+    def _checked(self, request: _Request, last: Zero | None) -> Reference:
         if self._count == 1:
-            zero = single_zero(frames[0], self._name)
+            zero = single_zero(request.frames[0], self._name)
             return Reference(zero, self._build(zero))
-        zero = take_zero(frames, self._name, self._params)
+        zero = take_zero(request.frames, self._name, self._params)
         method = self._build(zero)
-        if not self._confirmed and isinstance(method, ModelInput):
+        if not request.confirmed and isinstance(method, ModelInput):
             if last is not None and last.image.shape == zero.image.shape:
                 before = self._build(last)
                 assert isinstance(before, ModelInput)

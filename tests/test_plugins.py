@@ -94,6 +94,27 @@ def test_camera_method_model_and_output_run_live(installed, picture, capsys, mon
     assert float(found[-1][1]) == pytest.approx(-2.0, abs=0.2)
 
 
+def test_outputs_that_raise_are_named_and_another_goes_on(installed, picture, capsys, monkeypatch):
+    lines, put = installed / "lines.txt", plugin_example.Lines.put
+
+    def put_and_stop(self, reading):
+        if self._stream.name.endswith("closed.txt"):
+            self._stream.close()
+        put(self, reading)
+        if self._stream.name == str(lines):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(plugin_example.Lines, "put", put_and_stop)
+    outputs = [f"file={installed / 'closed.txt'}", "file=/dev/full", f"file={lines}"]
+    words = ["--source", f"still:{picture}", "--model", "constant", "--seconds", "500"]
+    assert main(["live", "--no-page", *words, *(word for output in outputs for word in ("--output", output))]) == 1
+    assert lines.read_text()
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"sensing.live: --output {outputs[0]}: stopped (ValueError: I/O operation on closed file.); "
+        "--output file=/dev/full: stopped (No space left on device)"
+    )
+
+
 def test_a_field_method_is_used_by_its_name(installed, picture, capsys):
     words = ["--reference", str(picture), "--frame", str(picture), "--out", str(installed / "f.npy")]
     assert main(["field", "--method", "nothing", *words]) == 0

@@ -47,8 +47,8 @@ Cameras are zeroed at the start: leave the endcaps untouched for a second. Force
 endcap, at the origin of its frame.
 """
 EPILOG = """\
-exit status: 0 ended or stopped by Ctrl-C, SIGTERM or SIGHUP; 1 a file, a recording, --json or --check is not whole
-(one line on stderr); 2 bad input (one line on stderr); 130 or 143 stopped before it began
+exit status: 0 ended or stopped by Ctrl-C, SIGTERM or SIGHUP; 1 a file, a recording, an output or --check is not
+whole (one line on stderr); 2 bad input (one line on stderr); 130 or 143 stopped before it began
 """
 
 

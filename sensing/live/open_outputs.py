@@ -6,7 +6,7 @@ import argparse
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cad import plugins
 from cad.errors import ParameterError
@@ -58,7 +58,7 @@ def _add_json_lines(run: LiveRun, outputs: ExitStack) -> None:
 
     numbers = JsonLines(sys.stdout, run.engine.health)
     numbers.start()
-    run.engine.add_sink(numbers)
+    run.engine.add_sink(numbers, "--json")
     outputs.callback(lambda: numbers.close(run.patience_s))
     run.stop_when(lambda: bool(numbers.failed))
     run.losses.append(lambda: numbers.loss)
@@ -69,7 +69,7 @@ def _add_ros(run: LiveRun, outputs: ExitStack) -> None:
 
     topics = RosTopics([endcap.pipeline for endcap in run.engine.endcaps], health=run.engine.health)
     topics.start()
-    run.engine.add_sink(topics)
+    run.engine.add_sink(topics, "--ros")
     outputs.callback(lambda: topics.close(run.patience_s))
     run.notes.append(lambda: topics.note)
 
@@ -99,9 +99,16 @@ def _add_plugin(run: LiveRun, words: str, outputs: ExitStack) -> None:
             value=words,
         )
     sink = plugins.make(plugins.Kind.OUTPUT, name, "put", given, run.latest.names)
-    run.engine.add_sink(sink)
+    run.add_output(sink, f"--output {words}")
     if hasattr(sink, "close"):
-        outputs.callback(sink.close)
+        outputs.callback(_close_plugin, run, sink)
+
+
+def _close_plugin(run: LiveRun, sink: Any) -> None:
+    try:
+        sink.close()
+    except Exception as error:  # what it had kept to the end could not be written
+        run.engine.sink_failed(sink, error)
 
 
 def _add_rerun(run: LiveRun, outputs: ExitStack) -> None:
@@ -109,5 +116,5 @@ def _add_rerun(run: LiveRun, outputs: ExitStack) -> None:
 
     view = RerunView()
     view.start()
-    run.engine.add_sink(view)
+    run.add_output(view, "--rerun")
     outputs.callback(lambda: view.close(run.patience_s))

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, TextIO, cast
 
 from cad.errors import printable
@@ -14,6 +15,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.latest import Latest
 from sensing.live.core.robot import RobotState, robot_state
+from sensing.live.core.sink import Sink
 from sensing.live.ending import Stop
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.terminal import REFRESH_S, Terminal, summary
@@ -47,11 +49,18 @@ class LiveRun:
         self.config, self.playback = config, playback
         self.latest = Latest([endcap.name for endcap in config.endcaps])
         self.engine = Engine(endcaps, [self.latest], workers)
-        self.notes: list[Callable[[], str]] = []
-        self.losses: list[Callable[[], str]] = []
+        self.notes: list[Callable[[], str]] = [self._failures]
+        self.losses: list[Callable[[], str]] = [self._failures]
         self.begin_s = time.monotonic()
         self._reasons: list[Callable[[], bool]] = []
         self._end_s: float | None = None
+
+    def add_output(self, sink: Sink, name: str) -> None:
+        """One more output; where it raises, or says that it ``failed``, note and loss name it."""
+        self.engine.add_sink(sink, name)
+        said = partial(_failed, sink, name)
+        self.notes.append(said)
+        self.losses.append(said)
 
     def stop_when(self, reason: Callable[[], bool]) -> None:
         """One more reason to end: a reader of the numbers that has left, for example."""
@@ -86,6 +95,9 @@ class LiveRun:
         for each in self.engine.endcaps:
             if each.name == endcap:
                 each.pipeline.request_undo()
+
+    def _failures(self) -> str:
+        return "; ".join(self.engine.failures)
 
 
 def reduce_pauses() -> None:
@@ -139,6 +151,12 @@ def run_until_stopped(
     lines.close()
     if lines.failed and not lines.gone:
         run.losses.append(lambda: f"lines of text: {lines.failed}")
+
+
+def _failed(sink: Sink, name: str) -> str:
+    """Of an output with a thread of its own, which stops by itself."""
+    failed = getattr(sink, "failed", "")
+    return f"{name}: stopped ({failed})" if failed else ""
 
 
 def _notes(run: LiveRun) -> list[str]:

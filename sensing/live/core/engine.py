@@ -1,7 +1,7 @@
 """The loop: takes the newest frame of every endcap, works on it and hands the reading to all outputs.
 
 One thread works on all endcaps (``workers`` shares them out); sources and outputs have threads of their own. An endcap
-that fails says so and goes on with its next frame; it never stops the others.
+that fails says so and goes on with its next frame; it never stops the others. An output that raises is removed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.live.core.feed import Captured, Feed
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.core.sink import Sink
+from sensing.live.core.sink import Sink, reason_of
 from sensing.live.core.state import Event, Machine
 from sensing.live.core.stats import EndcapHealth, EndcapStats
 from sensing.records import Frame
@@ -109,7 +109,7 @@ class Engine:
         endcaps: at least one. sinks: outputs that take every reading. workers: threads that share the endcaps.
 
     Attributes:
-        endcaps: as given. threads: those that work on frames.
+        endcaps: as given. threads: those that work on frames. failures: a line for every output that raised.
 
     Raises:
         ParameterError: no endcap, or workers outside 1..number of endcaps.
@@ -119,7 +119,9 @@ class Engine:
         if not 1 <= workers <= len(endcaps):
             raise ParameterError(f"workers={workers} outside 1..{len(endcaps)} endcaps", name="workers", value=workers)
         self.endcaps = list(endcaps)
-        self._sinks = tuple(sinks)
+        self.failures: list[str] = []
+        self._sinks = tuple((type(sink).__name__, sink) for sink in sinks)
+        self._changing = threading.Lock()  # of the outputs: page and loop add and remove some
         self._stop = threading.Event()
         shares = [self.endcaps[k::workers] for k in range(workers)]
         self._wakes = [threading.Event() for _ in shares]
@@ -160,13 +162,21 @@ class Engine:
             endcap.feed.close(max(0.0, end_s - time.monotonic()))
             endcap.pipeline.close(max(0.0, end_s - time.monotonic()))
 
-    def add_sink(self, sink: Sink) -> None:
-        """One more output, from the next reading on."""
-        self._sinks = (*self._sinks, sink)
+    def add_sink(self, sink: Sink, name: str = "") -> None:
+        """One more output, from the next reading on; ``name`` is what it is called where it fails."""
+        with self._changing:
+            self._sinks = (*self._sinks, (name or type(sink).__name__, sink))
 
     def remove_sink(self, sink: Sink) -> None:
         """One output less."""
-        self._sinks = tuple(s for s in self._sinks if s is not sink)
+        with self._changing:
+            self._sinks = tuple(pair for pair in self._sinks if pair[1] is not sink)
+
+    def sink_failed(self, sink: Sink, error: Exception) -> None:
+        """Remove an output that raised, and note why; only its first error counts."""
+        with self._changing:
+            self.failures += [f"{name}: stopped ({reason_of(error)})" for name, each in self._sinks if each is sink]
+            self._sinks = tuple(pair for pair in self._sinks if pair[1] is not sink)
 
     def wait(self, timeout_s: float) -> bool:
         """True as soon as all sources have ended, False after the timeout."""
@@ -184,13 +194,19 @@ class Engine:
             for item, endcap in sorted(taken, key=lambda pair: pair[0][1]):  # the oldest picture first
                 reading = endcap.process(item)
                 if reading is not None:
-                    for sink in self._sinks:
-                        sink.put(reading)
+                    self._put_out(reading)
             if taken:
                 continue
             if all(endcap.feed.ended for endcap in endcaps):
                 return
             wake.wait(IDLE_S)
+
+    def _put_out(self, reading: EndcapReading) -> None:
+        for _, sink in self._sinks:
+            try:
+                sink.put(reading)
+            except Exception as error:  # an output must not end the loop of six endcaps
+                self.sink_failed(sink, error)
 
 
 def _join(threads: Sequence[threading.Thread], wait_s: float) -> None:

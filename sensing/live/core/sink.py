@@ -22,6 +22,11 @@ class Sink(Protocol):
         ...
 
 
+def reason_of(error: BaseException) -> str:
+    """Why an output stopped: the system's words where it has some."""
+    return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+
+
 class QueuedSink:
     """Base of outputs with a thread of their own: override :meth:`write` and :meth:`finish`.
 
@@ -100,8 +105,8 @@ class QueuedSink:
                 else:
                     self.write(reading)
         except Exception as error:  # an output must not end the process: it says what happened
-            self.failed = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+            self.failed = reason_of(error)
         try:
             self.finish()
         except Exception as error:
-            self.failed = self.failed or getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+            self.failed = self.failed or reason_of(error)

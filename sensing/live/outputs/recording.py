@@ -117,7 +117,7 @@ class Recording:
                 pictures=pictures,
             )
             recorder.start()
-            engine.add_sink(recorder)
+            engine.add_sink(recorder, str(recorder.path))
             for pipeline in pipelines.values():
                 pipeline.request_restart()
             self._recorder = recorder

@@ -1,6 +1,7 @@
 """Outputs that can never slow the loop: readings go into a bounded queue, a thread of the output's own takes them out.
 
-A full queue loses its oldest reading and counts it. An output that fails says so and stops; the others go on.
+A full queue loses its oldest reading (a recording the newest) and counts it. An output that fails says so and stops;
+the others go on.
 """
 
 from __future__ import annotations
@@ -54,11 +55,9 @@ class QueuedSink:
         with self._changed:
             if self.failed or self._closing:
                 return
-            if len(self._queue) == self._queue.maxlen:
-                self.dropped += 1
-                self.lost(self._queue[0])
-            self._queue.append(reading)
-            self._changed.notify()
+            if self.admit(reading):
+                self._queue.append(reading)  # a full queue loses its oldest
+                self._changed.notify()
 
     @property
     def ended(self) -> bool:
@@ -89,8 +88,14 @@ class QueuedSink:
     def finish(self) -> None:
         """End of the output, in its thread, also after a failure."""
 
-    def lost(self, reading: EndcapReading) -> None:
-        """A reading was dropped; called with the queue locked, must not wait."""
+    def admit(self, reading: EndcapReading) -> bool:
+        """Whether to queue a reading; counts what is lost. Called with the queue locked, must not wait."""
+        self.dropped += self._full
+        return True
+
+    @property
+    def _full(self) -> bool:
+        return len(self._queue) == self._queue.maxlen
 
     def _run(self) -> None:
         try:

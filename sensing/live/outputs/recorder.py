@@ -1,10 +1,11 @@
 """Records a run as MCAP with ROS 2 schemas: pictures, references, fields, wrenches, contact, diagnostics.
 
 Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` gives the same bits again. For that the
-recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever a
-frame had to be left out (a slow disk). Pictures may be halved or left out: then the dots are recorded, from which the
-same bits follow (:mod:`sensing.live.outputs.recorded_tracks`). Every chunk is flushed: a killed run leaves a file
-readable up to there. Stamps are wall time; the exact capture time on the frames' own clock lies beside every picture.
+recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever frames
+had to be left out (a slow disk): those until then are counted as lost. Pictures may be halved or left out: then the
+dots are recorded, from which the same bits follow (:mod:`sensing.live.outputs.recorded_tracks`). Every chunk is
+flushed: a killed run leaves a file readable up to there. Stamps are wall time; the exact capture time on the frames'
+own clock lies beside every picture.
 """
 
 from __future__ import annotations
@@ -90,6 +91,8 @@ class Recorder(QueuedSink):
         self._topics = TOPICS if pictures is Pictures.FULL else TOPICS | TRACK_TOPICS
         self._config, self._restart, self._health = config, restart, health
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
+        self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
+        self._behind: set[str] = set()  # endcaps whose restart is asked for once the disk has caught up
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)  # fixed: stamps do not follow a clock being set
         self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
         self._files = carried_files(config)
@@ -133,8 +136,6 @@ class Recorder(QueuedSink):
 
     def write(self, reading: EndcapReading) -> None:
         """All messages of one reading."""
-        if reading.epoch <= self._old[reading.endcap]:
-            return  # from before the restart
         stamp = self._wall_ns + int(reading.captured_s * 1e9)
         if reading.epoch != self._begun[reading.endcap]:
             self._begun[reading.endcap] = reading.epoch
@@ -170,11 +171,24 @@ class Recorder(QueuedSink):
         self._diagnose(now_s, self._wall_ns + int(now_s * 1e9))
         self._flush()
 
-    def lost(self, reading: EndcapReading) -> None:
-        """What follows a gap could not be replayed to the bit: begin the endcap anew."""
-        if reading.epoch > self._old[reading.endcap]:
-            self._old[reading.endcap] = reading.epoch
-            self._restart(reading.endcap)
+    def admit(self, reading: EndcapReading) -> bool:
+        """What follows a gap could not be replayed to the bit: it is lost until the endcap has begun anew.
+
+        Half of the queue must be free for that, or the next gap would come at once and live filters begin anew with it.
+        """
+        endcap = reading.endcap
+        if reading.epoch <= self._old[endcap]:
+            return False  # from before the recording
+        if reading.epoch > self._gap[endcap] and not self._full:
+            return True
+        self.dropped += 1
+        if reading.epoch > self._gap[endcap]:
+            self._gap[endcap] = reading.epoch
+            self._behind.add(endcap)
+        if endcap in self._behind and 2 * len(self._queue) <= (self._queue.maxlen or 0):
+            self._behind.remove(endcap)
+            self._restart(endcap)
+        return False
 
     def close(self, wait_s: float = 5.0) -> None:
         """Write what is queued and the end of the file; gives up after ``wait_s``."""

@@ -201,36 +201,6 @@ def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
     assert re.search(r"cut at byte \d+", str(check.end))
 
 
-@pytest.mark.long
-def test_a_slow_disk_drops_frames_and_what_is_kept_still_replays(press, tmp_path):
-    class Slow(io.FileIO):
-        pause_s = 0.1
-
-        def write(self, data):
-            time.sleep(self.pause_s)
-            return super().write(data)
-
-    run, path = a_run(press), tmp_path / "slow.mcap"
-    stream = Slow(path, "wb")
-    pipelines = {endcap.name: endcap.pipeline for endcap in run.engine.endcaps}
-    recorder = Recorder(
-        path, config(), dict.fromkeys(ENDCAPS, 0), lambda name: pipelines[name].request_restart(), stream=stream
-    )
-    recorder._queue = type(recorder._queue)(maxlen=6)
-    recorder.start()
-    run.engine.add_sink(recorder)
-    with run.engine:
-        wait_for(lambda: recorder.frames > 2 and recorder.dropped > 10)
-        stream.pause_s = 0.0
-        wait_for(lambda: recorder.frames > 40)
-        run.engine.remove_sink(recorder)
-        recorder.close(PATIENCE_S)
-    check = verify(path, read_config(path), lambda _: stand_in())
-    assert check.frames == recorder.frames > 40 and check.different == 0 and "lost to a slow disk" in recorder.note
-    zeros = [sum(r.zero is not None for r in recorded_frames(path, endcap)) for endcap in ENDCAPS]
-    assert max(zeros) > 1  # began anew behind a gap
-
-
 KILLED = """
 import sys
 from live_stand_in import endless, film, pipeline

@@ -72,6 +72,7 @@ def _add_ros(run: LiveRun, outputs: ExitStack) -> None:
     run.engine.add_sink(topics, "--ros")
     outputs.callback(lambda: topics.close(run.patience_s))
     run.notes.append(lambda: topics.note)
+    run.losses.append(lambda: topics.note if topics.loss else "")
 
 
 def _add_page(run: LiveRun, recording: Recording, options: argparse.Namespace, outputs: ExitStack) -> PageServer:

@@ -78,6 +78,10 @@ class QueuedSink:
                 self._queue.clear()
             self._thread.join(LAST_S)
 
+    def fail(self, error: Exception) -> None:
+        """Stop because of an error outside :meth:`write` (any thread); the first one counts."""
+        self.failed = self.failed or reason_of(error)
+
     def write(self, reading: EndcapReading) -> None:
         """One reading, in the output's thread; an OSError ends the output."""
         raise NotImplementedError
@@ -110,8 +114,8 @@ class QueuedSink:
                 else:
                     self.write(reading)
         except Exception as error:  # an output must not end the process: it says what happened
-            self.failed = reason_of(error)
+            self.fail(error)
         try:
             self.finish()
         except Exception as error:
-            self.failed = self.failed or reason_of(error)
+            self.fail(error)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from collections.abc import Callable
 
 
 class Beat:
-    """Calls a function every so often until stopped; an error ends it.
+    """Calls a function every so often until stopped, also after an error.
 
     Args:
-        period_s: between calls. work: what is done.
+        period_s: between calls. work: what is done. on_error: takes every error, in the same thread, to report it.
     """
 
-    def __init__(self, period_s: float, work: Callable[[], None]) -> None:
-        self._period_s, self._work = period_s, work
+    def __init__(self, period_s: float, work: Callable[[], None], on_error: Callable[[Exception], None]) -> None:
+        self._period_s, self._work, self._on_error = period_s, work, on_error
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -30,6 +29,9 @@ class Beat:
             self._thread.join(wait_s)
 
     def _run(self) -> None:
-        with contextlib.suppress(Exception):  # the output that it belongs to says what failed
-            while not self._stop.wait(self._period_s):
+        while not self._stop.wait(self._period_s):
+            try:
                 self._work()
+            except Exception as error:  # of a request or a state: the next may be good
+                if not self._stop.is_set():  # what is taken away at the end is no error
+                    self._on_error(error)

@@ -34,7 +34,7 @@ class JsonLines(QueuedSink):
         super().__init__(ROOM)
         self._stream, self._health = stream, health
         self._states: dict[str, str] = {}
-        self._writing, self._beat = threading.Lock(), Beat(BEAT_S, self._look)
+        self._writing, self._beat = threading.Lock(), Beat(BEAT_S, self._look, self.fail)
         self.lines = 0
 
     @property

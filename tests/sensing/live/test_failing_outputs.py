@@ -3,12 +3,17 @@
 import io
 
 import pytest
-from live_stand_in import film, frames, pipeline
+from live_stand_in import film, frames, pipeline, wait_for
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
+from sensing.live.core.state import Condition, State
+from sensing.live.core.stats import EndcapStats
+from sensing.live.outputs.beat import Beat
+from sensing.live.outputs.json_lines import JsonLines
 from sensing.live.run import LiveRun, run_until_stopped
+from sensing.sources.newest import Health
 
 COUNT = 6
 
@@ -64,3 +69,31 @@ def test_an_output_that_stopped_by_itself_is_named_too():
     run = LiveRun(LiveConfig((EndcapConfig("endcap_0", "test"),)), [endcap])
     run.add_output(Stopped(), "--output disk")
     assert [loss for each in run.losses if (loss := each())] == ["--output disk: stopped (No space left on device)"]
+
+
+def test_what_is_done_again_and_again_goes_on_after_an_error_and_reports_it():
+    done, errors = [], []
+
+    def work():
+        done.append(1)
+        if len(done) == 2:
+            raise ZeroDivisionError("planted")
+
+    beat = Beat(0.001, work, errors.append)
+    beat.start()
+    wait_for(lambda: len(done) > 3)
+    beat.stop()
+    assert [str(error) for error in errors] == ["planted"]
+
+
+def test_lines_for_endcaps_without_frames_say_why_they_stopped():
+    class Full(io.StringIO):
+        def write(self, _):
+            raise OSError(28, "No space left on device")
+
+    unplugged = EndcapStats("endcap_0").health(Health(), Condition(State.UNPLUGGED, "pulled"), 0)
+    lines = JsonLines(Full(), lambda: [unplugged])
+    lines.start()
+    wait_for(lambda: lines.failed)
+    lines.close()
+    assert lines.loss == "--json: stopped after 0 lines (No space left on device)"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, a_reading, film, frames, pipeline
+from live_stand_in import PATIENCE_S, a_reading, film, frames, pipeline, wait_for
 
 from cad.errors import ParameterError
 from sensing.camera.mount import rotation_matrix
@@ -164,6 +164,31 @@ def test_a_zero_is_answered_when_it_is_taken(monkeypatch):
         pipe._taker._stopped = False
     topics._services._look()
     assert pipe.zero is not before and [(a.guid, a.seq, a.success) for a in said] == [(1, 2, True)]
+
+
+def test_an_error_in_diagnostics_or_service_is_noted_and_the_topics_go_on(monkeypatch):
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+
+    class Requests:
+        def take(self, count):
+            raise ValueError("no request")
+
+    def health():
+        raise KeyError("planted")
+
+    pipe, reading = a_reading()
+    topics = RosTopics([pipe], 1 + os.getpid() % 100, health)
+    (end,) = topics._services._ends
+    topics._services._ends = [type(end)(pipe, Requests(), None)]
+    topics.start()
+    wait_for(lambda: len(topics._errors) == 2)
+    assert topics.note.endswith(
+        "an error in /diagnostics (KeyError: 'planted'); an error in zero (ValueError: no request)"
+    )
+    topics.put(reading)
+    wait_for(lambda: topics._cameras)  # the last message of a reading has been made
+    topics.close(PATIENCE_S)
+    assert topics.failed == "" and topics.loss
 
 
 def test_quaternions_are_those_of_the_rotations():

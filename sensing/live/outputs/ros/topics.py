@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from cad.errors import ParameterError
 from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.core.sink import QueuedSink
+from sensing.live.core.sink import QueuedSink, reason_of
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.beat import Beat
@@ -78,7 +79,8 @@ class RosTopics(QueuedSink):
     ) -> None:
         super().__init__(ROOM)
         self._pipelines = {pipeline.endcap.name: pipeline for pipeline in pipelines}
-        self._health, self._beat = health, Beat(BEAT_S, self._look)
+        self._health, self._beat = health, Beat(BEAT_S, self._look, partial(self._note_error, "/diagnostics"))
+        self._errors: dict[str, str] = {}  # the first of each part; the other parts go on
         self._domain = domain_id(domain)
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)
         self._cameras: dict[str, tuple[Any, tuple[int, int], Any]] = {}  # reference, size, camera
@@ -91,7 +93,14 @@ class RosTopics(QueuedSink):
     @property
     def note(self) -> str:
         """State in one line."""
-        return f"ROS 2 topics in domain {self._domain}" + (f": stopped ({self.failed})" if self.failed else "")
+        return f"ROS 2 topics in domain {self._domain}" + (f": {self.loss}" if self.loss else "")
+
+    @property
+    def loss(self) -> str:
+        """What went wrong, in one line; empty if nothing did."""
+        if self.failed:
+            return f"stopped ({self.failed})"
+        return "; ".join(f"an error in {part} ({reason})" for part, reason in sorted(self._errors.items()))
 
     def start(self) -> None:
         """Begin to publish and to answer."""
@@ -122,7 +131,12 @@ class RosTopics(QueuedSink):
         self._diagnostics = dds.publisher(self._participant, "diagnostics", ros.DIAGNOSTICS)
         self._transforms = dds.publisher(self._participant, "tf_static", messages.TRANSFORMS, latched=True)
         self._write_transforms()
-        self._services = ZeroServices(self._participant, list(self._pipelines.values()))
+        self._services = ZeroServices(
+            self._participant, list(self._pipelines.values()), partial(self._note_error, "zero")
+        )
+
+    def _note_error(self, part: str, error: Exception) -> None:
+        self._errors.setdefault(part, reason_of(error))
 
     def _encoded(self, reading: EndcapReading, stamp: int) -> Iterator[tuple[str, bytes]]:
         """(topic, bytes) of a reading."""

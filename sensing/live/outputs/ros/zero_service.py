@@ -11,7 +11,7 @@ them, and the two layers do not understand each other's services either.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -50,14 +50,17 @@ class ZeroServices:
     """One service for each endcap.
 
     Args:
-        participant: of the domain. pipelines: of the endcaps.
+        participant: of the domain. pipelines: of the endcaps. on_error: takes what goes wrong with a request; the
+            next one is answered all the same.
     """
 
-    def __init__(self, participant: Any, pipelines: Sequence[EndcapPipeline]) -> None:
+    def __init__(
+        self, participant: Any, pipelines: Sequence[EndcapPipeline], on_error: Callable[[Exception], None]
+    ) -> None:
         messages.register_trigger()
         self._ends = [_end(participant, pipeline) for pipeline in pipelines]
         self._waiting: list[_Asked] = []
-        self._beat = Beat(POLL_S, self._look)
+        self._beat = Beat(POLL_S, self._look, on_error)
 
     def start(self) -> None:
         """Begin to answer."""
@@ -78,7 +81,10 @@ class ZeroServices:
                     _reply(end, asker, False, refusal)
                 else:
                     self._waiting.append(_Asked(end, asker, before, now_s + PATIENCE_S))
-        self._waiting = [asked for asked in self._waiting if not _answered(asked, now_s)]
+        for _ in range(len(self._waiting)):
+            asked = self._waiting.pop(0)  # first: an answer that cannot be written is not tried again
+            if not _answered(asked, now_s):
+                self._waiting.append(asked)
 
 
 def _answered(asked: _Asked, now_s: float) -> bool:

@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from cad.extras import DISTRIBUTION
 from cad.whole_file import put_file
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -47,10 +49,8 @@ def code_digest(root: Path = ROOT) -> str:
 
 
 def library_versions(root: Path = ROOT) -> dict[str, str]:
-    """Installed versions of the libraries that the CAD side names in pyproject.toml, and of Python."""
-    wanted = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lines = [*wanted["dependencies"], *wanted["optional-dependencies"]["cad"]]
-    names = sorted({line.split(";")[0].split("[")[0].rstrip("0123456789.*,<>=!~ ") for line in lines})
+    """Installed versions of the libraries that the CAD side asks for, and of Python."""
+    names = sorted({re.split(r"[^A-Za-z0-9._-]", line)[0] for line in _required(root)})
     versions = {"python": f"{platform.python_version()} {platform.system()} {platform.machine()}"}
     for name in names:
         try:
@@ -58,6 +58,15 @@ def library_versions(root: Path = ROOT) -> dict[str, str]:
         except metadata.PackageNotFoundError:
             versions[name] = "absent"
     return versions
+
+
+def _required(root: Path) -> list[str]:
+    """Requirements of the CAD side: those of pyproject.toml in a checkout, which a wheel does not carry."""
+    if (root / "pyproject.toml").exists():
+        wanted = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        return [*wanted["dependencies"], *wanted["optional-dependencies"]["cad"]]
+    lines = metadata.requires(DISTRIBUTION) or []
+    return [line for line in lines if "extra ==" not in line or re.search(r"extra == ['\"]cad['\"]", line)]
 
 
 @dataclass(frozen=True)

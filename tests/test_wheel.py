@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -10,6 +11,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+
+from fab.cache import library_versions
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("cad", "endcap", "fab", "sensing")
@@ -72,6 +75,18 @@ def test_the_modules_are_those_of_the_wheel_and_their_data_is_read(installed, tm
     assert Path(place).is_relative_to(installed)
     assert exports == "exports"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_key_of_the_cache_names_the_libraries_of_the_checkout(installed, tmp_path):
+    code = (
+        "import json\n"
+        "from fab.cache import Cache, library_versions\n"
+        "assert len(Cache().key('molds', {'diameter_mm': 130})) == 64\n"
+        "print(json.dumps(library_versions()))\n"
+    )
+    result = run(installed, tmp_path, "-c", code)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout) == library_versions(ROOT)
 
 
 @pytest.mark.long

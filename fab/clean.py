@@ -7,7 +7,7 @@ that it still has. Recordings, data sets, weights, notes, G-code and changed fil
 from __future__ import annotations
 
 import argparse
-import os
+import json
 import shutil
 import sys
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cad.errors import FileError
 from cad.messages import LOG, show
-from cad.whole_file import remove_partial
+from cad.whole_file import lock_of_the_dead, remove_partial
 from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, sweep
 
@@ -49,7 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def remove_made(exports: Path) -> int:
-    """Remove every file that a record vouches for, the records and the folders that are empty then.
+    """Remove every file that a record vouches for, the records, and the folders that are empty by that.
+
+    A folder that a running command has locked stays as it is.
 
     Args:
         exports: folder of export folders.
@@ -60,30 +62,58 @@ def remove_made(exports: Path) -> int:
     count = 0
     remove_partial(exports)
     for record in _records(exports):
-        folder = record.parent
-        sweep(folder, record.name)
-        try:
-            listed = listed_files(folder, record.name)
-        except FileError as error:
-            LOG.error(f"make clean: {error}")
-            continue
-        if not listed:
-            continue  # not ours, or an older one: nothing in it says what is ours
-        changed = False
-        for name, digest in listed.items():
-            path = folder / name
-            if path.is_file() and not path.is_symlink() and file_sha256(path) == digest:
-                path.unlink()
-                count += 1
-            changed = changed or path.exists()
-        if not changed:
-            record.unlink()
-            count += 1
-    for name, _, _ in os.walk(exports, topdown=False):
-        path = Path(name)
-        if path != exports and not path.is_symlink() and not any(path.iterdir()) and path.parent.exists():
-            path.rmdir()
+        with lock_of_the_dead(record.parent) as free:
+            if not free:
+                continue
+            try:
+                removed = _remove_listed(record)
+            except FileError as error:
+                LOG.error(f"make clean: {error}")
+                continue
+        for folder in {path.parent for path in removed}:
+            _remove_emptied(folder, exports)
+        count += len(removed)
     return count
+
+
+def _remove_listed(record: Path) -> list[Path]:
+    """Remove the unchanged files that a record lists, then the record unless one was changed; returns what went.
+
+    A record of which nothing is left goes only where it is that of a design: another program's may look like ours.
+
+    Raises:
+        FileError: the record cannot be read.
+    """
+    folder = record.parent
+    sweep(folder, record.name)
+    listed = listed_files(folder, record.name)
+    removed = []
+    for name, digest in listed.items():
+        path = folder / name
+        if path.is_file() and not path.is_symlink() and file_sha256(path) == digest:
+            path.unlink()
+            removed.append(path)
+    changed = any((folder / name).exists() for name in listed)
+    if listed and not changed and (removed or _is_of_a_design(record)):
+        record.unlink()
+        removed.append(record)
+    return removed
+
+
+def _is_of_a_design(record: Path) -> bool:
+    """Whether a readable record has what ``make molds`` writes into its manifest."""
+    return json.loads(record.read_text(encoding="utf-8")).keys() >= {"digest", "parameters"}
+
+
+def _remove_emptied(folder: Path, exports: Path) -> None:
+    """Remove a folder of which files were removed, and those above it, as far as they are empty and unlocked."""
+    for path in (folder, *folder.parents):
+        if path == exports or not path.exists():
+            return
+        with lock_of_the_dead(path) as free:
+            if not free or any(path.iterdir()):
+                return
+            path.rmdir()
 
 
 def _records(exports: Path) -> list[Path]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from cad.whole_file import lock_of_the_dead
 from fab import clean
 from fab.exports.whole_folder import whole_folder, write_record
 
@@ -83,6 +84,45 @@ def test_a_run_that_is_still_writing_keeps_its_files(exports):
         clean.remove_made(exports)
         assert (new / "cup.stl").exists()
     assert (exports / "D200_T10" / "cup.stl").exists()
+
+
+def test_a_run_that_has_just_begun_keeps_its_folder(exports):
+    with whole_folder(exports / "D200_T10", "manifest.json") as new:
+        clean.remove_made(exports)
+        (new / "cup.stl").write_text("cup")
+        write_record(new, "manifest.json", {})
+    assert (exports / "D200_T10" / "cup.stl").exists()
+
+
+def test_a_folder_that_a_run_is_filling_stays_as_it_is(exports):
+    before = files(exports / "D130_T8" / "slice")
+    with lock_of_the_dead(exports / "D130_T8" / "slice"):
+        clean.remove_made(exports)
+    assert files(exports / "D130_T8" / "slice") == before and not (exports / "D130_T8" / "manifest.json").exists()
+
+
+def test_only_folders_that_lost_their_files_go(exports):
+    for name in ("photos", "D130_T8/gcode", "D150_T9/slice"):
+        (exports / name).mkdir(parents=True)
+    clean.remove_made(exports)
+    assert all((exports / name).is_dir() for name in ("photos", "D130_T8/gcode", "D150_T9/slice"))
+    assert not (exports / "D130_T8" / "slice").exists() and not (exports / "coupons").exists()
+
+
+def test_a_record_of_another_program_stays(exports):
+    page = exports / "site" / "manifest.json"
+    page.parent.mkdir()
+    page.write_text(json.dumps({"name": "mine", "files": {"http://a/b": "x"}}))
+    clean.remove_made(exports)
+    assert page.exists()
+
+
+def test_a_design_of_which_only_the_record_is_left_goes(exports):
+    record = exports / "D150_T9" / "manifest.json"
+    record.parent.mkdir()
+    record.write_text(json.dumps({"parameters": {}, "digest": "0", "files": {"base.stl": "0"}}))
+    clean.remove_made(exports)
+    assert not record.parent.exists()
 
 
 def test_everything_goes_only_when_asked_twice(exports, monkeypatch, capsys):

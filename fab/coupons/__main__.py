@@ -119,18 +119,13 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
     Args:
         parts, meshes: by name. folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
     """
-    from build123d import export_step
-
-    from cad.step_file import canonical_step
-    from fab.exports.writer import write_3mf
+    from fab.exports.writer import write_3mf, write_shape
     from fab.meshing.mesh import write_stl
 
     for name, part in parts.items():
         write_stl(folder / f"{name}.stl", meshes[name])
         write_3mf(meshes[name], name, folder / f"{name}.3mf")
-        step = folder / f"{name}.step"
-        export_step(part.solid, step)
-        step.write_text(canonical_step(step.read_text()))
+        write_shape(part.solid, folder / f"{name}.step")
 
 
 def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[str, float]]:

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import trimesh
 
 from cad.assembly import build_assembly, exploded_offsets, write_step
+from cad.errors import FileError
 from cad.identity import identity
 from cad.interface import build_zone
 from cad.part import Part
@@ -28,6 +29,9 @@ from fab.exports.glb import write_glb
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import volume_mm3, write_stl
 from fab.pictures.parts import PictureItem, render_exploded, render_parts, render_section
+
+if TYPE_CHECKING:
+    from build123d import Shape
 
 MANIFEST = "manifest.json"
 DIGITS = 9  # significant figures in the manifest
@@ -43,15 +47,30 @@ def write_meshes(design: Design, folder: Path) -> None:
 
 def write_solids(design: Design, folder: Path) -> None:
     """Write ``<part>.step`` for every printed or cast part; that of the interface has flange and gyroid envelope."""
-    from build123d import Compound, export_step
+    from build123d import Compound
 
     for name, part in design.parts.items():
         if part.role == "bought":
             continue
         shape = Compound([part.solid, build_zone(design.params)]) if name == "interface" else part.solid
-        path = folder / f"{name}.step"
+        write_shape(shape, folder / f"{name}.step")
+
+
+def write_shape(shape: Shape, path: Path) -> None:
+    """Write one shape as STEP.
+
+    Raises:
+        FileError: the kernel could not write the file.
+    """
+    from build123d import export_step
+
+    try:
         export_step(shape, path)
-        path.write_text(canonical_step(path.read_text()))
+    except RuntimeError as error:  # the kernel says only that it failed, at a full disk above all
+        raise FileError(
+            f"{path.name}: cannot be written ({error}): free some space or name another folder with exports=DIR"
+        ) from error
+    path.write_text(canonical_step(path.read_text()))
 
 
 def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:

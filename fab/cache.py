@@ -88,38 +88,69 @@ class Cache:
         content = {"what": what, "parameters": dict(parameters), "code": code_digest()}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
+    def read(self, key: str) -> tuple[dict[str, bytes], dict[str, Any]] | None:
+        """An entry's files, name -> content, and its values; ``None`` where there is none or a part of it is damaged.
+
+        A damaged entry is removed.
+        """
+        path = self._entry(key)
+        try:
+            entry = json.loads(path.read_text(encoding="utf-8"))
+            if entry["digest"] != _digest(entry["content"]):
+                raise ValueError("damaged")
+            files = {name: self._content(name, sha256) for name, sha256 in entry["content"]["files"].items()}
+            values = dict(entry["content"]["values"])
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            with suppress(OSError):
+                path.unlink()
+            return None
+        with suppress(OSError):  # a cache that this user may only read
+            os.utime(path)
+        return files, values
+
     def restore(self, key: str, folder: Path) -> dict[str, Any] | None:
-        """Write an entry's files into a folder.
+        """Write an entry's files into a folder, once all of them have been read.
 
         Args:
             key: of the entry.
             folder: receives the files.
 
         Returns:
-            The entry's values; ``None`` where there is no such entry or a part of it is damaged, and then the folder
-            holds none of its files.
+            The entry's values; ``None`` where there is no such entry or a part of it is damaged.
+
+        Raises:
+            OSError: the folder cannot be written; then it holds none of the files, and the entry stays.
         """
-        path = self._entry(key)
-        written = []
-        try:
-            entry = json.loads(path.read_text(encoding="utf-8"))
-            if entry["digest"] != _digest(entry["content"]):
-                raise ValueError("damaged")
-            for name, sha256 in entry["content"]["files"].items():
-                data = self._blob(sha256).read_bytes()
-                if hashlib.sha256(data).hexdigest() != sha256 or Path(name).name != name:
-                    self._blob(sha256).unlink()
-                    raise ValueError("damaged")
-                written.append(folder / name)
-                written[-1].write_bytes(data)
-            os.utime(path)
-            return dict(entry["content"]["values"])
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            for file in written:
-                file.unlink(missing_ok=True)
-            with suppress(OSError):
-                path.unlink()
+        if (entry := self.read(key)) is None:
             return None
+        files, values = entry
+        try:
+            for name, data in files.items():
+                (folder / name).write_bytes(data)
+        except OSError:
+            for name in files:
+                (folder / name).unlink(missing_ok=True)
+            raise
+        return values
+
+    def keep(self, key: str, files: Mapping[str, bytes], values: Mapping[str, Any]) -> None:
+        """Keep files and values under a key.
+
+        Args:
+            key: what they are found by. files: name -> content.
+            values: content that JSON holds.
+        """
+        try:
+            digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+            for name, data in files.items():
+                blob = self._blob(digests[name])
+                if not (blob.exists() and blob.read_bytes() == data):  # a damaged one is made good
+                    _write(blob, data)
+            content = {"files": digests, "values": dict(values)}
+            _write(self._entry(key), json.dumps({"digest": _digest(content), "content": content}).encode())
+            self._trim()
+        except OSError:
+            return  # a full disk, or a home that cannot be written: the next run works without
 
     def store(self, key: str, folder: Path, names: Sequence[str], values: Mapping[str, Any]) -> None:
         """Keep files of a folder, and values, under a key.
@@ -129,18 +160,10 @@ class Cache:
             values: content that JSON holds.
         """
         try:
-            files = {}
-            for name in names:
-                data = (folder / name).read_bytes()
-                files[name] = hashlib.sha256(data).hexdigest()
-                blob = self._blob(files[name])
-                if not (blob.exists() and blob.read_bytes() == data):  # a damaged one is made good
-                    _write(blob, data)
-            content = {"files": files, "values": dict(values)}
-            _write(self._entry(key), json.dumps({"digest": _digest(content), "content": content}).encode())
-            self._trim()
+            files = {name: (folder / name).read_bytes() for name in names}
         except OSError:
-            return  # a full disk, or a home that cannot be written: the next run works without
+            return
+        self.keep(key, files, values)
 
     def _trim(self) -> None:
         """Remove what was used longest ago until the rest is small enough, and files that no entry names."""
@@ -163,6 +186,18 @@ class Cache:
     def clear(self) -> None:
         """Remove everything."""
         shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _content(self, name: str, sha256: str) -> bytes:
+        """Content of a file of an entry.
+
+        Raises:
+            ValueError: it is damaged, or named as if it were in another folder. OSError: it cannot be read.
+        """
+        data = self._blob(sha256).read_bytes()
+        if hashlib.sha256(data).hexdigest() != sha256 or Path(name).name != name:
+            self._blob(sha256).unlink()
+            raise ValueError("damaged")
+        return data
 
     def _entry(self, key: str) -> Path:
         return self.folder / "entries" / f"{key}.json"

@@ -102,6 +102,17 @@ def test_the_key_covers_parameters_code_and_libraries(cache, tmp_path, monkeypat
     code_digest.cache_clear()
 
 
+def test_a_full_destination_is_an_error_and_leaves_the_entry(cache, tmp_path):
+    stored(cache, tmp_path, "a", base="solid", cup="cup")
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "cup").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left"):
+        cache.restore("a", full)
+    assert list(full.iterdir()) == []
+    assert restored(cache, tmp_path, "a") == {"base": "solid", "cup": "cup"}
+
+
 def test_a_cache_that_cannot_be_written_fails_nothing(tmp_path):
     (tmp_path / "file").write_text("in the way")
     cache = Cache(tmp_path / "file" / "cache")

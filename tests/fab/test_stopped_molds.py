@@ -88,6 +88,17 @@ def test_a_full_disk_gets_one_line_status_2_and_leaves_nothing(stub, writer, tmp
     assert left_in(tmp_path) == []
 
 
+def test_a_full_disk_is_said_before_what_the_cache_holds_is_made_again(stub, tmp_path, capsys):
+    assert molds.main([f"exports={tmp_path / 'first'}"]) == 0
+    stub.setattr("fab.design.build_design", lambda *_, **__: pytest.fail("made again"))
+    with stub.context() as disk:
+        disk.setattr(Path, "write_bytes", lambda path, _: full_disk() if path.suffix == ".stl" else 0)
+        assert molds.main([f"exports={tmp_path / 'full'}"]) == 2
+    assert "No space left on device: free some space or name another folder" in capsys.readouterr().err
+    assert left_in(tmp_path / "full") == []
+    assert molds.main([f"exports={tmp_path / 'second'}"]) == 0
+
+
 def test_a_failing_gate_names_the_check_and_leaves_nothing(stub, tmp_path, capsys):
     stub.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 0.0, low=1), Check("a", 0.0)])
     assert molds.main([f"exports={tmp_path}"]) == 1

@@ -55,8 +55,9 @@ class Interrupts:
 
     @contextmanager
     def heard(self) -> Iterator[None]:
-        """Listen inside this context."""
-        before = {number: signal.signal(number, self._hear) for number in ENDING_SIGNALS}
+        """Listen inside this context, except to what is ignored from the start: by nohup, or in the background."""
+        heard = [number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+        before = {number: signal.signal(number, self._hear) for number in heard}
         try:
             yield
         finally:

@@ -83,6 +83,7 @@ def end_with_parent(parent: int) -> None:
 
 def _start_worker(parent: int) -> None:
     for number in ENDING_SIGNALS:
-        signal.signal(number, signal.SIG_DFL)
+        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+            signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the command ends its workers itself
     end_with_parent(parent)

@@ -1,8 +1,8 @@
 """What earlier runs made, kept in the user's cache folder under a digest of everything it depends on.
 
-The key of an entry is the SHA-256 of its parameters, of the code and tables of cad and fab, and of the versions of the
-libraries, so a change in any of them makes a new entry. Files are stored under their own SHA-256 and are compared with
-it on the way out: one that was damaged counts as missing, and is made again. Standard library only.
+The key of an entry is the SHA-256 of its parameters, of the code, tables and pages of cad and fab, and of the versions
+of the libraries, so a change in any of them makes a new entry. Files are stored under their own SHA-256, and compared
+with it on the way out: one that was damaged counts as missing, and is made again. Standard library only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from cad.whole_file import put_file
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT_BYTES = 2_000_000_000  # some 25 designs
 SOURCES = ("cad", "fab")
-SUFFIXES = (".py", ".csv")
+SUFFIXES = (".py", ".csv", ".js", ".css", ".html")  # all that the exports are made of: the pages, too
 
 
 def user_folder() -> Path:
@@ -38,7 +38,7 @@ def user_folder() -> Path:
 
 @cache
 def code_digest(root: Path = ROOT) -> str:
-    """SHA-256 of the code and tables that make a design, and of the versions of what they run on."""
+    """SHA-256 of the code, tables and pages that make a design, and of the versions of what they run on."""
     digest = hashlib.sha256()
     for path in sorted(p for name in SOURCES for p in (root / name).rglob("*") if p.suffix in SUFFIXES):
         content = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -11,7 +11,7 @@ import pytest
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab import cache as module
-from fab.cache import ROOT, Cache, code_digest
+from fab.cache import ROOT, SOURCES, SUFFIXES, Cache, code_digest
 from fab.variant import Variant
 
 
@@ -100,6 +100,21 @@ def test_the_key_covers_parameters_code_and_libraries(cache, tmp_path, monkeypat
     code_digest.cache_clear()
     assert code_digest(ROOT) != before
     code_digest.cache_clear()
+
+
+def test_the_code_digest_covers_every_kind_of_file_of_the_packages():
+    found = {path.suffix for name in SOURCES for path in (ROOT / name).rglob("*") if path.is_file()}
+    assert found - {".pyc", ".nbi", ".nbc", ".typed"} == set(SUFFIXES)  # not what Python and numba compile
+
+
+@pytest.mark.parametrize("name", ["viewer.js", "index_page.css"])
+def test_a_change_of_the_page_changes_the_code_digest(tmp_path, name):
+    folder = tmp_path / "fab" / "exports"
+    shutil.copytree(ROOT / "fab" / "exports", folder)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    before = code_digest.__wrapped__(tmp_path)
+    (folder / name).open("a").write("\n")
+    assert code_digest.__wrapped__(tmp_path) != before
 
 
 def test_a_full_destination_is_an_error_and_leaves_the_entry(cache, tmp_path):

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -36,18 +36,17 @@ def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceM
     if cache is None:
         return interface_mesh(params)
     key = cache.key("interface mesh", {"design": params.digest})
-    with TemporaryDirectory(prefix="interface-") as scratch:
-        folder = Path(scratch)
-        if (values := cache.restore(key, folder)) is not None:
-            with np.load(folder / MESH_FILE, allow_pickle=False) as data:
-                vertices, faces = data["vertices"].astype(np.float64), data["faces"].astype(np.int64)
-            return InterfaceMesh(trimesh.Trimesh(vertices, faces, process=False, validate=False), **values)
-    made = interface_mesh(params)  # no folder waits for it: a worker that is killed meanwhile would leave it behind
+    if (entry := cache.read(key)) is not None:
+        files, values = entry
+        with np.load(BytesIO(files[MESH_FILE]), allow_pickle=False) as data:
+            vertices, faces = data["vertices"].astype(np.float64), data["faces"].astype(np.int64)
+        return InterfaceMesh(trimesh.Trimesh(vertices, faces, process=False, validate=False), **values)
+    made = interface_mesh(params)
     vertices, faces = np.asarray(made.mesh.vertices), np.asarray(made.mesh.faces)
     numbers = {name: value for name, value in vars(made).items() if name != "mesh"}
-    with TemporaryDirectory(prefix="interface-") as scratch:
-        np.savez(Path(scratch) / MESH_FILE, vertices=vertices, faces=faces.astype(np.int32))
-        cache.store(key, Path(scratch), [MESH_FILE], numbers)
+    arrays = BytesIO()  # not a temporary folder: that may be full, and a killed worker would leave it behind
+    np.savez(arrays, vertices=vertices, faces=faces.astype(np.int32))
+    cache.keep(key, {MESH_FILE: arrays.getvalue()}, numbers)
     return made
 
 
@@ -87,6 +86,9 @@ def kept_file(
         mesh: of the part, mm.
         path: of the file.
         make: writes it, from the mesh, the part's name and the path.
+
+    Raises:
+        OSError: the file cannot be written.
     """
     if cache is None:
         make(mesh, path.stem, path)

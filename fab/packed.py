@@ -6,10 +6,9 @@ Every part of a group goes this way, whichever process made it, so its files are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from io import BytesIO
 from typing import Literal
 
 import numpy as np
@@ -101,25 +100,23 @@ def _packed(parts: Sequence[Part], tolerance_mm: float) -> list[PackedPart]:
 
 def _kept(cache: Cache, key: str, make: Callable[[], list[PackedPart]]) -> list[PackedPart]:
     """From the cache, or made and kept there."""
-    with TemporaryDirectory(prefix="parts-") as scratch:
-        folder = Path(scratch)
-        if (values := cache.restore(key, folder)) is not None:
-            return [_read(folder, record) for record in values["parts"]]
-        parts = make()
-        records, names = [], []
-        for part in parts:
-            (folder / f"{part.name}.brep").write_bytes(part.shape)
-            np.savez(folder / f"{part.name}.npz", vertices=part.vertices, faces=part.faces)
-            names += [f"{part.name}.brep", f"{part.name}.npz"]
-            texts = {"name": part.name, "role": part.role, "material": part.material}
-            records.append({**texts, "color": list(part.color), "quantity": part.quantity})
-        cache.store(key, folder, names, {"parts": records})
-        return parts
+    if (entry := cache.read(key)) is not None:
+        files, values = entry
+        return [_read(files, record) for record in values["parts"]]
+    parts, files, records = make(), {}, []
+    for part in parts:
+        arrays = BytesIO()  # not a temporary folder: that may be full, and a killed worker would leave it behind
+        np.savez(arrays, vertices=part.vertices, faces=part.faces)
+        files |= {f"{part.name}.brep": part.shape, f"{part.name}.npz": arrays.getvalue()}
+        texts = {"name": part.name, "role": part.role, "material": part.material}
+        records.append({**texts, "color": list(part.color), "quantity": part.quantity})
+    cache.keep(key, files, {"parts": records})
+    return parts
 
 
-def _read(folder: Path, record: dict[str, object]) -> PackedPart:
+def _read(files: Mapping[str, bytes], record: dict[str, object]) -> PackedPart:
     name = str(record["name"])
-    with np.load(folder / f"{name}.npz", allow_pickle=False) as data:
+    with np.load(BytesIO(files[f"{name}.npz"]), allow_pickle=False) as data:
         vertices, faces = data["vertices"], data["faces"]
-    shape = (folder / f"{name}.brep").read_bytes()
+    shape = files[f"{name}.brep"]
     return PackedPart(**{**record, "color": tuple(record["color"])}, shape=shape, vertices=vertices, faces=faces)  # type: ignore[arg-type]

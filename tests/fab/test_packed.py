@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import tempfile
 
 import numpy as np
 import pytest
@@ -29,7 +30,8 @@ def test_a_part_comes_back_with_its_solid_and_its_mesh(spacer):
     assert mesh.is_watertight and mesh.volume == pytest.approx(part.solid.volume, rel=1e-2)
 
 
-def test_the_cache_gives_what_was_made_and_makes_it_once(spacer, tmp_path):
+def test_the_cache_gives_what_was_made_and_makes_it_once(spacer, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "full"))  # nothing can be written there
     cache, made = Cache(tmp_path), []
 
     def make():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import resource
 import struct
+import tempfile
 
 import numpy as np
 import pytest
@@ -94,6 +96,27 @@ def test_tessellation_error_is_of_first_order_in_the_tolerance_and_one_sided():
     for mesh in meshes:
         assert mesh.is_watertight
         assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(20.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("size", [0, 4096])
+def test_a_full_temporary_folder_is_named_with_what_to_do(tmp_path, monkeypatch, size):
+    solid = Solid.make_sphere(50)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))  # bytes of the largest file, as on a full disk
+    try:
+        with pytest.raises(FileError) as error:
+            tessellate(solid, 0.1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert str(error.value).startswith(f"temporary folder {tmp_path} is full or cannot be written: free some space")
+    assert "TMPDIR" in str(error.value) and list(tmp_path.iterdir()) == []
+
+
+def test_a_temporary_folder_that_is_gone_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+    with pytest.raises(FileError, match=r"temporary folder .*gone is full or cannot be written"):
+        tessellate(Solid.make_box(1, 1, 1))
 
 
 def test_tessellation_is_repeatable_and_faces_outward():

@@ -65,7 +65,7 @@ class Interrupts:
                 signal.signal(number, handler)
 
     def raise_swallowed(self) -> None:
-        """Raise KeyboardInterrupt where one came and was swallowed by a guard round some optional import."""
+        """Raise KeyboardInterrupt where one came and was swallowed, as libraries do in guards round an import."""
         if self.came:
             raise KeyboardInterrupt
 

@@ -107,8 +107,10 @@ def export(variant: Variant, exports: Path, use_cache: bool = True, interrupts: 
     """
     require_writable(exports)
     final = exports / variant.label
-    with Progress() as progress, whole_folder(final, RECORD) as folder:
-        summary = cached_molds(variant, folder, interrupts or Interrupts(), progress, use_cache)
+    heard = interrupts or Interrupts()
+    with Progress(heard.raise_swallowed) as progress, whole_folder(final, RECORD) as folder:
+        summary = cached_molds(variant, folder, heard, progress, use_cache)
+        heard.raise_swallowed()
     return Written(final, summary, progress.seconds)
 
 

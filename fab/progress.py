@@ -7,14 +7,20 @@ one plain line when it is done.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from cad.messages import LOG, transient
 
 
 class Progress:
-    """Lines on standard error, so that what a command prints as its result stays apart."""
+    """Lines on standard error, so that what a command prints as its result stays apart.
 
-    def __init__(self) -> None:
+    Args:
+        ask: called as each step begins; what it raises ends the command.
+    """
+
+    def __init__(self, ask: Callable[[], None] = lambda: None) -> None:
+        self._ask = ask
         self._start = time.monotonic()
         self._step: str | None = None
         self._since = self._start
@@ -35,6 +41,7 @@ class Progress:
 
     def __call__(self, step: str) -> None:
         """Begin a step; the one before it is done."""
+        self._ask()
         self._finish()
         self._step, self._since = step, time.monotonic()
         transient(f"  ...    {step}")

@@ -55,7 +55,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     from endcap.robot_model.folder import write_robot_model
 
     final = Path(options["exports"]) / variant.label / FOLDER
-    with Progress() as progress, whole_folder(final, RECORD) as folder:
+    with Progress(interrupts.raise_swallowed) as progress, whole_folder(final, RECORD) as folder:
         said = write_robot_model(variant, friction, folder, progress)
         interrupts.raise_swallowed()
     for line in said:

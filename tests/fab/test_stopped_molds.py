@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -122,6 +122,32 @@ def test_interruption_leaves_nothing(stub, tmp_path, capsys):
     stub.setattr("fab.checks.gates.run_gates", interrupted)
     assert molds.main([f"exports={tmp_path}"]) == 130
     assert "interrupted" in capsys.readouterr().err
+    assert left_in(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "step", ["exports.writer.write_meshes", "checks.gates.run_gates", "exports.writer.write_manifest"]
+)
+def test_an_interruption_that_a_library_swallows_ends_the_run_at_its_next_step(stub, tmp_path, step, capsys):
+    def swallowed(*_):
+        with suppress(BaseException):
+            signal.raise_signal(signal.SIGINT)
+        return [Check("shell.watertight", 1.0, low=1)]
+
+    stub.setattr(f"fab.{step}", swallowed)
+    stub.setattr("fab.cache.Cache.store", lambda *_: pytest.fail("kept"))
+    assert molds.main([f"exports={tmp_path}"]) == 130
+    assert capsys.readouterr().err.splitlines()[-1] == "make molds: interrupted; nothing was left behind"
+    assert left_in(tmp_path) == []
+
+
+def test_an_interruption_swallowed_at_the_last_is_asked_for_before_the_files_appear(stub, tmp_path):
+    def swallowed(*_):
+        with suppress(BaseException):
+            signal.raise_signal(signal.SIGINT)
+
+    stub.setattr("fab.exports.writer.write_manifest", swallowed)
+    assert molds.main([f"exports={tmp_path}", "cache=no"]) == 130
     assert left_in(tmp_path) == []
 
 

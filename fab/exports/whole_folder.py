@@ -185,5 +185,17 @@ def _as_file_error(final: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        remedy = "free some space or " if error.errno in _MEDIUM_FULL else ""
-        raise FileError(f"{final}: {error.strerror or error}: {remedy}name another folder with exports=DIR") from error
+        full, reason = error.errno in _MEDIUM_FULL, error.strerror or str(error)
+        if _is_elsewhere(error.filename, final):
+            remedy = "free some space there" if full else "make it readable, or install the toolkit again"
+            raise FileError(f"{error.filename}: {reason}: {remedy}") from error
+        remedy = "free some space or " if full else ""
+        raise FileError(f"{final}: {reason}: {remedy}name another folder with exports=DIR") from error
+
+
+def _is_elsewhere(name: object, final: Path) -> bool:
+    """Whether an error's file is neither beside a folder nor above it: then another exports folder does not help."""
+    if not isinstance(name, (str, os.PathLike)):
+        return False
+    path, exports = Path(name).resolve(), final.resolve().parent
+    return not path.is_relative_to(exports) and not exports.is_relative_to(path)

@@ -91,6 +91,13 @@ def test_an_error_leaves_what_stood_there(final):
     assert contents(final) == before and os.listdir(final.parent) == ["D"]
 
 
+def test_a_file_elsewhere_that_cannot_be_read_is_named_and_not_the_folder(tmp_path):
+    table = tmp_path / "installed" / "table.csv"
+    with pytest.raises(FileError) as caught, whole_folder(tmp_path / "exports" / "D", RECORD):
+        table.read_text()
+    assert str(caught.value) == (f"{table}: No such file or directory: make it readable, or install the toolkit again")
+
+
 def test_a_run_killed_while_its_files_move_in_is_finished_by_the_next_start(final, monkeypatch):
     moved = []
 

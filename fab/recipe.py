@@ -2,6 +2,11 @@
 
 The volume is that of the shell's mesh: the body as cast, dents and gyroid taken off. Source of the silicones:
 ``cad/materials.csv``; surplus and times below are our estimates (E).
+
+Beyond the cast goes what a well shows last: the silicone that creeps out at the bowl's joints, at most
+(:mod:`cad.leak`), what dam's gap and vents hold, and the hand's error. Where less of it is lost, the rest rises through
+the wells onto the level hanger and stays there as a film. What passes the dam's gap finds more room between the bolt
+flanges; it is not counted.
 """
 
 from __future__ import annotations
@@ -13,12 +18,16 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from cad.errors import FileError
+from cad.feasible import DAM_MARGIN_MM
+from cad.leak import leak_ratio
 from cad.materials import DEFAULT_SILICONE, Silicone, silicone
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
 
 SURPLUS = 0.15  # E: what stays in the cup and on the stick; not poured
 HAND_G = 1.0  # E: a hand stops a thin stream to this, with the cup on the scale
+SHOWN_RATIO = 0.5  # E: of a well's depth: seen at a glance
+FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (21 mN/m) stands up to 1.8 mm high
 SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
 LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
 HIGH_MASS_RATIO = 1.03  # E: above it the mold leaked or was not closed
@@ -39,6 +48,32 @@ class TimelineStep:
 
 
 @dataclass(frozen=True)
+class Overflow:
+    """Where silicone beyond the cast goes, mm^3.
+
+    Attributes:
+        leak: at most, out of the bowl's joints before it sets.
+        gap: between dam and piston.
+        vents: of the hanger, below the wells.
+        wells: of the hanger, full.
+        film: on top of the hanger.
+        dam: over the equator seam while the mold closes, before the dam runs over.
+    """
+
+    leak: float
+    gap: float
+    vents: float
+    wells: float
+    film: float
+    dam: float
+
+    @property
+    def room(self) -> float:
+        """What stays inside the closed mold."""
+        return self.gap + self.vents + self.wells
+
+
+@dataclass(frozen=True)
 class Recipe:
     """What to weigh and what to expect.
 
@@ -46,7 +81,7 @@ class Recipe:
         silicone: row of the table.
         cast_volume_mm3: of the finished shell.
         surplus: share mixed over it.
-        overflow_mm3: what vents, wells and the dam's gap take beyond the cast.
+        overflow: where silicone beyond the cast goes.
         part_a_g, part_b_g: to weigh, rounded up to a tenth of a gram.
         expected_g: mass of the cast, TPU not counted.
         lightest_g, heaviest_g: outside them the cast is not sound.
@@ -57,7 +92,7 @@ class Recipe:
     silicone: Silicone
     cast_volume_mm3: float
     surplus: float
-    overflow_mm3: float
+    overflow: Overflow
     part_a_g: float
     part_b_g: float
     expected_g: float
@@ -67,14 +102,23 @@ class Recipe:
     timeline: tuple[TimelineStep, ...]
 
     @property
-    def spilled_mm3(self) -> float:
-        """What is poured beyond the cast: half of the overflow; a gram either way fills the mold and spills nothing."""
-        return self.overflow_mm3 / 2
+    def hand_mm3(self) -> float:
+        """The hand's error in pouring."""
+        return HAND_G * self.air_mm3_per_g
+
+    @property
+    def beyond_mm3(self) -> float:
+        """What is poured beyond the cast: enough for the wells to show it after the largest leak and too short a pour.
+
+        Gap and vents lie deeper than the wells, so they count as full.
+        """
+        lost = self.overflow.leak + self.hand_mm3
+        return lost + self.overflow.gap + self.overflow.vents + SHOWN_RATIO * self.overflow.wells
 
     @property
     def poured_g(self) -> float:
         """Mass to pour into the bowl."""
-        return self.expected_g + self.spilled_mm3 * self.silicone.density_g_cm3 / 1000
+        return self.expected_g + self.beyond_mm3 * self.silicone.density_g_cm3 / 1000
 
     @property
     def pot_life_to_spare_min(self) -> float:
@@ -83,21 +127,23 @@ class Recipe:
 
     def record(self) -> dict[str, Any]:
         """The recipe as JSON."""
-        record = {key: value for key, value in asdict(self).items() if key not in ("silicone", "timeline")}
-        record |= {"poured_g": self.poured_g, "spilled_mm3": self.spilled_mm3}
+        kept = asdict(self)
+        places = {f"{key}_mm3": value for key, value in kept.pop("overflow").items()}
+        record = {key: value for key, value in kept.items() if key not in ("silicone", "timeline")}
+        record |= {"poured_g": self.poured_g, "beyond_mm3": self.beyond_mm3, **places}
         rounded = {key: round(value, 3) for key, value in record.items()}
         steps = [asdict(step) for step in self.timeline]
         return {"material": self.silicone.name, "mix_ratio": self.silicone.mix_ratio, **rounded, "timeline": steps}
 
 
 def recipe(
-    cast_volume_mm3: float, overflow_mm3: float, material: str = DEFAULT_SILICONE, surplus: float = SURPLUS
+    cast_volume_mm3: float, overflow: Overflow, material: str = DEFAULT_SILICONE, surplus: float = SURPLUS
 ) -> Recipe:
     """Recipe for one cast.
 
     Args:
         cast_volume_mm3: volume of the shell's mesh.
-        overflow_mm3: what the mold takes beyond the cast (:func:`overflow_mm3`).
+        overflow: where silicone beyond the cast goes (:func:`overflow_of`).
         material: a name in ``cad/materials.csv``.
         surplus: share mixed over the cast's own mass.
 
@@ -124,7 +170,7 @@ def recipe(
         row,
         cast_volume_mm3,
         surplus,
-        overflow_mm3,
+        overflow,
         _up(total * part_a / (part_a + part_b)),
         _up(total * part_b / (part_a + part_b)),
         expected,
@@ -135,23 +181,30 @@ def recipe(
     )
 
 
-def overflow_mm3(layout: MoldLayout) -> float:
-    """Room for silicone beyond the cast: vents and wells of the hanger, and the gap between dam and piston."""
+def overflow_of(layout: MoldLayout) -> Overflow:
+    """Where silicone beyond the cast goes in one mold."""
     from cad.hanger import VENT_RADIUS_MM, WELL_DEPTH_MM, WELL_RADIUS_MM
 
-    vents = math.pi * VENT_RADIUS_MM**2 * (layout.hanger_thickness_mm - WELL_DEPTH_MM)
-    wells = math.pi * WELL_RADIUS_MM**2 * WELL_DEPTH_MM
+    count, params = len(layout.vent_azimuths_deg), layout.params
     inner, outer = layout.piston_radius_mm, layout.piston_radius_mm + layout.joint_clearance_mm
-    gap = math.pi * (outer**2 - inner**2) * (layout.seam_height_mm - layout.dam_top_mm)
-    return len(layout.vent_azimuths_deg) * (vents + wells) + gap
+    return Overflow(
+        leak=leak_ratio(params, silicone(layout.silicone), layout.joint_clearance_mm, layout.bowl_wall_mm, 1.0),
+        gap=math.pi * (outer**2 - inner**2) * (layout.seam_height_mm - layout.dam_top_mm),
+        vents=count * math.pi * VENT_RADIUS_MM**2 * (layout.hanger_thickness_mm - WELL_DEPTH_MM),
+        wells=count * math.pi * WELL_RADIUS_MM**2 * WELL_DEPTH_MM,
+        film=math.pi * (layout.hanger_radius_mm**2 - count * WELL_RADIUS_MM**2) * FILM_MM,
+        dam=math.pi * params.inner_radius_mm**2 * DAM_MARGIN_MM,
+    )
 
 
 def overflow_checks(mix: Recipe) -> list[Check]:
-    """The pour fills the mold, and what is beyond it has its place, a gram of the hand's error either way."""
-    hand = HAND_G * mix.air_mm3_per_g
+    """The pour fills the mold after the largest leak, and all of it has its place without any."""
+    places, most = mix.overflow, mix.beyond_mm3 + mix.hand_mm3
+    least = mix.beyond_mm3 - mix.hand_mm3 - places.leak - places.gap - places.vents
     return [
-        Check("recipe.overflow_spare_mm3", mix.overflow_mm3 - mix.spilled_mm3 - hand, low=0.0),
-        Check("recipe.least_beyond_cast_mm3", mix.spilled_mm3 - hand, low=0.0),
+        Check("recipe.overflow_spare_mm3", places.vents + places.wells + places.film - most, low=0.0),
+        Check("recipe.dam_spare_mm3", places.dam - most, low=0.0),
+        Check("recipe.least_in_wells_mm3", least, low=0.0),
     ]
 
 

@@ -121,17 +121,17 @@ def _collect(
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures
     from fab.checks.check import Check
     from fab.checks.extraction import core_path
-    from fab.recipe import overflow_checks, overflow_mm3, recipe, shell_volume_mm3
+    from fab.recipe import overflow_checks, overflow_of, recipe, shell_volume_mm3
     from fab.steps.endcap import all_steps
     from fab.supplies import plastic_g, with_spools
 
     progress("parts and screws")
     shop = open_workshop(export)
-    mix = recipe(shell_volume_mm3(export.manifest), overflow_mm3(shop.layout), export.variant.silicone)
+    mix = recipe(shell_volume_mm3(export.manifest), overflow_of(shop.layout), export.variant.silicone)
     lines = with_spools(
         bom_lines(export.manifest, shop.fits, mix, sliced), plastic_g(export.manifest["parts"], printed_figures(sliced))
     )
-    depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.spilled_mm3)
+    depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.beyond_mm3)
     ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
     steps = all_steps(shop.layout, ways)
     checks = [

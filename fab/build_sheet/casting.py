@@ -42,8 +42,9 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
         ("mix", f"{100 * recipe.surplus:.0f} % more: it stays in the cup and on the stick"),
         (
             "pour",
-            f"{recipe.poured_g:.0f} g: {recipe.spilled_mm3 / 1000:.1f} ml more than the cast, which wells, vents and "
-            f"the dam's gap take ({recipe.overflow_mm3 / 1000:.1f} ml)",
+            f"{recipe.poured_g:.0f} g: {recipe.beyond_mm3 / 1000:.1f} ml more than the cast, of which as much as "
+            f"{recipe.overflow.leak / 1000:.1f} ml creeps out at the bowl's joints; the dam's gap, vents and wells "
+            f"have room for {recipe.overflow.room / 1000:.1f} ml, the rest rises onto the hanger",
         ),
         ("density", f"{silicone.density_g_cm3:g} g/ml"),
         ("pot life", f"{silicone.pot_life_min:g} min at 23 °C; warmer is shorter"),

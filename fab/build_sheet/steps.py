@@ -47,7 +47,7 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "poured_g": f"{recipe.poured_g:.0f}",
         "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
         "cure_h": f"{recipe.silicone.cure_h:g}",
-        "overflow_ml": f"{recipe.overflow_mm3 / 1000:.1f}",
+        "overflow_ml": f"{recipe.overflow.room / 1000:.1f}",
         "robot": robot_words(data.robot),
         "robot_fixing": _fixing(data.robot),
     }

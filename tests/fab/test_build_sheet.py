@@ -34,12 +34,13 @@ from fab.build_sheet.prints import prints
 from fab.build_sheet.steps import filled
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
-from fab.recipe import recipe
+from fab.recipe import overflow_of, recipe
 from fab.slice.projects import Export
 from fab.variant import Variant
 from sensing.camera.nominal import nominal_mount
 
 PARAMS = EndcapParams(130.0, 8.0)
+MIX = recipe(2e5, overflow_of(MoldLayout(PARAMS)))
 
 
 SIZES = [(100.0, 8.0), (130.0, 8.0), (187.3, 12.6), (250.0, 6.5), (250.0, 25.0)]
@@ -69,7 +70,7 @@ def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
 
 @pytest.mark.parametrize(("robot", "count"), [("iso_9409_1_50_4_m6", 5), ("tensegrity_arm", 7), ("blank", 0)])
 def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, count):
-    data = SheetData(MoldLayout(PARAMS), {"robot": robot}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    data = SheetData(MoldLayout(PARAMS), {"robot": robot}, None, MIX, [], [], [], [], 0.0, {})
     words = filled(data, ("{robot}: {robot_fixing}",))[0]
     assert words.startswith(f"{robot_words(robot)}: ") and ("drill it" in words) == (count == 0)
     lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
@@ -78,14 +79,14 @@ def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, cou
 
 def test_the_commands_of_a_sheet_carry_dots_of_ones_own():
     params = EndcapParams(130.0, 8.0, dot_mm=3.5)
-    data = SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    data = SheetData(MoldLayout(params), {}, None, MIX, [], [], [], [], 0.0, {})
     text = " ".join(block.text for block in light_check(data) if isinstance(block, Paragraph))
     design = "--diameter 130 --wall 8 --dot-mm 3.5"
     assert f"-m sensing.calibrate {design} " in text and f"-m sensing.setup {design} " in text
 
 
 def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sensor_do_not_count(monkeypatch):
-    data = SheetData(MoldLayout(PARAMS), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    data = SheetData(MoldLayout(PARAMS), {}, None, MIX, [], [], [], [], 0.0, {})
     assert "released sensor: 92" in str(light_check(data)) and "ENDCAP_CAMERA" not in str(light_check(data))
     monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
     text = str(light_check(data))
@@ -97,7 +98,7 @@ def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sen
 def test_dots_that_a_narrow_lens_does_not_see_are_painted_and_not_counted(monkeypatch):
     narrow = replace(camera_module(), max_half_angle_deg=60.0)
     monkeypatch.setattr(drawings, "camera_module", lambda: narrow)
-    data = SheetData(MoldLayout(PARAMS), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {"dots": Path("dots.png")})
+    data = SheetData(MoldLayout(PARAMS), {}, None, MIX, [], [], [], [], 0.0, {"dots": Path("dots.png")})
     table = next(block for block in painting(data) if isinstance(block, Table))
     assert sum(int(row[1]) for row in table.rows) == len(dot_pattern(PARAMS)) > len(camera_pixels(PARAMS))
     assert table.rows[0][3] == "1" and table.rows[-1][3] == "0"
@@ -105,7 +106,7 @@ def test_dots_that_a_narrow_lens_does_not_see_are_painted_and_not_counted(monkey
 
 @pytest.mark.parametrize(("rings", "row"), [((1, 6, 12, 18), "within 30°"), ((1, 5, 11), None), ((1, 6, 10), None)])
 def test_a_pattern_that_looks_alike_when_turned_asks_for_an_upright_camera(rings, row):
-    data = SheetData(MoldLayout(EndcapParams(130.0, 8.0, rings)), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    data = SheetData(MoldLayout(EndcapParams(130.0, 8.0, rings)), {}, None, MIX, [], [], [], [], 0.0, {})
     text = str(light_check(data))
     assert ("these dots look alike" in text) == (row is not None) and (row or "") in text
 
@@ -237,7 +238,16 @@ def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     params = EndcapParams(150.0, 9.0)
     material = "Dragon Skin 30"
     data = SheetData(
-        MoldLayout(params, 0.1, material), {"robot": "blank"}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {}
+        MoldLayout(params, 0.1, material),
+        {"robot": "blank"},
+        None,
+        recipe(2e5, MIX.overflow, material),
+        [],
+        [],
+        [],
+        [],
+        0.0,
+        {},
     )
     blocks = [*prints(data), *light_check(data), *led_ring(params, Path("none.png"))]
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))

@@ -14,15 +14,18 @@ from long_cases import others_long
 
 from cad.errors import FileError, GeometryError, ParameterError
 from cad.fasteners import ScrewJoint
+from cad.leak import cast_volume_mm3
 from cad.materials import silicone, silicones
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import all_joints, bom_checks, bom_csv, bom_lines
+from fab.checks.cavity import leak_check
 from fab.checks.screw_fit import LENGTHS_MM, ScrewFit, fitted, length_tolerance_mm, screw_fit
-from fab.recipe import mix_parts, recipe, shell_volume_mm3
+from fab.recipe import SHOWN_RATIO, mix_parts, overflow_checks, overflow_of, recipe, shell_volume_mm3
 from fab.supplies import plastic_g, supply_lines, with_spools
 
 LAYOUT = MoldLayout(EndcapParams(130.0, 8.0))
+OVERFLOW = overflow_of(LAYOUT)
 
 
 # --- recipe -------------------------------------------------------------------------------------------------------
@@ -30,7 +33,7 @@ LAYOUT = MoldLayout(EndcapParams(130.0, 8.0))
 
 @pytest.mark.parametrize("name", sorted(silicones()))
 def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
-    mix = recipe(200_000.0, 2_000.0, name, surplus=0.2)
+    mix = recipe(200_000.0, OVERFLOW, name, surplus=0.2)
     row = silicone(name)
     a, b = mix_parts(row)
     assert mix.part_a_g / mix.part_b_g == pytest.approx(a / b, rel=0.01)
@@ -41,14 +44,14 @@ def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
 
 
 def test_smooth_sil_950_of_a_litre_is_a_hundred_to_ten():
-    mix = recipe(1e6, 2e3, surplus=0.0)
+    mix = recipe(1e6, OVERFLOW, surplus=0.0)
     assert (mix.part_a_g, mix.part_b_g) == (pytest.approx(1127.3), pytest.approx(112.8))
     assert mix.pot_life_to_spare_min >= 0 and mix.air_mm3_per_g == pytest.approx(806.45, abs=0.01)
 
 
 def test_the_clock_runs_without_gaps_and_a_short_pot_life_is_not_degassed():
     for name in silicones():
-        mix = recipe(3e5, 2e3, name)
+        mix = recipe(3e5, OVERFLOW, name)
         ends = [0.0, *(step.end_min for step in mix.timeline)]
         assert [step.start_min for step in mix.timeline] == ends[:-1]
         degassed = any("degas" in step.what for step in mix.timeline)
@@ -57,11 +60,57 @@ def test_the_clock_runs_without_gaps_and_a_short_pot_life_is_not_degassed():
 
 def test_unknown_material_ratio_and_manifest_are_refused():
     with pytest.raises(ParameterError, match="Smooth-Sil 950"):
-        recipe(1e5, 2e3, "Smooth-Sil 951")
+        recipe(1e5, OVERFLOW, "Smooth-Sil 951")
     with pytest.raises(FileError, match="mix_ratio 'some of each'"):
         mix_parts(dataclasses.replace(silicone(), mix_ratio="some of each"))
     with pytest.raises(FileError, match="no part named shell"):
         shell_volume_mm3({"parts": []})
+
+
+@pytest.mark.parametrize(
+    ("size", "clearance", "material"),
+    [
+        ((142.0, 7.5), 0.15, "Smooth-Sil 950"),
+        ((130.0, 8.0), 0.217, "Smooth-Sil 950"),
+        ((104.0, 6.5), 0.10, "Smooth-Sil 950"),
+        ((130.0, 8.0), 0.15, "Dragon Skin 30"),
+        ((249.0, 24.9), 0.30, "Smooth-Sil 950"),
+    ],
+)
+def test_the_wells_show_silicone_after_the_largest_leak_and_the_rest_has_its_place(size, clearance, material):
+    layout = MoldLayout(EndcapParams(*size), clearance, material)
+    cast = cast_volume_mm3(layout.params)
+    mix = recipe(cast, overflow_of(layout), material)
+    leaked = leak_check(layout, cast).value * cast
+    density = silicone(material).density_g_cm3 / 1000
+    left = (mix.poured_g - 1.0) / density - cast - leaked  # poured a gram short
+    wells = 10 * math.pi * 3.5**2 * 4.0
+    vents = 10 * math.pi * 1.75**2 * (layout.hanger_thickness_mm - 4.0)
+    ring = (layout.piston_radius_mm + clearance) ** 2 - layout.piston_radius_mm**2
+    gap = math.pi * ring * (layout.seam_height_mm - layout.dam_top_mm)
+    assert left - gap - vents == pytest.approx(SHOWN_RATIO * wells)
+    assert all(check.ok for check in overflow_checks(mix))
+    most = (mix.poured_g + 1.0) / density - cast  # poured a gram too much, nothing lost
+    assert most - vents - wells < math.pi * layout.hanger_radius_mm**2 * 1.0
+    assert most < math.pi * layout.params.inner_radius_mm**2 * 1.5  # lifts the level by less than the dam's margin
+
+
+@pytest.mark.parametrize(
+    ("changed", "gate"),
+    [
+        ({"film": 0.0}, "recipe.overflow_spare_mm3"),
+        ({"dam": 1000.0}, "recipe.dam_spare_mm3"),
+    ],
+)
+def test_a_place_that_is_too_small_fails_its_gate(changed, gate):
+    mix = recipe(282e3, dataclasses.replace(OVERFLOW, **changed))
+    assert [check.name for check in overflow_checks(mix) if not check.ok] == [gate]
+
+
+def test_a_pour_that_forgets_the_leak_fails_its_gate(monkeypatch):
+    mix = recipe(282e3, OVERFLOW)
+    monkeypatch.setattr(type(mix), "beyond_mm3", OVERFLOW.room / 2)
+    assert [check.name for check in overflow_checks(mix) if not check.ok] == ["recipe.least_in_wells_mm3"]
 
 
 # --- screws -------------------------------------------------------------------------------------------------------
@@ -181,7 +230,7 @@ MANIFEST = {
 
 
 def test_every_part_screw_and_nut_has_its_line():
-    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, 2e3), None)
+    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
     assert all(check.ok for check in bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), lines))
     assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 5 + 10 + 6 + 8 + 6
     rows = list(csv.DictReader(io.StringIO(bom_csv(lines))))
@@ -193,13 +242,13 @@ def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
     parts = [{"name": name, "material": "PLA", "quantity": 1} for name in ("base", "hanger", "not_sliced")]
     plastics = plastic_g(parts, {"base": (100.0, 2.0), "hanger": (grams - 100.0, 2.0), "camera": (50.0, 1.0)})
     assert plastics == {"PLA": grams}
-    amounts = {line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, 2e3)), plastics)}
+    amounts = {line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, OVERFLOW)), plastics)}
     assert amounts["PLA filament"] == spools and amounts["TPU filament"] == 1
 
 
 @pytest.mark.parametrize("volume_mm3", [100e3, 282e3, 1.25e6, 2.9e6])
 def test_the_mixing_cup_goes_into_the_vacuum_chamber(volume_mm3):
-    asked = {line.item: line.order_as for line in supply_lines(recipe(volume_mm3, 2e3))}
+    asked = {line.item: line.order_as for line in supply_lines(recipe(volume_mm3, OVERFLOW))}
     cup_ml = float(re.search(r"(\d+) ml", asked["mixing cup"])[1])
     chamber_l = float(re.match(r"(\d+) l", asked["vacuum chamber and pump"])[1])
     assert chamber_l >= max(5.0, 1.3e-3 * cup_ml) and chamber_l < 1.3e-3 * cup_ml + 5.0
@@ -210,7 +259,7 @@ def test_the_mixing_cup_goes_into_the_vacuum_chamber(volume_mm3):
     [("camera", "bom.parts_without_line"), ("screws", "bom.screws_short"), ("nuts", "bom.nuts_short")],
 )
 def test_a_missing_line_fails_its_gate(dropped, gate):
-    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, 2e3), None)
+    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
     index = next(k for k, line in enumerate(lines) if line.owner == dropped)
     checks = bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), [*lines[:index], *lines[index + 1 :]])
     assert [check.name for check in checks if not check.ok] == [gate]

@@ -24,7 +24,7 @@ from cad.materials import DEFAULT_SILICONE, Silicone, silicone
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
 
-SURPLUS = 0.15  # E: what stays in the cup and on the stick; not poured
+SURPLUS = 0.15  # E: over the cast; most of it stays in the cup and on the stick
 HAND_G = 1.0  # E: a hand stops a thin stream to this, with the cup on the scale
 SHOWN_RATIO = 0.5  # E: of a well's depth: seen at a glance
 FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (21 mN/m) stands up to 1.8 mm high

@@ -39,7 +39,7 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
         ("part B", f"{recipe.part_b_g:.1f} g"),
         ("mixing ratio", silicone.mix_ratio),
         ("volume of the cast", f"{recipe.cast_volume_mm3 / 1000:.1f} ml"),
-        ("mix", f"{100 * recipe.surplus:.0f} % more: it stays in the cup and on the stick"),
+        ("mix", f"{100 * recipe.surplus:.0f} % more than the cast: what is not poured stays in cup and on stick"),
         (
             "pour",
             f"{recipe.poured_g:.0f} g: {recipe.beyond_mm3 / 1000:.1f} ml more than the cast, of which as much as "

@@ -47,7 +47,10 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "poured_g": f"{recipe.poured_g:.0f}",
         "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
         "cure_h": f"{recipe.silicone.cure_h:g}",
-        "overflow_ml": f"{recipe.overflow.room / 1000:.1f}",
+        "beyond_ml": f"{recipe.beyond_mm3 / 1000:.1f}",
+        "room_ml": f"{recipe.overflow.room / 1000:.1f}",
+        "leak_ml": f"{recipe.overflow.leak / 1000:.1f}",
+        "pot_life_min": f"{recipe.silicone.pot_life_min:g}",
         "robot": robot_words(data.robot),
         "robot_fixing": _fixing(data.robot),
     }

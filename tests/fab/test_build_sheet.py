@@ -15,6 +15,7 @@ from PIL import Image
 from cad.dots import dot_pattern, dot_position_mm
 from cad.errors import FileError
 from cad.lens import camera_module
+from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_words
@@ -36,6 +37,7 @@ from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
 from fab.recipe import overflow_of, recipe
 from fab.slice.projects import Export
+from fab.steps.cast import cast_steps
 from fab.variant import Variant
 from sensing.camera.nominal import nominal_mount
 
@@ -75,6 +77,16 @@ def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, cou
     assert words.startswith(f"{robot_words(robot)}: ") and ("drill it" in words) == (count == 0)
     lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
     assert sum(line.quantity for line in lines if line.owner == "robot") == count
+
+
+def test_the_wells_are_said_to_hold_no_more_than_is_poured():
+    data = SheetData(MoldLayout(PARAMS), {}, None, MIX, [], [], [], [], 0.0, {})
+    closed = next(step for step in cast_steps(data.layout, dict.fromkeys(REMOVAL_ORDER, ())) if step.key == "closed")
+    lines = filled(data, [line for line in closed.lines if "screws" not in line])
+    poured, room, leak = (float(x) for x in re.findall(r"([\d.]+) ml", " ".join(lines)))
+    wells = 10 * math.pi * 3.5**2 * 4.0 / 1000
+    assert poured > room - wells + leak + wells / 2  # gap and vents are full, the largest leak is lost: a well shows
+    assert poured == pytest.approx((MIX.poured_g - MIX.expected_g) / MIX.silicone.density_g_cm3, abs=0.05)
 
 
 def test_the_commands_of_a_sheet_carry_dots_of_ones_own():

@@ -127,5 +127,6 @@ def test_the_readme_has_the_titles_of_the_list_in_order():
 def test_blanks_of_the_lines_are_known():
     layout = MoldLayout(EndcapParams(99.0, 6.5))
     blanks = {m[1] for step in all_steps(layout, ways(layout)) for line in step.lines for m in BLANK.finditer(line)}
-    numbers = {"part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "overflow_ml"}
+    volumes = {"beyond_ml", "room_ml", "leak_ml"}
+    numbers = {"part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "pot_life_min", *volumes}
     assert blanks <= {"screws", "robot", "robot_fixing"} | numbers

@@ -30,7 +30,6 @@ SHOWN_RATIO = 0.5  # E: of a well's depth: seen at a glance
 FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (21 mN/m) stands up to 1.8 mm high
 SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
 LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
-HIGH_MASS_RATIO = 1.03  # E: above it the mold leaked or was not closed
 MIX_MIN = 3.0  # E: scraping sides and bottom
 DEGAS_MIN = 5.0  # E: until the foam has fallen, at 29 inHg
 POUR_MIN = 5.0  # E: thin stream onto one spot
@@ -84,7 +83,7 @@ class Recipe:
         overflow: where silicone beyond the cast goes.
         part_a_g, part_b_g: to weigh, rounded up to a tenth of a gram.
         expected_g: mass of the cast, TPU not counted.
-        lightest_g, heaviest_g: outside them the cast is not sound.
+        lightest_g: below it the cast is not sound.
         air_mm3_per_g: volume that each missing gram stands for.
         timeline: steps after the two parts meet.
     """
@@ -97,7 +96,6 @@ class Recipe:
     part_b_g: float
     expected_g: float
     lightest_g: float
-    heaviest_g: float
     air_mm3_per_g: float
     timeline: tuple[TimelineStep, ...]
 
@@ -121,6 +119,11 @@ class Recipe:
         return self.expected_g + self.beyond_mm3 * self.silicone.density_g_cm3 / 1000
 
     @property
+    def heaviest_g(self) -> float:
+        """Most that the cast can weigh: all that is poured, the hand's error and a step of the scale."""
+        return self.poured_g + HAND_G + SCALE_G
+
+    @property
     def pot_life_to_spare_min(self) -> float:
         """Time from the closed mold until the silicone thickens."""
         return self.silicone.pot_life_min - self.timeline[-1].end_min
@@ -130,7 +133,7 @@ class Recipe:
         kept = asdict(self)
         places = {f"{key}_mm3": value for key, value in kept.pop("overflow").items()}
         record = {key: value for key, value in kept.items() if key not in ("silicone", "timeline")}
-        record |= {"poured_g": self.poured_g, "beyond_mm3": self.beyond_mm3, **places}
+        record |= {"poured_g": self.poured_g, "heaviest_g": self.heaviest_g, "beyond_mm3": self.beyond_mm3, **places}
         rounded = {key: round(value, 3) for key, value in record.items()}
         steps = [asdict(step) for step in self.timeline]
         return {"material": self.silicone.name, "mix_ratio": self.silicone.mix_ratio, **rounded, "timeline": steps}
@@ -175,7 +178,6 @@ def recipe(
         _up(total * part_b / (part_a + part_b)),
         expected,
         expected * LOW_MASS_RATIO,
-        expected * HIGH_MASS_RATIO,
         1000 / row.density_g_cm3,
         tuple(steps),
     )

@@ -26,8 +26,10 @@ def silicone(data: SheetData) -> list[Block]:
             "Weigh the interface before casting (with its nuts) and the demolded endcap after. The difference is the "
             f"silicone: {recipe.expected_g:.0f} g, accepted {recipe.lightest_g:.0f} to {recipe.heaviest_g:.0f} g once "
             f"the flash is trimmed. Each gram missing is {recipe.air_mm3_per_g / 1000:.2f} ml of air or of unfilled "
-            f"gyroid; more than {recipe.heaviest_g:.0f} g means that the mold did not close. Write it down: ______ g "
-            "before, ______ g after, ______ g silicone."
+            f"gyroid. Each gram over {recipe.expected_g:.0f} g is flash that is still on it, or a mold that did not "
+            f"close all the way. More than {recipe.heaviest_g:.0f} g was never poured: see whether a piece of the core "
+            "is still inside or the nuts were not weighed before, and weigh again. Write it down: ______ g before, "
+            "______ g after, ______ g silicone."
         ),
     ]
 

@@ -40,7 +40,8 @@ def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
     total = 200.0 * row.density_g_cm3 * 1.2
     assert total <= mix.part_a_g + mix.part_b_g + 1e-9 < total + 0.2  # rounded up, by a tenth of a gram each
     assert mix.expected_g == pytest.approx(200.0 * row.density_g_cm3)
-    assert mix.lightest_g < mix.expected_g < mix.heaviest_g
+    assert mix.lightest_g < mix.expected_g < mix.poured_g
+    assert mix.heaviest_g == pytest.approx(mix.poured_g + 1.0 + 0.1)  # no more can be in it: hand and scale
 
 
 def test_smooth_sil_950_of_a_litre_is_a_hundred_to_ten():

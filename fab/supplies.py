@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -14,9 +14,11 @@ from cad.fasteners import BomLine
 from cad.lens import camera_module
 from fab.recipe import Recipe
 from fab.slice.filaments import filament
+from fab.steps.record import Step
 
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
+AT_SOME_SIZES = ("soft ring",)  # rows that only some orders of the steps need
 CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degassed
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
 SPARE = 1.1  # E: skirts, brims, and a part that fails
@@ -90,6 +92,16 @@ def spool_usd(item: str) -> float | None:
     """
     plastic = next((name for name in SPOOL_G if item == _filament_item(name)), None)
     return None if plastic is None else SPOOL_G[plastic] / 1000 * filament(plastic).price_usd_kg
+
+
+def for_steps(lines: Sequence[BomLine], steps: Iterable[Step]) -> list[BomLine]:
+    """The lines less those that are needed at some sizes only and that no step names.
+
+    Args:
+        lines: of the bill. steps: of the whole work.
+    """
+    words = " ".join(line for step in steps for line in step.lines)
+    return [line for line in lines if line.item not in AT_SOME_SIZES or line.item in words]
 
 
 def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[float, float]]) -> dict[str, float]:

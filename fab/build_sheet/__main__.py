@@ -19,9 +19,12 @@ from fab.progress import Progress
 from fab.variant import Variant
 
 if TYPE_CHECKING:
+    from cad.fasteners import BomLine
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.pictures import Workshop
+    from fab.recipe import Recipe
     from fab.slice.projects import Export
+    from fab.steps.record import Step
 
 FOLDER = "sheet"
 RECORD = "sheet.json"
@@ -115,7 +118,7 @@ def _collect(
 ) -> tuple[SheetData, dict[str, Any]]:
     """Measure, gate and draw; returns the sheet's data and its own record."""
     from cad.mold_core import REMOVAL_ORDER
-    from fab.bom import all_joints, bom_checks, bom_lines, printed_figures
+    from fab.bom import all_joints, bom_checks
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures
@@ -123,17 +126,14 @@ def _collect(
     from fab.checks.extraction import core_path
     from fab.recipe import overflow_checks, overflow_of, recipe, shell_volume_mm3
     from fab.steps.endcap import all_steps
-    from fab.supplies import plastic_g, with_spools
 
     progress("parts and screws")
     shop = open_workshop(export)
     mix = recipe(shell_volume_mm3(export.manifest), overflow_of(shop.layout), export.variant.silicone)
-    lines = with_spools(
-        bom_lines(export.manifest, shop.fits, mix, sliced), plastic_g(export.manifest["parts"], printed_figures(sliced))
-    )
     depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.beyond_mm3)
     ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
     steps = all_steps(shop.layout, ways)
+    lines = _lines(export, shop, mix, sliced, steps)
     checks = [
         *bom_checks(export.manifest, all_joints(shop.layout), shop.fits, lines),
         Check("recipe.pot_life_to_spare_min", mix.pot_life_to_spare_min, low=0.0),
@@ -151,6 +151,17 @@ def _collect(
         shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures, beds, fitting
     )
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
+
+
+def _lines(
+    export: Export, shop: Workshop, mix: Recipe, sliced: dict[str, Any] | None, steps: Sequence[Step]
+) -> list[BomLine]:
+    """The bill of materials."""
+    from fab.bom import bom_lines, printed_figures
+    from fab.supplies import for_steps, plastic_g, with_spools
+
+    plastics = plastic_g(export.manifest["parts"], printed_figures(sliced))
+    return for_steps(with_spools(bom_lines(export.manifest, shop.fits, mix, sliced), plastics), steps)
 
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path) -> dict[str, Path]:

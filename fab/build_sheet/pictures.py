@@ -232,7 +232,7 @@ def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
         shift = place_on_way(move.way_out, step.drawn_mm * order / len(step.moves))
         shifts.append(shift)
         things += _drawn(shop, step, move.parts, shift)
-    owner = shifts[-1] if not step.enters and any("hanger" in move.parts for move in step.moves) else np.zeros(3)
+    owner = shifts[-1] if any("hanger" in move.parts for move in step.moves) else np.zeros(3)
     if "camera" in {name for move in step.moves for name in move.parts}:
         owner = shifts[-1]
     if {"base"} & {name for move in step.moves for name in move.parts}:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cad.mold_layout import MoldLayout
 from fab.checks.extraction import Leg
-from fab.steps.mold import BOWL, CENTRE, COLLAR, CORE, KEYS, TO_DOME, TO_RIM, UPPER, WEDGES, Ways
+from fab.steps.mold import BOWL, CENTRE, COLLAR, CORE, KEYS, TO_DOME, TO_RIM, UPPER, WEDGES, Ways, core_passes_gyroid
 from fab.steps.record import Move, Step, one_by_one
 
 
@@ -47,13 +47,17 @@ def _poured() -> tuple[Step, ...]:
 
 def _closed(layout: MoldLayout) -> tuple[Step, ...]:
     stroke = layout.seam_height_mm - layout.dam_top_mm
+    # Where the core went into the interface first, the hanger was lowered onto both: the core is down already.
+    first = (
+        "Turn the upper half over, core down." if core_passes_gyroid(layout) else "Lift the upper half off its ring."
+    )
     return (
         Step(
             "close",
             "cast",
             "Lower the upper half",
             (
-                "Turn the upper half over, core down. Lower it upright, slowly: the silicone climbs into the gyroid.",
+                f"{first} Lower it upright, slowly: the silicone climbs into the gyroid.",
                 f"Last {stroke:.0f} mm: the collar slides into the bowl's dam.",
             ),
             (Move(UPPER, (Leg(TO_RIM, layout.stand_height_mm),), BOWL),),

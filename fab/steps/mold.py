@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from cad.interface import POCKET_FLOOR_MM, zone_radii_mm
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
 from fab.checks.extraction import Leg
 from fab.steps.record import Move, Step, one_by_one
 
@@ -81,7 +82,7 @@ def _upper_half(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
     )
     if core_passes_gyroid(layout):
         return (nuts, collar, *_core_lowered(out))
-    return (nuts, collar, *_core_in_interface(out, ways))
+    return (nuts, collar, *_core_in_interface(layout, ways))
 
 
 def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
@@ -115,8 +116,8 @@ def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
     )
 
 
-def _core_in_interface(out: tuple[Leg, ...], ways: Ways) -> tuple[Step, ...]:
-    held = ("hanger", *COLLAR)
+def _core_in_interface(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
+    up = (Leg(TO_RIM, layout.params.tip_height_mm + 10.0),)
     return (
         Step(
             "core_inside",
@@ -125,7 +126,8 @@ def _core_in_interface(out: tuple[Leg, ...], ways: Ways) -> tuple[Step, ...]:
             (
                 f"{AGENT} At this size the gyroid closes in over the core's equator: the pieces go in through the "
                 "bore, as they will come out, last piece first.",
-                "Interface on a soft ring, bore up. Wedges in and outward, keys in between, the centre straight down.",
+                f"Interface, bore up, on a soft ring {_soft_ring(layout.params)}: the gyroid lies on it, the core "
+                "hangs through. Wedges in and outward, keys in between, the centre straight down.",
             ),
             one_by_one(tuple(reversed(CORE)), dict(ways), ("interface",), True),
             look="dome down",
@@ -137,15 +139,24 @@ def _core_in_interface(out: tuple[Leg, ...], ways: Ways) -> tuple[Step, ...]:
             "upper half",
             "Bring hanger and collar onto it",
             (
-                "Turn the hanger with its collar over and lower it straight onto interface and core, keys at the "
-                "azimuths of the hanger's pins.",
+                "Leave the interface on its ring. Turn the hanger with its collar over and lower it straight onto "
+                "interface and core, keys at the azimuths of the hanger's pins.",
                 "{screws:hanger_to_core} into the core and {screws:hanger_to_interface} into the interface's nuts, "
                 "hand-tight: TPU gives way.",
             ),
-            (Move(("interface", *CORE), out, held),),
+            (Move(("hanger", *COLLAR), up, ("interface", *CORE)),),
             screws=("hanger_to_core", "hanger_to_interface"),
+            look="dome down, from the side",
         ),
     )
+
+
+def _soft_ring(params: EndcapParams) -> str:
+    """How wide and how high it is: inside the gyroid's lower edge, and higher than the core reaches below that."""
+    above = params.interlock_top_mm - params.centre_height_mm
+    width = 2 * math.sqrt(zone_radii_mm(params)[0] ** 2 - above**2)
+    depth = params.centre_height_mm + params.inner_radius_mm + params.dent_depth_mm - params.interlock_top_mm
+    return f"{width:.0f} mm wide inside and {math.ceil(depth / 5 + 1) * 5} mm high"
 
 
 def _lower_half(layout: MoldLayout) -> tuple[Step, ...]:

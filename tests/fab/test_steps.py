@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,13 @@ from cad.params import EndcapParams
 from fab.build_sheet.steps import BLANK
 from fab.checks.extraction import Leg, core_path
 from fab.meshing.mesh import joined, tessellate, to_manifold
+from fab.recipe import overflow_of, recipe
 from fab.steps.cast import cast_steps
 from fab.steps.endcap import all_steps
 from fab.steps.mold import BOWL, COLLAR, UPPER, core_passes_gyroid, mold_steps
 from fab.steps.record import Move, one_by_one
 from fab.steps.sweep import move_overlap_mm3, places, step_bodies, sweep_checks
+from fab.supplies import for_steps, supply_lines
 
 UP = (Leg((0.0, 0.0, 1.0), 120.0),)
 
@@ -55,7 +58,8 @@ def test_every_part_enters_once_and_leaves_again(size):
         name for step in steps if step.enters and step.stage != "cast" for move in step.moves for name in move.parts
     ]
     left = [name for step in steps if not step.enters for move in step.moves for name in move.parts]
-    assert set(entered) | {"hanger"} == {*UPPER, *BOWL}
+    first = "hanger" if core_passes_gyroid(layout) else "interface"  # stands on the table, and the rest is put to it
+    assert set(entered) | {first} == {*UPPER, *BOWL}
     assert sorted(left) == sorted({*UPPER, *BOWL} - {"interface"})
     keys = [step.key for step in all_steps(layout, ways(layout))]
     assert len(set(keys)) == len(keys)
@@ -71,6 +75,33 @@ def test_the_core_goes_into_the_interface_first_where_the_gyroid_closes_over_its
         for d in np.arange(100.0, 250.0, 5.0)
     ]
     assert order == sorted(order)  # one change of order, from the small sizes to the large
+
+
+@pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
+def test_the_upper_half_is_turned_over_once_and_drawn_as_it_is_held(size):
+    layout = MoldLayout(EndcapParams(*size))
+    steps = {step.key: step for step in steps_of_the_mold(layout, ways(layout))}
+    unit, close = steps.get("upper_unit"), steps["close"]
+    assert "Turn the upper half over" in close.lines[0] or unit is not None
+    assert (unit is None) == ("Turn the upper half over" in close.lines[0])
+    if unit:
+        (move,) = unit.moves
+        assert move.parts == ("hanger", *COLLAR) and move.way_out[0].direction == (0.0, 0.0, -1.0)
+        assert unit.look.startswith("dome down")
+
+
+def test_a_soft_ring_is_at_hand_where_a_step_names_it_and_the_core_hangs_through_it():
+    lines = supply_lines(recipe(2e5, overflow_of(MoldLayout(EndcapParams(104.0, 6.5)))))
+    for size, listed in (((104.0, 6.5), 1), ((130.0, 8.0), 0)):
+        layout = MoldLayout(EndcapParams(*size))
+        steps = mold_steps(layout, ways(layout))
+        assert sum(line.item == "soft ring" for line in for_steps(lines, steps)) == listed
+        for width, height in re.findall(r"soft ring (\d+) mm wide inside and (\d+) mm high", str(steps)):
+            params = layout.params
+            above = params.interlock_top_mm - params.centre_height_mm
+            assert 2 * math.sqrt(params.inner_radius_mm**2 - above**2) < float(width)
+            assert float(width) < 2 * math.sqrt((params.outer_radius_mm - params.skin_mm) ** 2 - above**2)
+            assert float(height) > params.tip_height_mm - params.wall_mm - params.interlock_top_mm
 
 
 def test_no_step_of_the_upper_half_overlaps(workshop):

@@ -22,7 +22,8 @@ from fab.led_ring.copper import PADS, Track, Via, build_copper
 from fab.led_ring.gerber import board_files, read_archive, regions, write_archive
 from fab.led_ring.kicad import kicad_checks, write_project
 from fab.led_ring.light import dome_light, irradiance
-from fab.led_ring.rules import edge_distance_mm, rule_checks
+from fab.led_ring.rules import edge_distance_mm, envelope, rule_checks
+from fab.led_ring.silk import PAD_GAP_MM, WORDS, word
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +113,22 @@ def test_board_is_the_cad_part(archive):
     solid = led_ring_part(EndcapParams(130, 8)).solid
     bare = solid.volume - sum(p.part.length_mm * p.part.width_mm * p.part.height_mm for p in placements())
     assert layers["Edge_Cuts"].area == pytest.approx(bare / BOARD_THICKNESS_MM, rel=1e-4)
+
+
+def test_every_part_of_the_driver_has_its_name_beside_it_and_off_the_solder():
+    names = {text: word(text, s, t, side) for text, s, t, side in WORDS}
+    copper = build_copper()
+    holes = unary_union([via.shape for via in copper.vias])
+    driver = [place for place in placements() if not place.reference.startswith("LED")]
+    assert names.keys() - {place.reference for place in driver} == {"5V", "GND"}
+    for place in driver:
+        name = names[place.reference]
+        others = [other for other in placements() if other.side == place.side]
+        nearest = min(others, key=lambda other: envelope(other).distance(name))
+        assert nearest.reference == place.reference
+        assert not name.intersects(envelope(place)) and board_face().contains(name)
+        lands = unary_union([pad.shape for pad in copper.pads if pad.side == place.side])
+        assert name.difference(lands.buffer(PAD_GAP_MM)).difference(holes).area > 0.99 * name.area
 
 
 def test_lands_and_circuit_have_the_same_pins():

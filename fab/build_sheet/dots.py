@@ -1,7 +1,8 @@
 """Drawings of the dots: gores at true size for painting, and what the camera should see. SVG in millimetres or pixels.
 
 A gore is the strip of the inner surface between two meridians: along its middle, lengths from the tip are true; across,
-lengths on each parallel are true. Cut out and laid into the dome from the tip it meets its dots.
+lengths on each parallel are true. Cut out, its dots punched out, and laid into the dome from the tip, it has a dent
+under every hole: so dents are found that are hard to see, and those without ink.
 
 Notes:
     The camera's picture is that of the lens of the module at hand (:mod:`cad.lens`), as drawn frames have it.
@@ -17,6 +18,7 @@ from cad.lens import camera_module
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Drawing
 
+Point = tuple[float, float]
 MARGIN_MM = 4.0
 DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
 CIRCLE_DEG = 92.0  # off the axis: the released lens's circle ends there on the photo of 720 rows (M)
@@ -25,6 +27,12 @@ SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
 PAGE_WIDTH_MM = 180.0  # of the text on A4: two gores side by side, with a space between
 SPACE_MM = 2.0
+SCALE_LINE_MM = 50.0  # beside every gore: a printer may scale one page and not another
+LABEL_MM = 2.6  # size of the letters
+LETTER_MM = 0.65 * LABEL_MM  # width of a figure
+CAPITAL_MM = 0.73 * LABEL_MM  # height of a figure
+LABEL_GAP_MM, LABEL_ROOM_MM = 0.6, 0.4  # to its dot, to the outline
+LABEL_TURNS = [math.radians(turn) for turn in (0, 180, 45, 135, -45, -135, 90, -90)]  # from its dot; down is 90
 LARGEST_WIDTH_MM = (PAGE_WIDTH_MM - SPACE_MM) / 2 - 2 * MARGIN_MM
 
 
@@ -160,13 +168,45 @@ def _gore(
     steps = [end * k / 40 for k in range(41)]
     edge = [place(polar, middle - half) for polar in steps] + [place(polar, middle + half) for polar in reversed(steps)]
     outline = "M" + "L".join(f"{x:.2f} {y:.2f}" for x, y in edge) + "Z"
-    shapes = [f'<path d="{outline}" fill="none" stroke="#20242a" stroke-width="0.25"/>']
-    for dot in dots:
-        x, y = place(math.radians(dot.polar_deg), dot.azimuth_deg)
+    shapes = [f'<path d="{outline}" fill="none" stroke="#20242a" stroke-width="0.25"/>', _scale_line()]
+    places = [place(math.radians(dot.polar_deg), dot.azimuth_deg) for dot in dots]
+    dense = [place(end * k / 400, middle + side * half) for side in (-1, 1) for k in range(401)]
+    for dot, (x, y) in zip(dots, places, strict=True):
         shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{params.dot_radius_mm:g}" fill="#20242a"/>')
-        beside = x + params.dot_radius_mm + 0.6
-        shapes.append(f'<text x="{beside:.2f}" y="{y + 1:.2f}" font-size="2.6" fill="#5a626c">{dot.ring}</text>')
+        label = label_place((x, y), places, params.dot_radius_mm, len(str(dot.ring)), dense)
+        shapes.append(
+            f'<text x="{label[0]:.2f}" y="{label[1]:.2f}" font-size="{LABEL_MM}" fill="#5a626c">{dot.ring}</text>'
+        )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.2f}mm" height="{height:.2f}mm" '
         f'viewBox="0 0 {width:.2f} {height:.2f}" font-family="DejaVu Sans">{"".join(shapes)}</svg>'
     )
+
+
+def label_place(dot: Point, others: Iterable[Point], radius_mm: float, letters: int, outline: Sequence[Point]) -> Point:
+    """Where a dot's label begins, on its base line: beside the dot, off the outline and off the other dots.
+
+    Args:
+        dot: its centre. others: centres of all dots of the gore. radius_mm: of a dot. letters: of the label.
+        outline: corners of the gore.
+    """
+    half = letters * LETTER_MM / 2, CAPITAL_MM / 2
+    kept_off = [(*point, LABEL_ROOM_MM) for point in outline] + [
+        (*point, radius_mm) for point in others if point != dot
+    ]
+    places = []
+    for turn in LABEL_TURNS:
+        away = radius_mm + LABEL_GAP_MM
+        x, y = dot[0] + (away + half[0]) * math.cos(turn), dot[1] + (away + half[1]) * math.sin(turn)
+        places.append((x - half[0], y + half[1]))
+        if all(abs(a - x) > half[0] + room or abs(b - y) > half[1] + room for a, b, room in kept_off):
+            return places[-1]
+    return places[0]
+
+
+def _scale_line() -> str:
+    """A line of known length in the empty corner beside the tip."""
+    low = MARGIN_MM + SCALE_LINE_MM
+    line = f'<path d="M1 {MARGIN_MM:g}h2.5M1 {low:g}h2.5M2 {MARGIN_MM:g}V{low:g}" fill="none" stroke="#20242a" '
+    words = f'<text fill="#5a626c" font-size="{LABEL_MM}" x="4.2" y="{MARGIN_MM + 2:g}">{SCALE_LINE_MM:g} mm</text>'
+    return line + 'stroke-width="0.2"/>' + words

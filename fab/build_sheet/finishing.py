@@ -16,6 +16,7 @@ from fab.build_sheet.commands import INTERPRETER, camera_setting, program_comman
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import (
     FRAME_PX,
+    SCALE_LINE_MM,
     SQUARE_PX,
     camera_pixels,
     dots_in,
@@ -63,12 +64,26 @@ def painting(data: SheetData) -> list[Block]:
               "The dots at azimuth 0 of all rings form one line: begin there."), "dots"),
         ]),
         Table(("ring", "dots", "angle from the tip", "in the centre square"), rows, (1, 1, 2, 2)),
-        Heading("Gores, 1:1"),
-        Paragraph("Print this page at 100 % and measure:"),
-        ruler(),
-        Paragraph("Cut out, lay into the dome from the tip: every dot meets its dent. Numbers are rings."),
-        *gores(params),
+        *_gore_blocks(params),
     ]  # fmt: skip
+
+
+def _gore_blocks(params: EndcapParams) -> list[Block]:
+    """Gores at true size, how to see that they are, and what to do with them."""
+    return [
+        Heading("Gores, 1:1"),
+        Paragraph(
+            f"Print this page and the gores after it at 100 %, and measure the ruler and the line of {SCALE_LINE_MM:g} "
+            "mm beside each gore:"
+        ),
+        ruler(),
+        Paragraph(
+            f"They find dents that are hard to see. Cut a gore out, punch its dots out {params.dot_mm:g} mm wide, and "
+            "lay it into the dome from the tip, its middle at the azimuth below it: a dent lies under every hole. Lay "
+            "it in again when the ink is dry: a hole without ink is a dot that was missed. Numbers are rings."
+        ),
+        *gores(params),
+    ]
 
 
 def assembling(data: SheetData) -> list[Block]:

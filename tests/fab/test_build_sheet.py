@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from shapely import LinearRing, Point, box, unary_union
 
 from cad.dots import dot_pattern, dot_position_mm
 from cad.errors import FileError
@@ -58,7 +59,26 @@ def test_gores_have_every_dot_once_and_fit_a_page_in_pairs(params):
         dots, labels = (
             [float(x) for x in re.findall(f'<{shape} [a-z]*="([0-9.]+)"', sheet.svg)] for shape in ("circle", "text")
         )
-        assert all(label > dot + params.dot_radius_mm for dot, label in zip(dots, labels, strict=True))
+        assert len(dots) == len(labels)
+
+
+@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.0, 8.0)])
+def test_labels_of_a_gore_lie_off_its_outline_and_off_every_dot(params):
+    number = r'<circle cx="([\d.]+)" cy="([\d.]+)"[^>]*/><text x="([\d.]+)" y="([\d.]+)" [^>]*>(\d+)<'
+    for sheet in gores(params):
+        corners = re.search(r'<path d="M([^Z]+)Z"', sheet.svg)[1].split("L")
+        outline = LinearRing([tuple(map(float, corner.split())) for corner in corners])
+        found = [tuple(map(float, each)) for each in re.findall(number, sheet.svg)]
+        assert len(found) == sheet.svg.count("<circle")
+        dots = unary_union([Point(x, y).buffer(params.dot_radius_mm) for x, y, *_ in found])
+        for _, _, left, base, ring in found:
+            label = box(left, base - 1.9, left + 1.6 * len(f"{ring:.0f}"), base)
+            assert not label.intersects(outline) and not label.intersects(dots)
+
+
+def test_every_gore_has_a_line_of_its_own_to_see_whether_the_printer_scales():
+    for sheet in gores(EndcapParams(142.0, 7.5)):
+        assert "M2 4V54" in sheet.svg and ">50 mm</text>" in sheet.svg
 
 
 def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():

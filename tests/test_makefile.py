@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from cad.design_arguments import design_of
+from cad.params import EndcapParams
+from cad.pattern import parse_rings
+from fab.build_sheet.commands import train_command
+from sensing import train
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
@@ -86,3 +93,14 @@ def test_the_test_data_of_each_design_have_a_folder_of_their_own(workshop):
     """``$dots_$dot_mm`` is the variable ``dots_`` to a shell, which is empty."""
     words = make("evaluate", "D=187.3", "T=12.6", "dots=1-5-11", "dot_mm=6.3", "material=Ecoflex", folder=workshop)
     assert words.stdout.splitlines().count("exports/wrench_test_D187.3_T12.6_1-5-11_6.3_Ecoflex") == 2
+
+
+def test_the_training_command_of_the_build_sheet_reaches_the_program_as_that_design(workshop):
+    params = EndcapParams(142.0, 7.5, parse_rings("1-6-10-12-16-18-20"), 3.5, 0.12)
+    done = make(*shlex.split(train_command(params, "Dragon Skin 30"))[1:], folder=workshop)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    options = train._parser().parse_args(lines[lines.index("sensing.train") + 1 : lines.index("Dragon Skin 30") + 1])
+    options.diameter, options.wall = options.design
+    assert design_of(options) == EndcapParams(142.0, 7.5, params.dot_rings, 3.5)
+    assert options.silicone == "Dragon Skin 30"

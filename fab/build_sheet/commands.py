@@ -5,14 +5,18 @@ They are typed in the toolkit's folder, and name the camera module where it is n
 
 from __future__ import annotations
 
+import shlex
+
 from cad.design_arguments import design_words
 from cad.lens import RELEASED_MODULE, VARIABLE, camera_module
+from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
 from fab.variant import Variant
 
 INTERPRETER = ".venv/bin/python"
+RELEASED = EndcapParams(130.0, 8.0)
 
 
 def make_command(target: str, data: SheetData) -> str:
@@ -28,6 +32,23 @@ def ring_command(params: EndcapParams) -> str:
 def program_command(module: str, params: EndcapParams, *words: str) -> str:
     """A program of the sensing side for this endcap."""
     return camera_setting() + " ".join((INTERPRETER, "-m", module, *design_words(params), *words))
+
+
+def train_command(params: EndcapParams, silicone: str) -> str:
+    """The command that makes weights for this endcap; empty for the released one, whose weights ship.
+
+    Args:
+        params: the design; sensing does not ask for its gyroid. silicone: row of cad/materials.csv.
+    """
+    is_released = design_words(params) == design_words(RELEASED) and silicone == DEFAULT_SILICONE
+    if is_released and not camera_setting():
+        return ""
+    own = {name: value for name, value in params.option_words.items() if name != "gyroid"}
+    own |= {"material": shlex.quote(silicone)} if silicone != DEFAULT_SILICONE else {}
+    words = (f"{name}={value}" for name, value in own.items())
+    return camera_setting() + " ".join(
+        ("make train", f"D={plain(params.diameter_mm)}", f"T={plain(params.wall_mm)}", *words)
+    )
 
 
 def camera_setting() -> str:

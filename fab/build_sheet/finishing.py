@@ -12,7 +12,7 @@ from cad.params import EndcapParams
 from cad.pattern import step_deg
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import INTERPRETER, camera_setting, program_command
+from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import (
     FRAME_PX,
@@ -29,7 +29,6 @@ from fab.build_sheet.dots import (
 )
 from fab.build_sheet.steps import stage_blocks, steps
 
-RELEASED = EndcapParams(130.0, 8.0)
 CENTRED_PX = 10.0  # E: so far from the frame's middle may the camera's be
 
 
@@ -188,8 +187,14 @@ def _repeats(params: EndcapParams) -> list[tuple[str, str, str]]:
 
 
 def _first_run(data: SheetData) -> list[Block]:
-    """Calibration and live."""
-    params = data.layout.params
+    """Calibration, weights where none ship for this endcap, setup and live: in the order in which each is needed."""
+    params, material = data.layout.params, data.recipe.silicone.name
+    train = train_command(params, material)
+    weights = (
+        [Paragraph(f"No weights ship for this endcap; make them (minutes; setup and live find them): {train}")]
+        if train
+        else []
+    )
     return [
         Paragraph(
             "Then see whether the dots are found: "
@@ -200,9 +205,10 @@ def _first_run(data: SheetData) -> list[Block]:
             "camera that fits best. A yellow line from a cross points to where the dot is painted, ten times as long "
             "as it is off. A gray cross is a dot that was not found, a red ring a dark spot that is no dot."
         ),
+        *weights,
         Paragraph(
             "To run it: "
-            + program_command("sensing.setup", params, "--silicone", shlex.quote(data.recipe.silicone.name))
+            + program_command("sensing.setup", params, "--silicone", shlex.quote(material))
             + " takes the untouched reference, finds the camera in it, and writes endcaps.toml; then "
             + f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact. Neither "
             'reads camera.json by itself: to use it, write camera = "camera.json" under [[endcap]] in endcaps.toml.'

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -51,14 +53,20 @@ def find_weights(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> Path
 
 
 def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
-    """The command that makes the weights of a design.
+    """The command that makes the weights of a design, with the interpreter that runs now: another lacks the libraries.
 
     Args:
         params: the design. silicone: row of cad/materials.csv.
     """
-    other = "" if silicone == DEFAULT_SILICONE else f" --silicone '{silicone}'"
+    other = () if silicone == DEFAULT_SILICONE else ("--silicone", silicone)
     _, diameter, _, wall, *dots = design_words(params)
-    return " ".join(("python -m sensing.train --design", diameter, wall, *dots)) + other
+    return shlex.join((_interpreter(), "-m", "sensing.train", "--design", diameter, wall, *dots, *other))
+
+
+def _interpreter() -> str:
+    """Python as it is typed in this folder: ``.venv/bin/python`` in a checkout."""
+    running = Path(sys.executable)
+    return str(running.relative_to(Path.cwd()) if running.is_relative_to(Path.cwd()) else running)
 
 
 def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

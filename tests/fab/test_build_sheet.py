@@ -41,6 +41,7 @@ from fab.slice.projects import Export
 from fab.steps.cast import cast_steps
 from fab.variant import Variant
 from sensing.camera.nominal import nominal_mount
+from sensing.wrench.weight_files import find_weights
 
 PARAMS = EndcapParams(130.0, 8.0)
 MIX = recipe(2e5, overflow_of(MoldLayout(PARAMS)))
@@ -115,6 +116,27 @@ def test_the_commands_of_a_sheet_carry_dots_of_ones_own():
     text = " ".join(block.text for block in light_check(data) if isinstance(block, Paragraph))
     design = "--diameter 130 --wall 8 --dot-mm 3.5"
     assert f"-m sensing.calibrate {design} " in text and f"-m sensing.setup {design} " in text
+
+
+def words_of(data: SheetData) -> str:
+    return " ".join(block.text for block in light_check(data) if isinstance(block, Paragraph))
+
+
+@pytest.mark.parametrize("material", ["Smooth-Sil 950", "Dragon Skin 30"])
+@pytest.mark.parametrize("params", [PARAMS, EndcapParams(142.0, 7.5), EndcapParams(130.0, 8.0, dot_mm=3.5)])
+def test_weights_are_made_before_setup_where_none_ship(params, material, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))  # what this user trained does not count
+    data = SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {})
+    text = words_of(data)
+    assert ("make train" in text) == (find_weights(params, material) is None)
+    if "make train" in text:
+        assert text.index("make train") < text.index("sensing.setup")
+
+
+def test_the_gyroid_asks_for_no_weights_of_its_own():
+    params = EndcapParams(130.0, 8.0, gyroid=0.12)
+    data = SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    assert "make train" not in words_of(data)
 
 
 def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sensor_do_not_count(monkeypatch):
@@ -286,6 +308,7 @@ def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     variant = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30' robot=blank"
     commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)
     assert len(commands) == 8
+    assert "make train D=150 T=9 material='Dragon Skin 30'" in text
     assert "-m sensing.setup --diameter 150 --wall 9 --silicone 'Dragon Skin 30' takes" in text
     assert f"make slice {variant}, then make sheet {variant} again" in text
     assert "make ring D=150 T=9 writes" in text

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from cad.design_arguments import design_of
 from cad.errors import FileError, ParameterError
 from cad.materials import silicone
 from cad.params import EndcapParams
+from cad.pattern import parse_rings
 from sensing import train
 from sensing.design.weights import DesignRequest, design_weights
 from sensing.learning.fit_config import FitConfig
@@ -115,6 +119,18 @@ def test_the_simulated_robot_without_weights_names_their_command(home, capsys):
     assert cli.main(["--diameter", "180", "--wall", "10", "--no-page"]) == 2
     said = capsys.readouterr().err
     assert len(said.splitlines()) == 1 and command_for(EndcapParams(180, 10)) in said
+
+
+def test_the_command_that_makes_weights_runs_as_it_stands(monkeypatch, tmp_path):
+    own = EndcapParams(150, 12, parse_rings("1-6-10-12-16"), 3.5)
+    python, *words = shlex.split(command_for(own, "Dragon Skin 30"))
+    assert python == sys.executable and words[:2] == ["-m", "sensing.train"]
+    options = train._parser().parse_args(words[2:])
+    options.diameter, options.wall = options.design
+    assert design_of(options) == own and options.silicone == "Dragon Skin 30"
+    monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
+    monkeypatch.chdir(tmp_path)
+    assert command_for(EndcapParams(142, 7.5)) == ".venv/bin/python -m sensing.train --design 142 7.5"
 
 
 @pytest.mark.parametrize(

@@ -103,3 +103,12 @@ def test_every_file_of_make_quick_exists():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
     names = re.findall(r"[\w/]+\.py", re.search(r"^QUICK := (.*)$", makefile, re.M)[1])
     assert len(names) > 10 and [name for name in names if not list((ROOT / "tests").rglob(Path(name).name))] == []
+
+
+def test_the_technician_trains_and_sets_up_the_size_that_was_made():
+    lines = shell_lines((ROOT / "docs" / "users" / "technician.md").read_text(encoding="utf-8"))
+    train = next(line for line in lines if line.startswith("make train "))
+    setup = next(line for line in lines if line.startswith(".venv/bin/endcap setup"))
+    assert lines.index(train) < lines.index(setup)
+    size = re.search(r"--diameter (\S+) --wall (\S+)", setup)
+    assert size is not None and train == f"make train D={size[1]} T={size[2]}"

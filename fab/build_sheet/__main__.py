@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
 from cad.materials import silicones
 from cad.messages import show
 from fab.checks.check import require_passed
-from fab.command import VARIANT_DEFAULTS, Command, parse_variant
+from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
 from fab.variant import Variant
@@ -34,6 +35,7 @@ options, as NAME=VALUE:
   D=130 T=8        the design; `make molds` with the same options must have run, `make slice` should have
   joint_clearance=0.15   its variant
   material=NAME    silicone: {materials}
+  printer=NAME     has to be that of `make slice` where that has run; else the sheet's commands name it
   exports=DIR      folder that holds D130_T8/ (default: exports/)
 
 Writes D130_T8/sheet/: build_sheet.html, build_sheet.pdf, bom.csv and sheet.json, whole, after every gate has held.
@@ -45,20 +47,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     command = Command(
         "make sheet",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [exports=DIR]",
+        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [printer=NAME] [exports=DIR]",
         "Write the build sheet of an exported endcap.",
         lambda: HELP.format(materials=", ".join(silicones())),
-        VARIANT_DEFAULTS,
+        {**VARIANT_DEFAULTS, "printer": ""},
     )
-    return command.run(argv, lambda options, _: make_sheet(parse_variant(options), Path(options["exports"])))
+    return command.run(argv, _act)
 
 
-def make_sheet(variant: Variant, exports: Path) -> int:
+def _act(options: dict[str, str], _: Interrupts) -> int:
+    variant = parse_variant(options)
+    if options["printer"]:
+        from fab.slice.printers import printer
+
+        options["printer"] = printer(options["printer"]).name
+    return make_sheet(variant, Path(options["exports"]), options["printer"])
+
+
+def make_sheet(variant: Variant, exports: Path, asked_printer: str = "") -> int:
     """Write the build sheet.
 
     Args:
         variant: what was exported.
         exports: folder that holds ``variant.label``.
+        asked_printer: name in the printers' table; empty for that of the slices, or of the molds.
 
     Returns:
         0.
@@ -66,8 +78,10 @@ def make_sheet(variant: Variant, exports: Path) -> int:
     Raises:
         ChecksFailedError: a screw does not clamp, a line is missing, or the pot life is too short.
         FileError: no export, or a file cannot be read or written.
+        ParameterError: it was sliced for another printer.
     """
     from fab.bom import bom_csv
+    from fab.build_sheet.commands import make_command
     from fab.build_sheet.content import build_document
     from fab.build_sheet.html import write_html
     from fab.build_sheet.pdf import write_pdf
@@ -75,19 +89,21 @@ def make_sheet(variant: Variant, exports: Path) -> int:
 
     export = read_export(variant, exports)
     sliced = read_slices(export)
+    require_sliced_for(asked_printer, sliced, variant)
     with (
         Progress() as progress,
         whole_folder(export.folder / FOLDER, RECORD) as folder,
         tempfile.TemporaryDirectory(prefix="sheet-") as scratch,
     ):
         data, own = _collect(export, sliced, Path(scratch), progress)
+        data = replace(data, asked_printer=asked_printer)
         document = build_document(data)
         progress("HTML and PDF")
         write_html(document, folder / "build_sheet.html")
         write_pdf(document, folder / "build_sheet.pdf")
         (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
         write_record(folder, RECORD, own)
-    note = "" if sliced else f" (without print times: run make slice {variant.words})"
+    note = "" if sliced else f" (without print times: run {make_command('slice', data)})"
     show(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
 
@@ -106,11 +122,33 @@ def read_slices(export: Export) -> dict[str, Any] | None:
         record = json.loads(path.read_text(encoding="utf-8"))
         matches = record["digest"] == export.params.digest
         [(project["time_s"], project["pieces"]) for project in record["projects"]]
+        _ = record["printer"]["name"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
     if not matches:
         raise FileError(f"{path}: belongs to another design: {again}")
     return dict(record) if record.get("manifest_sha256") == export.manifest_sha256 else None
+
+
+def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, variant: Variant) -> None:
+    """Refuse slices of another printer than the sheet was asked for.
+
+    Args:
+        asked_printer: name in the printers' table; empty where none was asked for.
+        sliced: ``slice.json``; None where it has not been sliced.
+        variant: what was exported.
+
+    Raises:
+        ParameterError: names both, and the command that slices for the one that was asked for.
+    """
+    found = sliced["printer"]["name"] if sliced else ""
+    if asked_printer and found and found != asked_printer:
+        raise ParameterError(
+            f"printer={asked_printer}: it was sliced for {found}, and the sheet prints those plates: run `make slice "
+            f"{variant.words} printer={asked_printer}` first, or leave printer= out",
+            name="printer",
+            value=asked_printer,
+        )
 
 
 def _collect(

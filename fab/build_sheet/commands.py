@@ -13,15 +13,23 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
+from fab.slice.printers import printer_words
 from fab.variant import Variant
 
 INTERPRETER = ".venv/bin/python"
 RELEASED = EndcapParams(130.0, 8.0)
 
 
-def make_command(target: str, data: SheetData) -> str:
-    """A command of make for this very variant, for example ``make slice D=150 T=9``."""
-    return f"{camera_setting()}make {target} {Variant(data.layout, data.robot).words}"
+def make_command(target: str, data: SheetData, printer: str | None = None) -> str:
+    """A command of make for this very variant, for example ``make slice D=150 T=9 printer=mk4``.
+
+    Args:
+        target: of make.
+        data: of the sheet.
+        printer: that is named; by default the sheet's own, where it is not the one that make takes by itself.
+    """
+    named = printer_words(printer or (data.molds_printer if target == "molds" else data.printer))
+    return f"{camera_setting()}make {target} {Variant(data.layout, data.robot).words}{named}"
 
 
 def ring_command(params: EndcapParams) -> str:

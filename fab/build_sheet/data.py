@@ -12,6 +12,7 @@ from cad.mold_layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import Recipe
+from fab.slice.printers import DEFAULT_PRINTER
 from fab.steps.record import Step
 
 
@@ -32,6 +33,7 @@ class SheetData:
         pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover``, ``section``, ``ring_light``.
         beds: size of every printed part in its printing pose, x, y, z in mm.
         fitting_printers: those of the table that take every part, in words, smallest bed first.
+        asked_printer: name in the printers' table that the sheet was asked for; empty where it was not.
     """
 
     layout: MoldLayout
@@ -46,8 +48,20 @@ class SheetData:
     pictures: Mapping[str, Path]
     beds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     fitting_printers: tuple[str, ...] = ()
+    asked_printer: str = ""
 
     @property
     def robot(self) -> str:
         """What the arm adapter fits."""
         return str(self.manifest.get("robot", DEFAULT_ROBOT))
+
+    @property
+    def printer(self) -> str:
+        """What it is printed on: as sliced, else as the sheet or the molds were asked for."""
+        sliced = self.sliced["printer"]["name"] if self.sliced else ""
+        return sliced or self.asked_printer or self.molds_printer
+
+    @property
+    def molds_printer(self) -> str:
+        """What `make molds` was asked for."""
+        return str(self.manifest.get("printer", DEFAULT_PRINTER))

@@ -39,7 +39,7 @@ def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
     return [
         Paragraph(
             f"Made for {printer['title']} ({printer['size']}, nozzle {printer['nozzle_mm']:g}), layers "
-            f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data)} printer=NAME. Times and "
+            f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data, 'NAME')}. Times and "
             f"grams were measured on the G-code of {sliced['slicer']}."
         ),
         Paragraph(

@@ -114,6 +114,11 @@ def printer(name: str = DEFAULT_PRINTER) -> Printer:
     return table[name]
 
 
+def printer_words(name: str) -> str:
+    """The option that names a printer, with a space before it, as it follows a command; empty for the default."""
+    return "" if name == DEFAULT_PRINTER else f" printer={name}"
+
+
 def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
     """Turn about the vertical in which a part lies on a bed with its margin, none if it can be; ``None``: it does not.
 
@@ -133,6 +138,18 @@ def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
         if fill < best_fill:
             best, best_fill = float(degrees), fill
     return best
+
+
+def room_left_mm(points: np.ndarray, where: Printer) -> float:
+    """Least room between a part with its margin and what the printer reaches, in its best turn; below 0 too little.
+
+    Args:
+        points: (n, 3) its corners in the printing pose, mm.
+        where: the printer.
+    """
+    room = np.array([where.width_mm, where.depth_mm]) - 2 * MARGIN_MM
+    across = max(float((room - np.ptp(turned(points[:, :2], angle), axis=0)).min()) for angle in range(180))
+    return min(across, where.height_mm - float(np.ptp(points[:, 2])))
 
 
 def turned(points: np.ndarray, degrees: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from PIL import Image
 from shapely import LinearRing, Point, box, unary_union
 
 from cad.dots import dot_pattern, dot_position_mm
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
 from cad.lens import camera_module
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
@@ -236,6 +236,8 @@ def test_pdf_has_pages_pictures_and_the_same_bytes_twice(document, tmp_path):
         (["D=130", "T=99"], "wall_mm=99"),
         (["material=Butter"], "silicone='Butter' is not in cad/materials.csv"),
         (["paper=A3"], "'paper=A3' is not an option"),
+        (["printer=mk5"], "printer=mk5 is not in"),
+        (["printer=mk4"], "run `make molds D=130 T=8` first"),
         ([], "run `make molds D=130 T=8` first"),
     ],
 )
@@ -254,7 +256,7 @@ def test_slices_of_another_design_are_refused(tmp_path):
     file.write_text("{")
     with pytest.raises(FileError, match="not what make slice writes"):
         command.read_slices(export)
-    file.write_text(json.dumps({"digest": "other", "projects": []}))
+    file.write_text(json.dumps({"digest": "other", "projects": [], "printer": {"name": "mk4"}}))
     with pytest.raises(FileError, match="another design"):
         command.read_slices(export)
 
@@ -263,7 +265,8 @@ def test_slices_of_an_earlier_export_are_left_out(tmp_path):
     export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
     (tmp_path / "manifest.json").write_text("{}")
     (tmp_path / "slice").mkdir()
-    record = {"digest": PARAMS.digest, "projects": [], "manifest_sha256": export.manifest_sha256}
+    own = {"digest": PARAMS.digest, "manifest_sha256": export.manifest_sha256}
+    record = own | {"projects": [], "printer": {"name": "mk4"}}
     (tmp_path / "slice" / "slice.json").write_text(json.dumps(record))
     assert command.read_slices(export) == record
     (tmp_path / "manifest.json").write_text('{"another": "run"}')
@@ -286,6 +289,41 @@ def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
     wrong = replace(fitted_driver(), r_set_ohm=4.7)
     monkeypatch.setattr("fab.build_sheet.lighting.fitted_driver", lambda: wrong)
     assert any(not check.ok for check in ring_checks(PARAMS))
+
+
+SLICED = {
+    "printer": {"name": "a1_mini", "title": "A1 mini", "size": "180", "nozzle_mm": 0.4, "prusa_printer": "",
+                "orca_printer": ""},
+    "slicer": "PrusaSlicer",
+    "projects": [{"name": "base", "layer_mm": 0.2, "material": "PLA", "pieces": [], "time_s": 60.0, "grams": 1.0,
+                  "zone": None}],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sliced", "manifest", "asked", "slices"),
+    [
+        (SLICED, {}, "", "make slice D=142 T=7.5 printer=a1_mini plates=single"),
+        (None, {"printer": "mk4"}, "", "run make slice D=142 T=7.5 printer=mk4, then make sheet"),
+        (None, {"printer": "mk4"}, "x1c", "run make slice D=142 T=7.5 printer=x1c, then make sheet"),
+        (None, {}, "", "run make slice D=142 T=7.5, then make sheet"),
+    ],
+)
+def test_the_sheet_slices_for_the_printer_that_it_is_made_for(sliced, manifest, asked, slices):
+    layout = MoldLayout(EndcapParams(142.0, 7.5))
+    data = SheetData(layout, manifest, sliced, recipe(2e5, 2e3), [], [], [], [], 0.0, {}, asked_printer=asked)
+    text = " ".join(block.text for block in prints(data) if isinstance(block, Paragraph))
+    assert slices in text
+    assert ("Another printer: make slice D=142 T=7.5 printer=NAME" in text) == (sliced is not None)
+
+
+def test_a_sheet_for_another_printer_than_the_slices_is_refused():
+    variant = Variant(MoldLayout(PARAMS))
+    command.require_sliced_for("", SLICED, variant)
+    command.require_sliced_for("a1_mini", SLICED, variant)
+    command.require_sliced_for("mk4", None, variant)
+    with pytest.raises(ParameterError, match=r"printer=mk4: it was sliced for a1_mini.*printer=mk4` first"):
+        command.require_sliced_for("mk4", SLICED, variant)
 
 
 def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():

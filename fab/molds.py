@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
@@ -23,6 +24,11 @@ from fab.progress import Progress
 from fab.variant import Variant
 from fab.workers import worker_pool
 
+if TYPE_CHECKING:
+    from fab.checks.check import Check
+    from fab.design import Design
+    from fab.slice.printers import Printer
+
 WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
 RECORD = "manifest.json"
 
@@ -37,7 +43,8 @@ options, as NAME=VALUE:
                    (0.05 to about 0.21; the widest, by the leak, depends on size and silicone and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
   robot=iso_9409_1_50_4_m6   what the arm adapter is screwed to: {robots}
-  printer=generic256   refuses at once what its bed is too small for: {printers}
+  printer=generic256   refuses at once what its bed is too small for, and is noted for the page and the build sheet:
+                   {printers}
   exports=DIR      folder that receives D130_T8/ (default: exports/)
   cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept
 
@@ -76,10 +83,12 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     if options["cache"] not in ("yes", "no"):
         raise ParameterError(f"cache={options['cache']} is neither yes nor no", name="cache")
     from fab.slice.footprints import require_printer
-    from fab.slice.printers import printer
+    from fab.slice.printers import DEFAULT_PRINTER, printer
 
-    require_printer(variant.layout, printer(options["printer"]))
-    written = export(variant, exports, options["cache"] == "yes", interrupts)
+    where = printer(options["printer"])
+    require_printer(variant.layout, where)
+    asked = None if where.name == DEFAULT_PRINTER else where
+    written = export(variant, exports, options["cache"] == "yes", interrupts, asked)
     show(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")
     return 0
 
@@ -93,7 +102,13 @@ class Written:
     seconds: float
 
 
-def export(variant: Variant, exports: Path, use_cache: bool = True, interrupts: Interrupts | None = None) -> Written:
+def export(
+    variant: Variant,
+    exports: Path,
+    use_cache: bool = True,
+    interrupts: Interrupts | None = None,
+    where: Printer | None = None,
+) -> Written:
     """Make, check and write all files of a variant, whole or not at all.
 
     Args:
@@ -101,6 +116,7 @@ def export(variant: Variant, exports: Path, use_cache: bool = True, interrupts: 
         exports: folder that receives the variant's own.
         use_cache: whether the cache is read and written.
         interrupts: what has been heard of signals; None where Python's own handling does.
+        where: the printer; None where none was asked for.
 
     Raises:
         ChecksFailedError: a check failed. FileError: the place cannot be written.
@@ -109,12 +125,19 @@ def export(variant: Variant, exports: Path, use_cache: bool = True, interrupts: 
     final = exports / variant.label
     heard = interrupts or Interrupts()
     with Progress(heard.raise_swallowed) as progress, whole_folder(final, RECORD) as folder:
-        summary = cached_molds(variant, folder, heard, progress, use_cache)
+        summary = cached_molds(variant, folder, heard, progress, use_cache, where)
         heard.raise_swallowed()
     return Written(final, summary, progress.seconds)
 
 
-def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progress: Progress, use_cache: bool) -> str:
+def cached_molds(
+    variant: Variant,
+    folder: Path,
+    interrupts: Interrupts,
+    progress: Progress,
+    use_cache: bool,
+    where: Printer | None = None,
+) -> str:
     """Take a variant out of the cache, where nothing that it depends on has changed, or make it.
 
     Args:
@@ -123,12 +146,13 @@ def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progres
         interrupts: what has been heard of signals.
         progress: called with the name of each step as it begins.
         use_cache: whether the cache is read and written.
+        where: the printer; None where none was asked for.
 
     Returns:
         What was made, in words.
     """
     cache = Cache()
-    key = cache.key("molds", variant.identity)
+    key = cache.key("molds", variant.identity | ({"printer": where.name} if where else {}))
     progress("cache")
     if use_cache and (values := cache.restore(key, folder)):
         return f"{values['summary']} (unchanged, from the cache)"
@@ -136,7 +160,7 @@ def cached_molds(variant: Variant, folder: Path, interrupts: Interrupts, progres
     interrupts.raise_swallowed()
     # Forked once the libraries are loaded, so that no worker loads them again, and before one starts a thread.
     with worker_pool(WORKERS) as workers:
-        summary = make_molds(variant, folder, workers, progress, cache if use_cache else None)
+        summary = make_molds(variant, folder, workers, progress, cache if use_cache else None, where)
     if use_cache:
         progress("cache")
         cache.store(key, folder, sorted(path.name for path in folder.iterdir()), {"summary": summary})
@@ -151,7 +175,12 @@ def load_libraries(progress: Progress) -> None:
 
 
 def make_molds(
-    variant: Variant, folder: Path, workers: Executor, progress: Progress, cache: Cache | None = None
+    variant: Variant,
+    folder: Path,
+    workers: Executor,
+    progress: Progress,
+    cache: Cache | None = None,
+    where: Printer | None = None,
 ) -> str:
     """Build, write and check one endcap.
 
@@ -161,6 +190,7 @@ def make_molds(
         workers: processes that share the work.
         progress: called with the name of each step as it begins.
         cache: where work on parts that do not change with the clearance is kept.
+        where: the printer; None where none was asked for.
 
     Returns:
         What was made, in words.
@@ -188,16 +218,31 @@ def make_molds(
     progress("assemblies, preview")  # the workers still draw: after the last check this process would do it alone
     files.write_assemblies(design, folder)
     preview = preview_glb(design, files.exploded_offsets_mm(design))
-    checks = run_gates(design, folder, workers, progress, cache)
+    checks = [*run_gates(design, folder, workers, progress, cache), *_bed_checks(design, where)]
     require_passed(checks, f"at {variant.words}")
     progress("pictures")
     for job in pending:
         job.result()
     progress("page")
-    content = files.manifest(design, checks, folder)
+    content = files.manifest(design, checks, folder) | ({"printer": where.name} if where else {})
     write_index(variant, content, checks, preview, folder)
     files.write_manifest(content, folder)
     return f"{len(list(folder.iterdir()))} files, {len(design.parts)} parts, all {len(checks)} checks passed"
+
+
+def _bed_checks(design: Design, where: Printer | None) -> list[Check]:
+    """Room left on the printer's bed by every printed part, beside the limit of all sizes (256 mm)."""
+    from fab.checks.check import Check
+    from fab.slice.pose import standing
+    from fab.slice.printers import room_left_mm
+
+    if where is None:
+        return []
+    printed = [name for name, part in design.parts.items() if part.role == "printed"]
+    hulls = {name: standing(name, design.meshes[name].convex_hull) for name in printed}
+    return [
+        Check(f"{name}.room_on_{where.name}_mm", room_left_mm(hull, where), low=0.0) for name, hull in hulls.items()
+    ]
 
 
 def require_writable(folder: Path) -> None:

@@ -19,7 +19,7 @@ from cad.options import parse_design, parse_length
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
 from fab.exports.preview import glb
-from fab.slice.printers import DEFAULT_PRINTER, printer, printers
+from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 
 KNOBS = ("D", "T", "joint_clearance", "material", "printer")
@@ -91,9 +91,10 @@ def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
         "facts": facts,
         "section": _section(variant.layout),
         "label": variant.label,
-        "commands": [f"make molds {variant.words}", f"make slice {variant.words} printer={choice.printer}",
-                     f"make sheet {variant.words}"],
-    }  # fmt: skip
+        "commands": [
+            f"make {target} {variant.words}{printer_words(choice.printer)}" for target in ("molds", "slice", "sheet")
+        ],
+    }
 
 
 def preview(knobs: Mapping[str, str]) -> bytes:

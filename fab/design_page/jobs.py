@@ -35,10 +35,10 @@ def program_commands(words: tuple[str, ...], printer: str, is_whole: bool, expor
         is_whole: whether slicer projects and build sheet follow.
         exports: folder that receives the variant's.
     """
-    here = f"exports={exports}"
-    runs = [["-m", "fab.molds", *words, here]]
+    options = [*words, f"printer={printer}", f"exports={exports}"]
+    runs = [["-m", "fab.molds", *options]]
     if is_whole:
-        runs += [["-m", "fab.slice", *words, f"printer={printer}", here], ["-m", "fab.build_sheet", *words, here]]
+        runs += [["-m", "fab.slice", *options], ["-m", "fab.build_sheet", *options]]
     return [[sys.executable, *run] for run in runs]
 
 

@@ -14,6 +14,7 @@ from cad.materials import silicone
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import Check
 from fab.part_words import height_words
+from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words
 from fab.variant import Variant
 
 PAGE = "index.html"
@@ -69,7 +70,8 @@ def _page(variant: Variant, manifest: Mapping[str, Any], checks: Sequence[Check]
         "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n"
         f"<style>{style}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
         f'<p class="sub">{escape(_subtitle(variant))}</p>\n{_turning(preview)}\n{_facts(variant, manifest)}\n'
-        f"{_next_steps(variant)}\n{_pictures()}\n{_parts(manifest, folder)}\n{_shared(folder)}\n{_checks(checks)}\n"
+        f"{_next_steps(variant, manifest)}\n{_pictures()}\n{_parts(manifest, folder)}\n{_shared(folder)}\n"
+        f"{_checks(checks)}\n"
         f"<script>\n{script}</script>\n</body>\n</html>\n"
     )
 
@@ -108,13 +110,15 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
     return f"<table>{rows}</table>"
 
 
-def _next_steps(variant: Variant) -> str:
+def _next_steps(variant: Variant, manifest: Mapping[str, Any]) -> str:
     design = " ".join(variant.words.split()[:2])
+    where = printer(str(manifest.get("printer", DEFAULT_PRINTER)))
+    asked = printer_words(where.name)
     steps = (
-        (f"make slice {variant.words}", "slicer projects, in slice/ (256 mm bed; printer=mk4 for another)"),
+        (f"make slice {variant.words}{asked}", f"slicer projects, in slice/ ({where.title}; printer=NAME for another)"),
         (f"make sheet {variant.words}", "what to buy, print, mix, cast, assemble and test, in sheet/build_sheet.pdf"),
         (f"make ring {design}", "LED ring: board files for a board house, beside this folder"),
-        (f"make molds {variant.words}", "makes this folder again"),
+        (f"make molds {variant.words}{asked}", "makes this folder again"),
     )  # fmt: skip
     width = max(len(command) for command, _ in steps)
     lines = "\n".join(f"{escape(command.ljust(width))}  # {escape(words)}" for command, words in steps)

@@ -25,7 +25,7 @@ from fab.slice.footprints import footprints, largest_diameter_mm, require_printe
 from fab.slice.gcode import read_gcode
 from fab.slice.nest import Standing, nested
 from fab.slice.pose import standing
-from fab.slice.printers import Printer, fitting_printers, printer, require_bed, turned
+from fab.slice.printers import Printer, fitting_printers, printer, require_bed, room_left_mm, turned
 from fab.slice.project_3mf import Piece, Project, Volume, write_orca, write_prusa
 from fab.slice.result import slice_project
 from fab.slice.run import NAMES, slice_to_gcode
@@ -77,6 +77,14 @@ def test_a_bed_that_is_too_small_names_the_part_and_the_smallest_printer_that_ta
     assert [p.name for p in fitting_printers(parts)][:2] == ["generic220", "ender3"]
     tall = {"rod": box(5, 5, 251).vertices}
     assert [p.name for p in fitting_printers(tall)] == ["generic256"]
+
+
+def test_the_room_left_on_a_bed_is_negative_where_a_part_does_not_fit():
+    where = printer("mk4")  # 250 x 210 x 220 mm, 4 mm round the part
+    assert room_left_mm(box(200, 190, 5).vertices, where) == pytest.approx(12.0)
+    assert room_left_mm(box(190, 230, 5).vertices, where) == pytest.approx(12.0)  # across
+    for mesh in (box(243, 10, 5), box(10, 10, 221), box(230, 230, 5), box(202.5, 242.5, 5)):
+        assert (room_left_mm(mesh.vertices, where) >= 0) == where.takes(mesh.vertices)
 
 
 SIZES = [EndcapParams(98.9, 6.5), EndcapParams(130.0, 8.0), EndcapParams(150.0, 15.0), EndcapParams(250.0, 12.0)]

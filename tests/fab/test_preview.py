@@ -16,7 +16,7 @@ import trimesh
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.check import Check
-from fab.exports.index_page import PAGE, PREVIEW, SHARED, write_index
+from fab.exports.index_page import PAGE, PREVIEW, SHARED, _next_steps, write_index
 from fab.exports.preview import PreviewPart, clustered, glb
 from fab.variant import Variant
 
@@ -121,6 +121,14 @@ def test_the_page_names_every_file_and_the_next_commands_of_this_very_variant(fo
     later = {"sheet/build_sheet.html", "slice/"}
     files = {path.name for path in folder.iterdir()} - {PAGE}
     assert files <= set(page.links) and set(page.links) <= files | later
+
+
+def test_the_page_remembers_the_printer_that_was_asked_for():
+    variant = Variant(MoldLayout(EndcapParams(142.0, 7.5)))
+    text = _next_steps(variant, {"printer": "mk4"})
+    assert "make slice D=142 T=7.5 printer=mk4" in text and "make molds D=142 T=7.5 printer=mk4" in text
+    assert "Original Prusa MK4" in text and "256" not in text
+    assert "make slice D=142 T=7.5  #" in re.sub(" +#", "  #", _next_steps(variant, {}))
 
 
 def test_the_page_needs_no_network_and_holds_the_same_glb_as_the_folder(folder):

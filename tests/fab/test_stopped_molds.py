@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import trimesh
 from long_cases import others_long
 from started_molds import SMALL, left_in, start
 
@@ -70,6 +72,20 @@ def test_the_stub_writes_when_nothing_fails(stub, tmp_path, capsys):
     assert molds.main([f"exports={tmp_path}"]) == 0
     assert sorted(os.listdir(tmp_path)) == ["D130_T8"]
     assert "manifest.json" in left_in(tmp_path)
+
+
+def test_the_printer_that_was_asked_for_is_noted_and_its_bed_gates_every_printed_part(stub, tmp_path):
+    box = trimesh.creation.box((100.0, 50.0, 20.0))
+    design = SimpleNamespace(meshes={"hanger": box}, parts={"hanger": SimpleNamespace(role="printed")})
+    stub.setattr("fab.design.build_design", lambda *_, **__: design)
+    gated = []
+    stub.setattr("fab.exports.writer.manifest", lambda _, checks, __: gated.append([c.name for c in checks]) or {})
+    for words, noted in (([], None), (["printer=mk4"], "mk4"), ([], None)):  # the cache keeps them apart
+        assert molds.main([f"exports={tmp_path}", *words]) == 0
+        assert json.loads((tmp_path / "D130_T8" / "manifest.json").read_text()).get("printer") == noted
+    assert gated == [["shell.watertight"], ["shell.watertight", "hanger.room_on_mk4_mm"]]
+    box.apply_scale(3.0)
+    assert molds.main([f"exports={tmp_path}", "printer=mk4", "cache=no"]) == 1
 
 
 @pytest.mark.parametrize(

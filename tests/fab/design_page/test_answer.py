@@ -79,7 +79,9 @@ def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands(
     from fab.command import VARIANT_DEFAULTS, parse_variant
 
     assert parse_variant(parse_options(choice.words, VARIANT_DEFAULTS)) == choice.variant
-    assert answer(knobs)["commands"][0] == "make molds D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30'"
+    words = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30'"
+    assert answer(knobs)["commands"] == [f"make {name} {words} printer=mk4" for name in ("molds", "slice", "sheet")]
+    assert answer({"D": "150", "T": "9"})["commands"][1] == "make slice D=150 T=9"
     assert answer(knobs)["label"] == choice.variant.label
     assert preview(knobs)[:4] == b"glTF" and len(preview(knobs)) < 2_000_000
 

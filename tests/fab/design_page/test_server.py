@@ -236,7 +236,8 @@ def test_closing_the_page_ends_its_run(exports):
 def test_the_button_runs_the_very_commands(tmp_path):
     words = ("D=150", "T=9", "joint_clearance=0.15", "material=Dragon Skin 30")
     (molds,) = program_commands(words, "mk4", False, tmp_path)
-    assert molds == [sys.executable, "-m", "fab.molds", *words, f"exports={tmp_path}"]
+    assert molds == [sys.executable, "-m", "fab.molds", *words, "printer=mk4", f"exports={tmp_path}"]
+    assert all("printer=mk4" in run for run in program_commands(words, "mk4", True, tmp_path))
     assert [run[2] for run in program_commands(words, "mk4", True, tmp_path)] == [
         "fab.molds", "fab.slice", "fab.build_sheet",
     ]  # fmt: skip

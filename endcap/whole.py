@@ -26,10 +26,10 @@ from cad.whole_file import replace_file
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.variant import Variant
 
-OPTIONS = {**VARIANT_DEFAULTS, "exports": "exports"}
+OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
 PAGE = "start.html"
 HELP = f"""\
-usage: make endcap [options of make molds] [exports=DIR]      (or: endcap whole 180 10)
+usage: make endcap [options of make molds but cache=] [exports=DIR]      (or: endcap whole 180 10)
 
 Makes molds, slicer projects, build sheet, LED ring, weights, robot-simulator model and study of one endcap in
 exports/D180_T10/, and {PAGE} there, with what every file is for. Slicer projects are left out where PrusaSlicer is not
@@ -60,10 +60,12 @@ class Wanted:
 
     Attributes:
         variant: the design, its joint clearance and its silicone. exports: folder that receives the endcap's own.
+        printer: on which it is printed, a row of fab/slice/printers.csv; empty for the commands' own default.
     """
 
     variant: Variant
     exports: Path
+    printer: str = ""
 
     @property
     def folder(self) -> Path:
@@ -77,12 +79,13 @@ class Wanted:
         own = {name: value for name, value in params.option_words.items() if name != "gyroid"}  # only the CAD knows it
         design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
+        printed = (*whole, *((f"printer={self.printer}",) if self.printer else ()))
         train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
         of_study = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
         return [
-            Step("molds", "fab.molds", whole),
-            Step("slicer projects", "fab.slice", whole, optional=True),
-            Step("build sheet", "fab.build_sheet", whole),
+            Step("molds", "fab.molds", printed),
+            Step("slicer projects", "fab.slice", printed, optional=True),
+            Step("build sheet", "fab.build_sheet", printed),
             Step("LED ring", "fab.led_ring", (*design, f"exports={folder}")),
             Step("weights", "sensing.train", train),
             Step("robot-simulator model", "endcap.robot_model", whole, optional=True),
@@ -118,7 +121,7 @@ def parsed(words: Sequence[str]) -> Wanted:
         typed.remove(FROM_MAKE)
         typed += make_variables(os.environ.get("MAKEFLAGS", ""))
     options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
-    return Wanted(parse_variant(options), Path(options["exports"]))
+    return Wanted(parse_variant(options), Path(options["exports"]), options["printer"])
 
 
 def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
@@ -237,6 +240,7 @@ def _short(value: str, unit: str) -> str:
 
 def _next(wanted: Wanted, folder: Path) -> str:
     words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
+    words += f" printer={wanted.printer}" if wanted.printer else ""
     design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([

@@ -71,6 +71,13 @@ def test_no_shell_reads_the_values(workshop):
     assert r"D=130;touch\ stray" in done.stdout
 
 
+@pytest.mark.parametrize("target", ["molds", "slice", "sheet", "endcap"])
+def test_the_printer_is_taken_by_every_target_that_prints(workshop, target):
+    (workshop / "scripts" / "slicer.sh").write_text("")
+    done = make(target, "D=142", "T=7.5", "printer=a1_mini", folder=workshop)
+    assert done.returncode == 0 and "printer=a1_mini" in done.stdout, done.stderr
+
+
 def test_a_value_with_a_quote_cannot_leave_its_word(workshop):
     done = make("data", "D=1'; touch stray; '", "T=8", folder=workshop)
     assert done.returncode == 0 and not (workshop / "stray").exists()

@@ -61,6 +61,17 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
     assert not list(tmp_path.rglob("*.part"))
 
 
+def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):
+    wanted = parsed(["D=142", "T=7.5", "printer=a1_mini", f"exports={tmp_path}"])
+    seen: list[Step] = []
+    assert make(wanted, runner(wanted, seen)) == 0
+    assert {step.module for step in seen if "printer=a1_mini" in step.words} == {
+        "fab.molds", "fab.slice", "fab.build_sheet",
+    }  # fmt: skip
+    assert "make sheet D=142 T=7.5 printer=a1_mini" in (tmp_path / "D142_T7.5" / PAGE).read_text()
+    assert not any("printer" in word for step in parsed([]).steps() for word in step.words)
+
+
 def test_a_failure_stops_it_but_for_a_slicer_that_is_not_there(tmp_path, capsys):
     wanted = parsed([f"exports={tmp_path / 'a'}"])
     seen: list[Step] = []

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
+from fab.slice.excluded import reach_mm
 from fab.slice.filaments import Filament
 from fab.slice.gcode import Moves
 from fab.slice.printers import Printer, printer
@@ -38,7 +39,7 @@ class PrintFigures:
         empty_layers: gaps in the part's height where nothing of it is printed.
         floating_starts: lines that start with plastic neither below nor beside them.
         extent_mm: side of the box of all extruding moves, x, y and z.
-        outside_bed_mm: how far the widest move reaches over the bed's edge (0 wanted).
+        outside_bed_mm: how far a line reaches over the bed's edge, or into what is excluded of it (0 wanted).
         grams_error: grams against the slicer's own sum, relative.
     """
 
@@ -85,6 +86,8 @@ def print_figures(moves: Moves, filament: Filament, where: Printer | None = None
     low, high = ends.min(axis=0) - half, ends.max(axis=0) + half
     over = high - (where.width_mm, where.depth_mm)
     outside = max(0.0, float(-low.min()), float(over.max()), float(moves.top_mm.max()) - where.height_mm)
+    if where.exclude_mm is not None:
+        outside = max(outside, reach_mm(moves.start, moves.end, half, where.exclude_mm))
     size = high - low
     return PrintFigures(
         time_s=moves.slicer_time_s,

@@ -21,7 +21,8 @@ from fab.slice.printers import Printer, fitting_turn_deg, turned
 
 PIXEL_MM = 1.0
 GAP_MM = 3.0  # between two parts, brims included
-EDGE_MM = 2.0  # from a brim to the edge of the bed
+EDGE_MM = 2.0  # from a brim to the edge of the bed, and to what the printer excludes of it
+_EDGE_MM = EDGE_MM - GAP_MM / 2  # what the widened shadow of a part still keeps
 TURN_STEP_DEG = 15.0
 
 
@@ -71,10 +72,21 @@ def nested(parts: Mapping[str, Standing], where: Printer) -> list[list[Place]]:
                 places.append(_put(name, found, shadows[name], brim, taken))
                 break
         else:
-            taken = np.zeros((round(where.depth_mm / PIXEL_MM), round(where.width_mm / PIXEL_MM)), dtype=bool)
+            taken = _empty_bed(where)
             found = _first_place(shadows[name], brim, taken, where) or _alone(shadows[name], where)
             plates.append((taken, [_put(name, found, shadows[name], brim, taken)]))
     return [[_centred(place, where) for place in places] for _, places in plates]
+
+
+def _empty_bed(where: Printer) -> np.ndarray:
+    """Pixels of a bed, row along y: taken is what the printer excludes, with as much room round it as at the edges."""
+    taken = np.zeros((round(where.depth_mm / PIXEL_MM), round(where.width_mm / PIXEL_MM)), dtype=bool)
+    if where.exclude_mm is not None:
+        low, high = np.array(where.exclude_mm[:2]) - _EDGE_MM, np.array(where.exclude_mm[2:]) + _EDGE_MM
+        left, bottom = np.maximum(np.floor(low / PIXEL_MM), 0).astype(int)
+        right, top = np.ceil(high / PIXEL_MM).astype(int)
+        taken[bottom:top, left:right] = True
+    return taken
 
 
 def shadow(mesh: trimesh.Trimesh) -> list[np.ndarray]:
@@ -118,7 +130,7 @@ def _first_place(
         mask, low = _turned_mask(rings, degrees, brim_mm + GAP_MM / 2)
         rows, columns = _trimmed(mask)
         mask, low = mask[rows, columns], low + PIXEL_MM * np.array([columns.start, rows.start])
-        edge = math.ceil((EDGE_MM - GAP_MM / 2) / PIXEL_MM)
+        edge = math.ceil(_EDGE_MM / PIXEL_MM)
         if mask.shape[0] + 2 * edge > taken.shape[0] or mask.shape[1] + 2 * edge > taken.shape[1]:
             continue
         hits = fftconvolve(taken.astype(np.float32), mask[::-1, ::-1].astype(np.float32), mode="valid")

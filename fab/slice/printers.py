@@ -16,6 +16,7 @@ import numpy as np
 
 from cad.data_table import positive, read_table
 from cad.errors import ParameterError
+from fab.slice.excluded import Rectangle, corners, gap_mm, outline, read_rectangle
 
 PRINTER_TABLE = Path(__file__).with_name("printers.csv")
 DEFAULT_PRINTER = "generic256"
@@ -31,6 +32,7 @@ class Printer:
         name: as typed, for example ``mk4``.
         title: what it is called.
         width_mm, depth_mm, height_mm: printing space along x, y, z.
+        exclude_mm: rectangle of the bed on which nothing may be printed; ``None`` for most.
         nozzle_mm: diameter of the nozzle.
         levelling: G-code lines that probe the bed.
         end: G-code lines after the print.
@@ -44,6 +46,7 @@ class Printer:
     width_mm: float
     depth_mm: float
     height_mm: float
+    exclude_mm: Rectangle | None
     nozzle_mm: float
     levelling: tuple[str, ...]
     end: tuple[str, ...]
@@ -63,6 +66,11 @@ class Printer:
         """Corners of the bed as slicers write them."""
         w, d = f"{self.width_mm:g}", f"{self.depth_mm:g}"
         return "0x0", f"{w}x0", f"{w}x{d}", f"0x{d}"
+
+    @property
+    def excluded_corners(self) -> list[str]:
+        """Corners of what is excluded, as slicers write them; none where nothing is."""
+        return [f"{x:g}x{y:g}" for x, y in corners(self.exclude_mm)] if self.exclude_mm else []
 
     @property
     def size(self) -> str:
@@ -129,11 +137,14 @@ def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
     room = np.array([where.width_mm, where.depth_mm]) - 2 * MARGIN_MM
     if float(np.ptp(points[:, 2])) > where.height_mm:
         return None
+    flat = _flat(points, where)
     best, best_fill = None, 1.0 + 1e-9
-    for degrees in (0, 90, *(d for d in range(1, 180) if d != 90)):
-        size = np.ptp(turned(points[:, :2], degrees), axis=0)
-        fill = float((size / room).max())
-        if fill <= best_fill and degrees in (0, 90):
+    for degrees in _turns(where):
+        spun = turned(flat, degrees)
+        fill = float((np.ptp(spun, axis=0) / room).max())
+        if fill > best_fill or _beside_excluded_mm(spun, where) < 0:
+            continue
+        if degrees % 90 == 0:
             return float(degrees)
         if fill < best_fill:
             best, best_fill = float(degrees), fill
@@ -147,9 +158,29 @@ def room_left_mm(points: np.ndarray, where: Printer) -> float:
         points: (n, 3) its corners in the printing pose, mm.
         where: the printer.
     """
-    room = np.array([where.width_mm, where.depth_mm]) - 2 * MARGIN_MM
-    across = max(float((room - np.ptp(turned(points[:, :2], angle), axis=0)).min()) for angle in range(180))
+    room, flat = np.array([where.width_mm, where.depth_mm]) - 2 * MARGIN_MM, _flat(points, where)
+    spun = [turned(flat, degrees) for degrees in _turns(where)]
+    across = max(min(float((room - np.ptp(one, axis=0)).min()), _beside_excluded_mm(one, where)) for one in spun)
     return min(across, where.height_mm - float(np.ptp(points[:, 2])))
+
+
+def _turns(where: Printer) -> tuple[int, ...]:
+    """Turns to try, the square ones first; those of the second half differ only where a corner is excluded."""
+    square, last = ((0, 90, 180, 270), 360) if where.exclude_mm else ((0, 90), 180)
+    return (*square, *(d for d in range(1, last) if d % 90))
+
+
+def _flat(points: np.ndarray, where: Printer) -> np.ndarray:
+    """A part seen from above: its points, or their convex outline where it has to be compared with a rectangle."""
+    return outline(points[:, :2]) if where.exclude_mm else points[:, :2]
+
+
+def _beside_excluded_mm(hull: np.ndarray, where: Printer) -> float:
+    """Room between the margin of a part in the middle of the bed and what is excluded; infinite where nothing is."""
+    if where.exclude_mm is None:
+        return math.inf
+    middle = (hull.min(axis=0) + hull.max(axis=0)) / 2
+    return gap_mm(hull - middle + np.array(where.middle_mm), where.exclude_mm) - MARGIN_MM
 
 
 def turned(points: np.ndarray, degrees: float) -> np.ndarray:
@@ -189,11 +220,19 @@ def require_bed(parts: Mapping[str, np.ndarray], where: Printer) -> None:
         else "none of the table takes every part: choose a smaller D"
     )
     raise ParameterError(
-        f"printer={where.name}: {words} as printed, over the {where.size} of its bed with {MARGIN_MM:g} mm round each "
-        f"part: {remedy}",
+        f"printer={where.name}: {words} as printed, over the {where.size} of its bed{_less(where)} with "
+        f"{MARGIN_MM:g} mm round each part: {remedy}",
         name="printer",
         value=where.name,
     )
+
+
+def _less(where: Printer) -> str:
+    """What is excluded, in words."""
+    if where.exclude_mm is None:
+        return ""
+    low_x, low_y, high_x, high_y = where.exclude_mm
+    return f" less x {low_x:g} to {high_x:g}, y {low_y:g} to {high_y:g}"
 
 
 def _printer(row: dict[str, str]) -> Printer:
@@ -205,6 +244,7 @@ def _printer(row: dict[str, str]) -> Printer:
         width,
         depth,
         height,
+        read_rectangle(row["exclude"]),
         nozzle,
         levelling,
         end,

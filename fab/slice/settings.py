@@ -175,6 +175,7 @@ class PrintSettings:
         filament = self.filament
         return {
             "printable_area": list(self.printer.corners),
+            **({"bed_exclude_area": self.printer.excluded_corners} if self.printer.exclude_mm else {}),
             "printable_height": f"{self.printer.height_mm:g}",
             "nozzle_diameter": [f"{self.printer.nozzle_mm:g}"],
             **_named(

@@ -21,11 +21,12 @@ from cad.params import EndcapParams
 from fab import molds
 from fab.meshing.mesh import tessellate
 from fab.slice import filaments, printers
+from fab.slice.excluded import gap_mm, outline, reach_mm
 from fab.slice.footprints import footprints, largest_diameter_mm, require_printer
 from fab.slice.gcode import read_gcode
-from fab.slice.nest import Standing, nested
+from fab.slice.nest import EDGE_MM, PIXEL_MM, Standing, nested
 from fab.slice.pose import standing
-from fab.slice.printers import Printer, fitting_printers, printer, require_bed, room_left_mm, turned
+from fab.slice.printers import Printer, fitting_printers, fitting_turn_deg, printer, require_bed, room_left_mm, turned
 from fab.slice.project_3mf import Piece, Project, Volume, write_orca, write_prusa
 from fab.slice.result import slice_project
 from fab.slice.run import NAMES, slice_to_gcode
@@ -44,7 +45,13 @@ def box(x: float, y: float, z: float) -> trimesh.Trimesh:
 @pytest.mark.parametrize(
     ("table", "read", "row", "expected"),
     [
-        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,0.4,G29,M84,,,,,E", "width_mm='wide'"),
+        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,,0.4,G29,M84,,,,,E", "width_mm='wide'"),
+        (
+            printers.PRINTER_TABLE,
+            printers._printer,
+            "mine,M,200,200,200,18|28,0.4,G29,M84,,,,,E",
+            "exclude='18|28' is no",
+        ),
         (printers.PRINTER_TABLE, printers._printer, "mine,Mine,200", "not one value for each column"),
         (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,-1,20,250,100,9,E", "density_g_cm3='-1'"),
         (filaments.FILAMENT_TABLE, filaments._filament, "PLA,PLA,1.2,20,250,100,9,E", "is there twice"),
@@ -153,6 +160,61 @@ def test_nested_parts_lie_on_the_bed_apart_and_each_once():
                 distance = trimesh.proximity.ProximityQuery(body).vertex(other.vertices)[0].min()
                 hit = trimesh.boolean.intersection([body, other], engine="manifold")
                 assert hit.is_empty and distance > 0
+
+
+def test_nothing_is_nested_on_what_the_printer_excludes_of_its_bed():
+    where = printer("x1c")
+    assert where.exclude_mm == (0.0, 0.0, 18.0, 28.0)
+    parts = {f"part_{k}": Standing(box(70, 55, 5), 3.0) for k in range(6)}
+
+    def nearest(where: Printer) -> float:
+        """Distance of the nearest part, with its brim, from the excluded corner."""
+        gaps = []
+        for place in (place for plate in nested(parts, where) for place in plate):
+            points = turned(parts[place.name].mesh.vertices[:, :2], place.turn_deg) + np.array(place.place_mm)
+            gaps.append(gap_mm(outline(points + np.array(where.middle_mm)), (0.0, 0.0, 18.0, 28.0)) - 3.0)
+        return min(gaps)
+
+    assert nearest(where) >= EDGE_MM - PIXEL_MM
+    assert nearest(printer("generic256")) < 0  # the corner is where the first part goes
+
+
+def test_a_part_alone_in_the_middle_of_its_bed_keeps_off_what_is_excluded():
+    where, anywhere = printer("x1c"), printer("generic256")
+    square = box(240, 240, 5).vertices
+    assert anywhere.takes(square) and not where.takes(square) and room_left_mm(square, where) < 0
+    with pytest.raises(ParameterError, match=r"its bed less x 0 to 18, y 0 to 28 with .* printer=generic256"):
+        require_bed({"square": square}, where)
+    triangle = np.array([[0, 0, 0], [240, 0, 0], [0, 240, 0], [0, 0, 5]], dtype=float)
+    assert fitting_turn_deg(triangle, anywhere) == 0.0 and fitting_turn_deg(triangle, where) == 180.0
+    disc = trimesh.creation.cylinder(124, 5).vertices
+    assert fitting_turn_deg(disc, where) == 0.0  # round parts of the largest bed leave the corner free
+    for params in SIZES:
+        assert all(where.takes(points) for points in footprints(MoldLayout(params)).values())
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "reach"),
+    [
+        ((20.0, 5.0), (30.0, 60.0), 0.0),
+        ((10.0, -5.0), (10.0, 60.0), 8.5),  # across the whole of it
+        ((-5.0, 33.0), (30.0, -2.0), 9.0 + 0.5),
+        ((18.2, 0.0), (18.2, 10.0), 0.3),  # half a line's width
+        ((40.0, 1.0), (17.0, 1.0), 1.5),
+    ],
+)
+def test_how_far_a_line_reaches_into_what_is_excluded(start, end, reach):
+    ends = np.array([start]), np.array([end])
+    exact = reach_mm(*ends, 0.5, (0.0, 0.0, 18.0, 28.0))
+    x, y = (ends[0] + np.linspace(0, 1, 100_001)[:, None] * (ends[1] - ends[0])).T
+    sampled = np.minimum.reduce([x + 0.5, 18.5 - x, y + 0.5, 28.5 - y]).max()
+    assert exact == pytest.approx(max(0.0, sampled), abs=1e-3) == pytest.approx(reach, abs=1e-6)
+
+
+def test_the_projects_of_orcaslicer_carry_what_is_excluded():
+    settings = part_settings("base", "PLA", printer("x1c")).orca()
+    assert settings["bed_exclude_area"] == ["0x0", "18x0", "18x28", "0x28"]
+    assert "bed_exclude_area" not in part_settings("base", "PLA", printer("a1_mini")).orca()
 
 
 def test_a_small_part_goes_into_the_hollow_of_a_ring_and_the_same_parts_give_the_same_plates():

@@ -23,6 +23,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
 from cad.whole_file import replace_file
+from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.variant import Variant
 
@@ -120,7 +121,8 @@ def parsed(words: Sequence[str]) -> Wanted:
     if FROM_MAKE in typed:
         typed.remove(FROM_MAKE)
         typed += make_variables(os.environ.get("MAKEFLAGS", ""))
-    options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
+    with named_as_typed():
+        options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
     return Wanted(parse_variant(options), Path(options["exports"]), options["printer"])
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cad.errors import EndcapError
 from cad.extras import program
-from cad.materials import DEFAULT_SILICONE
+from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.options import (
@@ -24,8 +24,9 @@ from cad.options import (
     parse_length,
     parse_options,
 )
-from cad.robot_sides import DEFAULT_ROBOT
+from cad.robot_sides import DEFAULT_ROBOT, robot_sides
 from fab.checks.check import ChecksFailedError
+from fab.choices import chosen, named_as_typed
 from fab.exports.whole_folder import ENDING_SIGNALS
 from fab.variant import Variant
 
@@ -132,7 +133,8 @@ class Command:
     ) -> int:
         """Act, and turn errors of the user's into lines."""
         try:
-            return act(parse_options(words, self.defaults), interrupts)
+            with named_as_typed():
+                return act(parse_options(words, self.defaults), interrupts)
         except ChecksFailedError as error:
             for line in error.lines:
                 LOG.error(f"{self.name}: check failed: {line}")
@@ -155,4 +157,7 @@ def parse_variant(options: Mapping[str, str]) -> Variant:
         ParameterError: not numbers, outside the feasible region, or a silicone or robot that is in no table.
     """
     clearance = parse_length("joint_clearance", options["joint_clearance"])
-    return Variant(MoldLayout(parse_design(options), clearance, options["material"]), options["robot"])
+    material = chosen("material", options["material"], silicones(), "cad/materials.csv")
+    robot = chosen("robot", options["robot"], robot_sides(), "cad/robot_sides.csv")
+    with named_as_typed():
+        return Variant(MoldLayout(parse_design(options), clearance, material), robot)

@@ -136,4 +136,4 @@ def test_numbers_at_the_start_are_the_design_where_one_is_meant(words, expected,
 
 def test_bad_input_is_that_of_the_module(capsys):
     assert main(["molds", "20", "8"]) == 2
-    assert "diameter_mm=20" in capsys.readouterr().err
+    assert "D=20 outside" in capsys.readouterr().err

@@ -94,7 +94,7 @@ def test_commands_run_from_an_empty_folder(installed, tmp_path):
     result = run(installed, tmp_path, "-m", "endcap", "--help")
     assert result.returncode == 0 and "endcap COMMAND" in result.stdout, result.stderr
     refused = run(installed, tmp_path, "-m", "endcap", "molds", "20", "8")
-    assert refused.returncode == 2 and "diameter_mm=20" in refused.stderr
+    assert refused.returncode == 2 and "D=20 outside" in refused.stderr
     picture = run(installed, tmp_path, "-m", "endcap", "render", "--out", "frame.jpg", "--level", "draft")
     assert picture.returncode == 0, picture.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["frame.jpg"]

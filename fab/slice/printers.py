@@ -16,6 +16,7 @@ import numpy as np
 
 from cad.data_table import positive, read_table
 from cad.errors import ParameterError
+from fab.choices import chosen
 from fab.slice.excluded import Rectangle, corners, gap_mm, outline, read_rectangle
 
 PRINTER_TABLE = Path(__file__).with_name("printers.csv")
@@ -107,19 +108,13 @@ def printers() -> dict[str, Printer]:
 
 
 def printer(name: str = DEFAULT_PRINTER) -> Printer:
-    """One printer by its name.
+    """One printer by its name, in upper or lower case.
 
     Raises:
-        ParameterError: unknown; the message lists those in the table.
+        ParameterError: unknown; the message has the nearest names, and all.
     """
     table = printers()
-    if name not in table:
-        raise ParameterError(
-            f"printer={name} is not in fab/slice/{PRINTER_TABLE.name}: choose one of {', '.join(table)}, or add a row",
-            name="printer",
-            value=name,
-        )
-    return table[name]
+    return table[chosen("printer", name, table, f"fab/slice/{PRINTER_TABLE.name}")]
 
 
 def printer_words(name: str) -> str:

@@ -233,8 +233,8 @@ def test_pdf_has_pages_pictures_and_the_same_bytes_twice(document, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["D=130", "T=99"], "wall_mm=99"),
-        (["material=Butter"], "silicone='Butter' is not in cad/materials.csv"),
+        (["D=130", "T=99"], "T=99 outside"),
+        (["material=Butter"], "material=Butter is not in cad/materials.csv"),
         (["paper=A3"], "'paper=A3' is not an option"),
         (["printer=mk5"], "printer=mk5 is not in"),
         (["printer=mk4"], "run `make molds D=130 T=8` first"),

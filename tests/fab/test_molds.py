@@ -11,10 +11,13 @@ import pytest
 from started_molds import SMALL, left_in, start
 
 from cad.errors import ParameterError
+from cad.materials import silicones
 from cad.options import make_variables, parse_length, parse_options
 from cad.params import EndcapParams
+from cad.robot_sides import robot_sides
 from fab import molds
 from fab.command import VARIANT_DEFAULTS, parse_variant
+from fab.slice.printers import printer, printers
 
 
 @pytest.fixture(scope="module")
@@ -130,10 +133,10 @@ def test_the_cache_gives_the_same_bytes_without_building_anything(run, first):
         (["D=130mm", "T=8"], "D=130mm is not a number: give plain millimetres without a unit"),
         (["D=nan", "T=8"], "D=nan is not a number"),
         (["D=130", "T=inf"], "T=inf is not a number"),
-        (["D=-130", "T=8"], "diameter_mm=-130"),
+        (["D=-130", "T=8"], "D=-130 is not a positive"),
         (["D=5.118", "T=8"], "looks like inches"),
-        (["D=130", "T=40"], "wall_mm=40 outside 6.5..13"),
-        (["D=130", "T=0.3"], "wall_mm=0.3 outside 6.5..13"),
+        (["D=130", "T=40"], "T=40 outside 6.5..13"),
+        (["D=130", "T=0.3"], "T=0.3 outside 6.5..13"),
         (["d=130"], "'d=130' is not an option: did you mean D=130?"),
         (["clearance=0.2"], "did you mean joint_clearance=0.2?"),
         (["D=\uff11\uff13\uff10", "T=8"], "is not a number: give plain millimetres"),
@@ -144,9 +147,14 @@ def test_the_cache_gives_the_same_bytes_without_building_anything(run, first):
         (["D=150"], "D=150 without T: a design is two numbers"),
         (["D=100"], "for example D=100 T=8"),
         (["T=22"], "for example D=250 T=22"),
-        (["D=90"], "diameter_mm=90 outside"),
+        (["D=90"], "D=90 outside"),
         (["D=130", "T=8", "D=150"], "D is given twice (130 and 150)"),
-        (["material=Jelly"], "silicone='Jelly' is not in cad/materials.csv"),
+        (["material=Jelly"], "material=Jelly is not in cad/materials.csv"),
+        (["material=dragon skin"], "did you mean Dragon Skin 30 or Dragon Skin 20"),
+        (["D=300"], "D=300 outside"),
+        (["printer=a1mini"], "did you mean a1_mini? Choose one of mk4"),
+        (["printer=ender"], "did you mean ender3?"),
+        (["robot=blnk"], "did you mean blank?"),
         (["--fast"], "'--fast' is not an option"),
         (["D"], "'D' is not an option"),
         (["D="], "'D=' is not an option"),
@@ -203,3 +211,11 @@ def test_variants_have_folders_of_their_own():
     assert labels[0] == "D130_T8_c0.2" and labels[3] == "D130_T8_Dragon-Skin-30"
     assert len({*labels, label()}) == len(others) + 1
     assert EndcapParams(130.0000001, 8).label != EndcapParams(130, 8).label
+
+
+def test_names_of_tables_count_in_any_case_and_no_two_differ_in_case_alone():
+    variant = parse_variant({**VARIANT_DEFAULTS, "material": "dragon SKIN 30", "robot": "BLANK"})
+    assert (variant.silicone, variant.robot) == ("Dragon Skin 30", "blank")
+    assert printer("X1C") is printer("x1c")
+    for table in (silicones(), robot_sides(), printers()):
+        assert len({name.lower() for name in table}) == len(table)

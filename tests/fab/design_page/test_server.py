@@ -145,7 +145,7 @@ def test_what_is_no_request_starts_nothing(server, body):
 
 def test_a_size_that_cannot_be_made_is_refused_in_the_words_of_the_command(server):
     status, content, _ = ask(server, "/make", {"D": "20", "T": "8"}, **{TOKEN_HEADER: server.token})
-    assert status == 400 and b"diameter_mm=20 outside" in content
+    assert status == 400 and b"D=20 outside" in content
     assert ask(server, "/preview.glb?D=20&T=8")[0] == 400
 
 

@@ -46,9 +46,13 @@ class Progress:
         self._step, self._since = step, time.monotonic()
         transient(f"  ...    {step}")
 
-    def _finish(self) -> None:
+    def done(self, seconds: float) -> None:
+        """The step is done, by a worker of its own that took so long."""
+        self._finish(seconds)
+
+    def _finish(self, seconds: float | None = None) -> None:
         if self._step is None:
             return
         transient()
-        LOG.info(f"{time.monotonic() - self._since:6.1f} s {self._step}")
+        LOG.info(f"{time.monotonic() - self._since if seconds is None else seconds:6.1f} s {self._step}")
         self._step = None

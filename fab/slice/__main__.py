@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -143,19 +144,28 @@ def _sliced_and_gated(
     from fab.slice.result import summary
 
     with Progress() as progress, worker_pool(WORKERS) as workers:
-        pending = [workers.submit(_slice_one, slicer, export, plate, folder, how) for plate in plates]
+        pending = [workers.submit(_timed, slicer, export, plate, folder, how) for plate in plates]
         results = []
         for done, (plate, future) in enumerate(zip(plates, pending, strict=True)):
             progress(f"{plate.name} ({done + 1} of {len(plates)})")
-            results.append(future.result())
+            result, seconds = future.result()
+            results.append(result)
+            progress.done(seconds)
     show(summary(results))
     checks = [check for result in results for check in result.checks]
     require_passed(checks, f"at {export.variant.label}")
     return results, checks
 
 
+def _timed(slicer: str, export: Export, plate: Plate, folder: Path, how: SliceOptions) -> tuple[SliceResult, float]:
+    """Work of one process, and the seconds that it took."""
+    began = time.monotonic()
+    result = _slice_one(slicer, export, plate, folder, how)
+    return result, time.monotonic() - began
+
+
 def _slice_one(slicer: str, export: Export, plate: Plate, folder: Path, how: SliceOptions) -> SliceResult:
-    """Work of one process."""
+    """Build, write, slice and measure one plate."""
     from fab.slice.projects import build_project
     from fab.slice.result import slice_project
 

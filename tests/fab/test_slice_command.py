@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -31,7 +32,7 @@ SMALL_MOLD = Variant(MoldLayout(SMALL))
         (["D=abc", "T=8"], "D=abc is not a number"),
         (["gcode=maybe"], "neither yes nor no"),
         (["plates=many"], "neither nested nor single"),
-        (["printer=mk5"], "choose one of mk4, x1c, a1_mini, ender3, generic180"),
+        (["printer=mk5"], "Choose one of mk4, x1c, a1_mini, ender3, generic180"),
         (["--quick"], "'--quick' is not an option"),
         ([], "run `make molds D=130 T=8` first"),
     ],
@@ -104,6 +105,20 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
     assert list(tmp_path.iterdir()) == []
 
 
+def test_each_plate_has_its_own_seconds_whatever_its_neighbours_took(monkeypatch, caplog, tmp_path):
+    spent = {"slow": 0.4, "quick": 0.0}
+    ready = SimpleNamespace(checks=[])
+    monkeypatch.setattr(command, "_slice_one", lambda _, __, plate, *___: time.sleep(spent[plate.name]) or ready)
+    monkeypatch.setattr(command, "worker_pool", lambda _count: AtOnce())
+    monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
+    plates = [SimpleNamespace(name=name) for name in spent]
+    with caplog.at_level("INFO"):
+        command._sliced_and_gated("slicer", SimpleNamespace(variant=SMALL_MOLD), plates, tmp_path, None)
+    lines = [record.message for record in caplog.records]
+    shown = {line.split()[2]: float(line.split()[0]) for line in lines}
+    assert shown["slow"] >= 0.4 and shown["quick"] < 0.3
+
+
 def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_is_none_of_it():
     figures = SimpleNamespace(time_s=7200.0, grams=30.0, cost_usd=0.5, layers=9, floating_starts=0)
     spool = part_settings("base", "PLA")
@@ -116,6 +131,20 @@ def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_i
     assert "mold:" not in summary([plate("base")])
     assert "mold: 2 h 00, 30 g" in summary([plate("base"), plate("hanger")])
     assert "mold: 1 h 20, 20 g" in summary([plate("base", "hanger")])  # two thirds of its plastic
+
+
+class AtOnce:
+    """All work is done before anyone asks for it, as by workers side by side."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return False
+
+    def submit(self, call, *words):
+        found = call(*words)
+        return SimpleNamespace(result=lambda: found)
 
 
 class Inline:

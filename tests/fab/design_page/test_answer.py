@@ -62,7 +62,7 @@ def test_the_zone_of_the_outline_is_the_zone_of_the_interface():
         ({"D": "１３０"}, "D="),
         ({"D": "130", "T": "8", "joint_clearance": "0.4"}, "outside 0.05..0.21"),
         ({"material": "Butter"}, "choose one of Smooth-Sil 950"),
-        ({"printer": "mk5"}, "choose one of mk4"),
+        ({"printer": "mk5"}, "did you mean mk4? Choose one of mk4"),
         ({"wheels": "4"}, "is no knob"),
     ],
 )

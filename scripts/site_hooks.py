@@ -21,6 +21,7 @@ LOADED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)=[\"']?(?:
 ROLE = re.compile(
     r":(?:mod|class|func|meth|data|attr|exc):(?=<code>)"
 )  # docstrings are plain text, with Sphinx's roles
+NOTEBOOK = re.compile(r"(\]\([^)\s:]+)\.ipynb(#[^)]*)?\)")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(((?:\.\./)+)([^)#]*)(#[^)]*)?\)")
 
 
@@ -40,7 +41,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
-    """Links that leave docs/ lead to the site's copy, or become plain text where the site has none."""
+    """Links that leave docs/ lead to the site's copy, or become plain text where the site has none.
+
+    A notebook is linked as the file that a checkout has, and leads to its page here.
+    """
+    markdown = NOTEBOOK.sub(lambda found: f"{found[1]}.md{found[2] or ''})", markdown)
     depth = page.file.src_uri.count("/")
 
     def site_link(found: re.Match[str]) -> str:

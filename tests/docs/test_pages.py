@@ -83,7 +83,13 @@ def test_every_page_of_the_four_users_and_the_tutorials_is_linked():
     assert re.findall(r"\(users/(\w+)\.md\)", index) == ["technician", "roboticist", "researcher", "maintainer"]
     tutorials = (ROOT / "docs" / "tutorials" / "index.md").read_text(encoding="utf-8")
     notebooks = {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.ipynb")}
-    assert set(re.findall(r"\((\w+)\.md\)", tutorials)) == notebooks
+    assert set(re.findall(r"\((\w+)\.ipynb\)", tutorials)) == notebooks
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_link_of_a_page_leads_to_a_file_of_the_checkout(page):
+    targets = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+    assert [name for name in targets if "://" not in name and not (page.parent / name).exists()] == []
 
 
 def test_the_map_says_what_the_architecture_test_holds():

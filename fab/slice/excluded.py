@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 Rectangle = tuple[float, float, float, float]
 
@@ -38,6 +37,8 @@ def corners(rectangle: Rectangle) -> tuple[tuple[float, float], ...]:
 
 def outline(points: np.ndarray) -> np.ndarray:
     """Corners (m, 2) of the convex outline of points (n, 2), counter-clockwise: it turns with them."""
+    from scipy.spatial import ConvexHull  # the table of printers is read before any command listens to Ctrl-C
+
     return np.asarray(points[ConvexHull(points).vertices])
 
 

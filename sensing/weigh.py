@@ -138,14 +138,18 @@ def _parser() -> argparse.ArgumentParser:
     how.add_argument(
         "--pose", action="append", default=[], metavar="tilt=DEG,grams=N,source=FILE",
         help="instead of the guide: a weight and its recording, video or folder of pictures (the first one untouched); "
-        "twice or more; also azimuth=DEG, sd=GRAMS",
+        "twice or more; also azimuth=DEG (as --azimuth), sd=GRAMS",
     )  # fmt: skip
     how.add_argument(
         "--postures", type=Path, metavar="FILE.csv",
         help="a robot's own weight: columns recording, up_x, up_y, up_z (vertical in the robot frame)",
     )  # fmt: skip
     parser.add_argument("--tilt", type=number, default=0.0, metavar="DEG", help="of the endcap, guided (0: level)")
-    parser.add_argument("--azimuth", type=number, default=0.0, metavar="DEG", help="of that tilt, from x (0)")
+    parser.add_argument(
+        "--azimuth", type=number, default=0.0, metavar="DEG",
+        help="of the vertical in the endcap frame, from x to y: upward with the dome up, downward with the dome down; "
+        "opposite to (fx, fy) under the weight (0)",
+    )  # fmt: skip
     parser.add_argument(
         "--scale-sd", type=number, default=0.0, metavar="G", help="of the scale (2 g and 0.5 %% together)"
     )

@@ -26,12 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
+from sensing.weighing.words import MOST_TILT_DEG
 from sensing.wrench.quantiles import chi_square_quantile
 
 Array = NDArray[np.float64]
 MODEL_SD = 0.01  # E: of a load, by which the model is off beside its covariance: wall, contact, mesh
 ATTITUDE_RAD = math.radians(1.0)  # E: how well a table is level and a tilt is set
 CONTRADICTION = 1e-3  # probability with which consistent weights are refused
+ALIKE_DEG = 3.0  # E: verticals of poses that differ by less are those of one table
 LEAST_POSES = 2
 LEAST_RATIO = 1.2  # of the largest load over the smallest: equal loads cannot contradict one another
 SOFTEST, STIFFEST = 0.04, 5.0  # E: gains that silicones of cad/materials.csv and harder ones have
@@ -101,7 +103,11 @@ def fit_gain(poses: Sequence[Pose]) -> Gain:
         require_unit(pose)
     found = _fitted(poses)
     if found.chi_square > found.limit:
-        raise WeighingError(_contradiction(poses, found))
+        beyond = f"(chi-square {found.chi_square:.0f}, at most {found.limit:.0f})"
+        across = [_chi_square_across(pose, found.gain) for pose in poses]
+        if sum(across) > found.chi_square / 2:
+            raise WeighingError(_leaning(poses, across, beyond))
+        raise WeighingError(_contradiction(poses, beyond))
     return found
 
 
@@ -177,9 +183,53 @@ def _fitted(poses: Sequence[Pose]) -> Gain:
     return Gain(gain, math.hypot(of_model, of_weight), chi_square, 3 * len(poses) - 1, residual)
 
 
-def _contradiction(poses: Sequence[Pose], found: Gain) -> str:
+def _chi_square_across(pose: Pose, gain: float) -> float:
+    """Of the residual across the load: no other weight makes it smaller, another attitude does."""
+    across = np.linalg.svd(pose.load_n[None, :])[2][1:]  # (2, 3), orthogonal to the load
+    side = across @ (gain * pose.force_n)
+    model = pose.covariance + MODEL_SD**2 * np.outer(pose.force_n, pose.force_n)
+    variance = gain**2 * across @ model @ across.T + (pose.weight_n * ATTITUDE_RAD) ** 2 * np.eye(2)
+    return float(side @ np.linalg.solve(variance, side))
+
+
+def _leaning(poses: Sequence[Pose], across: Sequence[float], beyond: str) -> str:
+    """By how much the forces lean, and the attitudes at which they would not; one attitude where all agree."""
+    limit = chi_square_quantile(1 - CONTRADICTION, 2)
+    found = [pose for pose, size in zip(poses, across, strict=True) if size > limit or size == max(across)]
+    shown = np.array([-pose.force_n / np.linalg.norm(pose.force_n) for pose in found])
+    given = np.array([-pose.load_n / pose.weight_n for pose in found])
+    mean = shown.mean(axis=0) / np.linalg.norm(shown.mean(axis=0))
+    alike = [
+        _angle_deg(v, mean) < ALIKE_DEG and _angle_deg(up, given[0]) == 0 for v, up in zip(shown, given, strict=True)
+    ]
+    if all(alike) and len(found) == len(poses):
+        said = f"the force leans by {_angle_deg(mean, given[0]):.1f} degrees from the vertical given"
+        names, shown = [""], mean[None, :]
+    else:
+        leans = [f"{p.name} by {_angle_deg(v, up):.1f}" for p, v, up in zip(found, shown, given, strict=True)]
+        said = f"the force leans from the vertical given, under {', under '.join(leans)} degrees"
+        names = [f" for {pose.name}" for pose in found]
+    fix = "level the table and let nothing push the weight sideways"
+    if max(_angle_deg(up, np.array([0.0, 0.0, 1.0])) for up in shown) <= MOST_TILT_DEG:
+        words = ", ".join(f"{_attitude(up)}{name}" for up, name in zip(shown, names, strict=True))
+        fix = f"{fix}, or give {words}"
+    return f"{said}, which no wrong weight does {beyond}: {fix}"
+
+
+def _attitude(up: Array) -> str:
+    """A vertical in the endcap frame, in the words of a pose."""
+    azimuth_deg = math.degrees(math.atan2(up[1], up[0])) % 360
+    return f"tilt={math.degrees(math.acos(min(1.0, up[2]))):.1f},azimuth={azimuth_deg:.1f}"
+
+
+def _angle_deg(one: Array, other: Array) -> float:
+    """Between unit vectors; by the sine, too, because the cosine alone is blunt where they are near."""
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other)))
+
+
+def _contradiction(poses: Sequence[Pose], beyond: str) -> str:
     """Names the pose without which the others agree best; of two, both."""
-    head = f"the weights contradict one another (chi-square {found.chi_square:.0f}, at most {found.limit:.0f})"
+    head = f"the weights contradict one another {beyond}"
     single = {pose.name: pose_gain(pose)[0] for pose in poses}
     if len(poses) == LEAST_POSES:
         both = " and ".join(f"{name} shows a gain of {gain:.3f}" for name, gain in single.items())

@@ -37,7 +37,9 @@ class PoseRequest:
 
     Attributes:
         weight_g, sd_g: what presses, everything included, and its standard deviation.
-        tilt_deg: between the vertical and the endcap's axis. azimuth_deg: of the lowest (or highest) point of the dome.
+        tilt_deg: between the vertical and the endcap's axis.
+        azimuth_deg: of the vertical in the endcap frame, from x to y: upward where the dome is up, downward where it is
+            pressed onto a scale; opposite to the weight's (fx, fy).
         source: video, folder of pictures or recording; empty for the endcap's own.
     """
 

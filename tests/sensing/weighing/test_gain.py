@@ -1,5 +1,7 @@
 """Gains against closed forms and repeated draws, and everything that is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,45 @@ def test_a_wrong_weight_is_named():
         fit_gain(three)
     with pytest.raises(WeighingError, match=r"500 g shows a gain of 0\.730 and 1600 g shows a gain of 0\.584"):
         fit_gain([three[0], three[2]])
+
+
+def leaning(weight_g, tilt_deg, azimuth_deg, given=(0.0, 0.0)):
+    """A pose whose weight presses at one attitude while another one is given."""
+    true, typed = PoseRequest(weight_g, tilt_deg, azimuth_deg), PoseRequest(weight_g, *given)
+    return Pose(typed.name, typed.load_n(), typed.load_sd_n(), true.load_n() / 0.73, COVARIANCE)
+
+
+@pytest.mark.parametrize("given", [(0.0, 0.0), (20.0, 30.0)])
+def test_a_force_that_leans_is_no_wrong_weight_and_the_attitude_said_makes_it_right(given):
+    with pytest.raises(WeighingError) as refused:
+        fit_gain([leaning(weight, 30.0, 243.6, given) for weight in (1270.0, 2220.0)])
+    said = str(refused.value)
+    assert "contradict" not in said and "level the table" in said
+    assert given[0] or "the force leans by 30.0 degrees from the vertical given" in said
+    tilt, azimuth = (float(number) for number in re.search(r"give tilt=([\d.]+),azimuth=([\d.]+)$", said).groups())
+    again = fit_gain([leaning(weight, 30.0, 243.6, (tilt, azimuth)) for weight in (1270.0, 2220.0)])
+    assert again.gain == pytest.approx(0.73, abs=1e-4) and again.chi_square < 0.1
+
+
+def test_the_azimuth_is_opposite_to_the_lateral_force():
+    pressed = PoseRequest(1000.0, 20.0, 70.0).load_n()
+    assert np.degrees(np.arctan2(-pressed[1], -pressed[0])) == pytest.approx(70.0)
+
+
+def test_forces_that_lean_each_its_own_way_are_named_with_their_attitudes():
+    upright = leaning(500.0, 0.0, 0.0)
+    with pytest.raises(WeighingError, match=r"under 1000 g by 12\.0, under 2000 g by 15\.0 degrees.*") as refused:
+        fit_gain([upright, leaning(1000.0, 12.0, 0.0), leaning(2000.0, 15.0, 90.0)])
+    assert "tilt=12.0,azimuth=0.0 for 1000 g, tilt=15.0,azimuth=90.0 for 2000 g" in str(refused.value)
+
+
+def test_no_attitude_is_said_that_would_be_refused():
+    """A plate that is held at a steep side of the dome."""
+    asked = [PoseRequest(weight) for weight in (500.0, 2000.0)]
+    side = np.array([-np.sin(np.radians(70.0)), 0.0, -np.cos(np.radians(70.0))])
+    poses = [Pose(r.name, r.load_n(), r.load_sd_n(), side * r.weight_g / 80, COVARIANCE) for r in asked]
+    with pytest.raises(WeighingError, match=r"push the weight sideways$"):
+        fit_gain(poses)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from cad.messages import LOG, show
 from cad.whole_file import require_place
 from sensing.arguments import number as decimal
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
-from sensing.live.core.endcaps_file import save_config
+from sensing.live.core.endcaps_file import live_command, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
@@ -97,7 +97,7 @@ def set_up(
     made = tuple(_measured(endcap, f"endcap_{k}", rest[endcap.name], out, say) for k, endcap in enumerate(order))
     result = replace(config, endcaps=made)
     save_config(result, out)
-    say(f"{out}: written; run python -m sensing.live --config {out}")
+    say(f"{out}: written; run {live_command(out)}")
     return result
 
 

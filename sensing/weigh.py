@@ -18,7 +18,7 @@ from cad.extras import program
 from cad.messages import LOG, show
 from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
-from sensing.live.core.endcaps_file import load_config
+from sensing.live.core.endcaps_file import live_command, load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
@@ -86,7 +86,7 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     _report(poses, found)
     if not options.dry_run:
         store_gain(options.config, endcap, found.gain, found.sd, digest)
-        _say(f"{options.config}: stored for {endcap.name}; python -m sensing.live --config {options.config} uses it")
+        _say(f"{options.config}: stored for {endcap.name}; {live_command(options.config)} uses it")
 
 
 def _from_file(endcap: EndcapConfig, request: PoseRequest, model: LiveModel, terms: Terms) -> Pose:

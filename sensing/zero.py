@@ -24,6 +24,7 @@ from cad.identity import Identity, identity
 from cad.messages import LOG, show
 from cad.params import EndcapParams
 from cad.plain_numbers import plain_number
+from sensing.calibration.command_for import calibrate_command
 from sensing.calibration.misfit import camera_misfit
 from sensing.calibration.rest_picture import light_doubts, picture_doubts
 from sensing.camera.light import light_of
@@ -93,7 +94,7 @@ def _compare_with_design(zero: Zero, params: EndcapParams, path: Path) -> None:
         LOG.warning(
             f"sensing.zero: warning: the picture does not fit {words} ({misfit.reason.split('; ')[0]}): is it of "
             "another design? Then take it again with that one's options; "
-            f"else run python -m sensing.calibrate --zero {path} {words}"
+            f"else run {calibrate_command(params, path.with_suffix('.json'), path)}"
         )
     camera = nominal_mount(params, *tracker.size) if misfit.found is None else misfit.found.mounted
     _warn(picture_doubts(zero.image, tracker.reference_px, params, camera).values())

@@ -33,6 +33,18 @@ FEW, FAR_SIGMA = 2, 1.6  # strays or unseen dots, and deviations of the dots' si
 BEYOND = 5.0  # and over which the other one is taken for the right one
 
 
+class OtherDesignError(CalibrationError):
+    """Another diameter fits a photo clearly better than the one given; in words of ``sensing.calibrate``.
+
+    Attributes:
+        found: which one, without what to do about it: other programs have other options.
+    """
+
+    def __init__(self, found: str) -> None:
+        super().__init__(f"{found}: give its --diameter, or --trust-design if the one given is right")
+        self.found = found
+
+
 @dataclass(frozen=True)
 class DesignFit:
     """How well a photo fits a design.
@@ -118,14 +130,11 @@ def require_design(
         trusted: warn also where the other one fits clearly better.
 
     Raises:
-        CalibrationError: another diameter fits clearly better, and the design given is not to be trusted.
+        OtherDesignError: another diameter fits clearly better, and the design given is not to be trusted.
     """
     for other in rivals(given, radius_px, size_px, azimuth_hint_deg)[:1]:
         if other.log_evidence > given.log_evidence + BEYOND and not trusted:
-            raise CalibrationError(
-                f"another design fits this photo better: {other.line()}; against {given.line()}: give its --diameter, "
-                "or --trust-design if the one given is right"
-            )
+            raise OtherDesignError(f"another design fits this photo better: {other.line()}; against {given.line()}")
         return f"another design fits alike: {other.line()}; kept {given.line()}"
     return ""
 

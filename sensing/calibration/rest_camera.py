@@ -18,7 +18,7 @@ from cad.pattern import RELEASED_DOT_MM
 from sensing.calibration.dots import CalibrationError, find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.misfit import Misfit, camera_misfit
-from sensing.calibration.other_design import design_fit, require_design
+from sensing.calibration.other_design import OtherDesignError, design_fit, require_design
 from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
@@ -37,12 +37,14 @@ class RestCamera:
         misfit: of the camera that was given, or of the nominal one.
         found: whether the camera comes from this picture.
         doubt: why none is taken from it although the nominal one does not fit, one line; else empty.
+        other_design: whether that is another diameter that fits clearly better.
     """
 
     camera: MountedCamera | None
     misfit: Misfit
     found: bool = False
     doubt: str = ""
+    other_design: bool = False
 
 
 def most_misplaced_px(params: EndcapParams) -> float:
@@ -77,6 +79,8 @@ def rest_camera(
         fit = design_fit(found, radii, params)
         if fit.is_doubtful:  # else a second is saved
             require_design(fit, radii, size_px)
+    except OtherDesignError as error:
+        return RestCamera(None, misfit, doubt=error.found, other_design=True)
     except CalibrationError as error:
         return RestCamera(None, misfit, doubt=str(error))
     if found.misplaced_px > most_misplaced_px(params):

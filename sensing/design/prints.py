@@ -65,7 +65,9 @@ def sliced_prints(params: EndcapParams, path: Path) -> Prints:
     Raises:
         FileError: it cannot be read, or belongs to another design.
     """
-    again = f"run make slice D={plain(params.diameter_mm)} T={plain(params.wall_mm)} again, or move it away"
+    named = {"D": plain(params.diameter_mm), "T": plain(params.wall_mm), **params.option_words}
+    words = " ".join(f"{name}={value}" for name, value in named.items())
+    again = f"run make slice {words} again, or move it away"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         digest, projects = record["digest"], [p for p in record["projects"] if p["name"] != SECOND_FORM]

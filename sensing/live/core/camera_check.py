@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sensing.calibration.command_for import calibrate_command
 from sensing.calibration.misfit import Misfit
 from sensing.calibration.rest_camera import RestCamera
 from sensing.calibration.rest_picture import picture_doubts
@@ -84,10 +85,10 @@ def _advice(endcap: EndcapConfig, rest: RestCamera) -> str:
     calibrated = rest.camera is not None and not rest.found
     whose = f"{endcap.camera} does not fit this picture" if calibrated else "camera not calibrated"
     largest = rest.misfit.reason.split("; ")[0].split(" (")[0]
-    usual = endcap.diameter_mm == EndcapConfig.diameter_mm and endcap.wall_mm == EndcapConfig.wall_mm
-    design = "" if usual else f" --diameter {endcap.diameter_mm:g} --wall {endcap.wall_mm:g}"
-    untouched = "--photo PICTURE" if endcap.zero is None else f"--zero {endcap.zero}"
-    command = f"python -m sensing.calibrate {untouched}{design} --out {endcap.name}.json"
+    command = calibrate_command(endcap.params, f"{endcap.name}.json", endcap.zero, rest.other_design)
+    if rest.other_design:
+        fix = f"give its diameter, or, if the one given is right, run {command} and name that file in endcaps.toml"
+        return f"{whose} ({largest}): {rest.doubt}: {fix}"
     if rest.found:
         return f"{whose} ({largest}): taken from this picture; to keep it, run {command}"
     return f"{whose} ({largest}): {rest.doubt or f'run {command}'}"

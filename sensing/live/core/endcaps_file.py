@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import tomllib
 from dataclasses import fields
 from pathlib import Path
@@ -57,6 +58,11 @@ def save_config(config: LiveConfig, path: Path) -> None:
     for endcap in config.endcaps:
         lines += ["", "[[endcap]]", *_lines(endcap, (), path.parent)]
     replace_file(path, ("\n".join(lines) + "\n").encode())
+
+
+def live_command(path: Path) -> str:
+    """The command that reads such a file, ready to be pasted."""
+    return shlex.join(("python", "-m", "sensing.live", "--config", str(path)))
 
 
 def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:

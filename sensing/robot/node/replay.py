@@ -79,7 +79,9 @@ class Recording:
         except (DamagedError, CutError):
             pass  # said when the samples are read
         if not self._about:
-            raise FileError(f"{path}: no recording of a robot: give one made with python -m sensing.robot --record")
+            raise FileError(
+                f"{path}: no recording of a robot: give one made with python -m sensing.robot --record FILE.mcap"
+            )
         if self._about.get("format") != FORMAT or not self._about.get("wall_ns", "").lstrip("-").isdecimal():
             raise FileError(f"{path}: recorded by another version of the toolkit: replay it there, or record again")
         if description is None or hashlib.sha256(description).hexdigest() != self._about.get("sha256"):

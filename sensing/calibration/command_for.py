@@ -1,0 +1,25 @@
+"""The command that makes a camera file, as other programs print it: whole, quoted, ready to be pasted."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from cad.design_arguments import design_words
+from cad.params import EndcapParams
+
+RELEASED = design_words(EndcapParams(130.0, 8.0))
+
+
+def calibrate_command(params: EndcapParams, out: Path | str, zero: Path | None = None, trusted: bool = False) -> str:
+    """``python -m sensing.calibrate ...``; the design is named where it is not the released one.
+
+    Args:
+        params: the design. out: camera file. zero: reference that holds the picture; None for a photo that the user
+            still has to name. trusted: the design is kept where another one fits better.
+    """
+    picture = ("--photo", "PICTURE") if zero is None else ("--zero", str(zero))
+    words = design_words(params)
+    design = () if words == RELEASED else words
+    trust = ("--trust-design",) if trusted else ()
+    return shlex.join(("python", "-m", "sensing.calibrate", *picture, *design, *trust, "--out", str(out)))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sensing.evaluation.cells import LOADS_N, cell_tables, cells
+from sensing.evaluation.cells import LOADS_N, RANGE_N, cell_tables, cells
 from sensing.evaluation.live_answers import LiveAnswers
 
 
@@ -30,6 +31,15 @@ def test_loads_are_parted_alike_in_every_range(scale):
     assert np.array([cell.load_n[1] for cell in found]) == pytest.approx(scale * np.array(LOADS_N[1:]), rel=5e-3)
     assert all(cell.rmse[2] == pytest.approx(0.5) for cell in found)
     assert "35 to 45 deg" not in cell_tables(found)
+
+
+@pytest.mark.parametrize("range_n", [RANGE_N, 44.3, 341.8])
+def test_columns_stay_apart_at_every_size(range_n):
+    """Also where edges have more digits than those of the released one; every row is as wide as its head."""
+    loads = range_n / RANGE_N * np.array([2.0, 7.0, 15.0, 25.0, 35.0, 59.0])
+    lines = cell_tables(cells(answers(loads), range_n)).splitlines()
+    assert len({len(line) for line in lines}) == 1
+    assert all(len(re.findall(r"(?<= )[\d.]+ to [\d.]+ N(?= |$)", line)) == 6 for line in lines if "tilt" in line)
 
 
 def test_a_frame_beyond_the_last_edge_is_counted():

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sensing.decode import png_size
 from sensing.doctor.finding import Finding, above, below, finding
 from sensing.records import Frame
 
@@ -49,21 +50,24 @@ def stream_findings(frames: Sequence[Frame], asked_hz: float | None) -> list[Fin
             "a USB port of its own, a shorter cable, no hub; close other programs",
             {"missing": float(missing), "repeated": float(same)},
         ),
-        _usb(frames, rate_hz),
+        *_usb(frames, rate_hz),
     ]  # fmt: skip
 
 
-def _usb(frames: Sequence[Frame], rate_hz: float) -> Finding:
-    """Six such cameras on one bus."""
+def _usb(frames: Sequence[Frame], rate_hz: float) -> list[Finding]:
+    """Six such cameras on one bus; nothing where pictures are PNG, which a recorder wrote and no camera sends."""
+    if any(frame.jpeg is not None and png_size(frame.jpeg) is not None for frame in frames):
+        return []
     sizes = [len(frame.jpeg) if frame.jpeg is not None else _raw_bytes(frame) for frame in frames]
     mb_s = float(np.mean(sizes)) * rate_hz / 1e6
     six = CAMERAS * mb_s
-    return finding(
+    found = finding(
         "USB", below(six / USB2_MB_S, 0.6, 1.0),
         f"{mb_s:.1f} MB/s, six such {six:.0f} of about {USB2_MB_S:g} MB/s of one USB 2 bus",
         "share the cameras out over two USB controllers (lsusb -t), or use MJPEG and a lower rate",
         {"mb_s": mb_s, "six_mb_s": six},
     )  # fmt: skip
+    return [found]
 
 
 def _raw_bytes(frame: Frame) -> float:

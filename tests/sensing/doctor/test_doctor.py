@@ -21,6 +21,7 @@ from sensing.doctor.stream import stream_findings
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.ros_types import picture_bytes
 from sensing.records import Frame
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Lamp, Optics, RenderSettings, Sensor
@@ -148,6 +149,17 @@ def test_a_slow_a_jumpy_a_lossy_and_a_heavy_stream_are_named():
     assert lossy["dropped"].values["missing"] == 5 and lossy["dropped"].verdict is BAD
     assert stream(np.delete(steady, 7))["dropped"].verdict is LOOK
     assert stream(steady, 140_000)["USB"].verdict is LOOK and stream(steady, 220_000)["USB"].verdict is BAD
+
+
+def test_the_size_of_pictures_that_a_recorder_wrote_as_png_says_nothing_of_usb():
+    """Those of a video or a raw camera; the camera sent other bytes."""
+    pictures = [np.random.default_rng(k).integers(0, 256, (480, 640, 3), np.uint8) for k in range(12)]
+    written = [picture_bytes(Frame(0.0, 0, "raw", image=each)) for each in pictures]
+    assert {form for _, form in written} == {"png"}
+    frames = [Frame(k / 30, k, "raw", jpeg=data, size=(640, 480)) for k, (data, _) in enumerate(written)]
+    assert {each.name for each in stream_findings(frames, 30.0)} == {"rate", "jitter", "dropped"}
+    sent = [replace(frame, jpeg=None, image=each) for frame, each in zip(frames, pictures, strict=True)]
+    assert "USB" in {each.name for each in stream_findings(sent, 30.0)}
 
 
 def test_repeated_and_damaged_pictures_are_counted(nominal):

@@ -18,7 +18,7 @@ from sensing.wrench.range import NORMAL_95
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
 LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, for a range of 35 N
 FAR_N = 1.0  # error of fz from which an answer without a flag misleads
-LEAST_WIDE = 13  # characters of a column of the tables
+LEAST_WIDTH = 13  # characters of a column of the tables
 RANGE_N = 35.0  # P, NET22: of the released weights
 
 
@@ -81,15 +81,15 @@ def cell_tables(found: list[Cell]) -> str:
     tilts, loads = (list(dict.fromkeys(getattr(c, name) for c in found)) for name in ("tilt_deg", "load_n"))
     loads.sort()
     heads = [f"{low:g} to {high:g} N" for low, high in loads]
-    wide = max([LEAST_WIDE, *(len(head) + 1 for head in heads)])
+    width = max([LEAST_WIDTH, *(len(head) + 1 for head in heads)])
     first = max(len(f"{name}, tilt") for name in QUANTITIES)
     lines = []
     for name, value in QUANTITIES.items():
-        lines.append(f"{name + ', tilt':<{first}}" + "".join(f"{head:>{wide}}" for head in heads))
+        lines.append(f"{name + ', tilt':<{first}}" + "".join(f"{head:>{width}}" for head in heads))
         for tilt in tilts:
             values = {c.load_n: value(c) for c in found if c.tilt_deg == tilt}
             label = "unknown" if np.isnan(tilt[0]) else f"{tilt[0]:g} to {tilt[1]:g} deg"
-            lines.append(f"{label:>{first - 1}} " + "".join(f"{values.get(n, '-'):>{wide}}" for n in loads))
+            lines.append(f"{label:>{first - 1}} " + "".join(f"{values.get(n, '-'):>{width}}" for n in loads))
     return "\n".join(lines)
 
 

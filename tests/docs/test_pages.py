@@ -8,12 +8,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from command_lines import refusal
 from test_architecture import ARROWS, ROOT
 
 from endcap.command import SUBCOMMANDS
 
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 BLOCK = re.compile(r"^(`{3,})[ \t]*(\w*)[ \t]*\n(.*?)^\1[ \t]*$", re.M | re.S)
+OF_A_PLUGIN = re.compile("invalid choice: '(nothing|ball|constant)'")  # added by the plug-in that the page writes
 SHELLS = {"", "sh", "bash", "console"}
 GOALS = {
     word
@@ -53,6 +55,31 @@ def missing(command: str) -> str:
 def test_every_command_of_a_page_exists(page):
     text = page.read_text(encoding="utf-8")
     assert {command: missing(command) for command in shell_lines(text) if missing(command)} == {}
+
+
+def options_refused(text: str) -> dict[str, str]:
+    """Commands of a page, those within a line only where they give options, whose words their parsers refuse."""
+    prose = re.sub(BLOCK, "", text)
+    inline = [words for words in re.findall(r"`((?:python -m|endcap) [^`]+)`", prose) if " --" in words]
+    commands = [
+        re.split(r"\s[>&]", line)[0] for line in [*shell_lines(text), *inline] if "$" not in line and " ..." not in line
+    ]
+    commands = [command for command in commands if re.match(r"(\.venv/bin/)?(python3?|endcap) ", command)]
+    return {command: said for command in commands if (said := refusal(command)) and not OF_A_PLUGIN.search(said)}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_command_of_a_page_parses(page):
+    assert options_refused(page.read_text(encoding="utf-8")) == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["```sh\npython -m sensing.calibrate --photo a.jpg\n```\n", "so `endcap live --cameras 0 1` shows", "`python -m "
+     "sensing.zero take --out`"],
+)  # fmt: skip
+def test_options_that_a_parser_refuses_are_seen(text):
+    assert options_refused(text)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,9 +104,9 @@ def fit_gain(poses: Sequence[Pose]) -> Gain:
     found = _fitted(poses)
     if found.chi_square > found.limit:
         beyond = f"(chi-square {found.chi_square:.0f}, at most {found.limit:.0f})"
-        across = [_chi_square_across(pose, found.gain) for pose in poses]
-        if sum(across) > found.chi_square / 2:
-            raise WeighingError(_leaning(poses, across, beyond))
+        turned = _fitted([replace(p, load_n=p.weight_n * p.force_n / np.linalg.norm(p.force_n)) for p in poses])
+        if turned.chi_square < found.chi_square / 2:  # most of it lies across the loads
+            raise WeighingError(_leaning(poses, turned.gain, beyond))
         raise WeighingError(_contradiction(poses, beyond))
     return found
 
@@ -192,8 +192,9 @@ def _chi_square_across(pose: Pose, gain: float) -> float:
     return float(side @ np.linalg.solve(variance, side))
 
 
-def _leaning(poses: Sequence[Pose], across: Sequence[float], beyond: str) -> str:
+def _leaning(poses: Sequence[Pose], gain: float, beyond: str) -> str:
     """By how much the forces lean, and the attitudes at which they would not; one attitude where all agree."""
+    across = [_chi_square_across(pose, gain) for pose in poses]
     limit = chi_square_quantile(1 - CONTRADICTION, 2)
     found = [pose for pose, size in zip(poses, across, strict=True) if size > limit or size == max(across)]
     shown = np.array([-pose.force_n / np.linalg.norm(pose.force_n) for pose in found])

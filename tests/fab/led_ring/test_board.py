@@ -33,6 +33,9 @@ def archive(tmp_path_factory):
     return path
 
 
+FACE = Point(0, 0).buffer(BOARD_OUTER_RADIUS_MM) - Point(0, 0).buffer(BOARD_INNER_RADIUS_MM)
+
+
 def failed_rules(copper, tmp_path, places=None) -> set[str]:
     write_archive(board_files(copper), tmp_path / "board.zip")
     layers, holes = read_archive(tmp_path / "board.zip")
@@ -126,7 +129,7 @@ def test_every_part_of_the_driver_has_its_name_beside_it_and_off_the_solder():
         others = [other for other in placements() if other.side == place.side]
         nearest = min(others, key=lambda other: envelope(other).distance(name))
         assert nearest.reference == place.reference
-        assert not name.intersects(envelope(place)) and board_face().contains(name)
+        assert not name.intersects(envelope(place)) and FACE.contains(name)
         lands = unary_union([pad.shape for pad in copper.pads if pad.side == place.side])
         assert name.difference(lands.buffer(PAD_GAP_MM)).difference(holes).area > 0.99 * name.area
 
@@ -143,8 +146,7 @@ def test_a_trace_near_the_edge_or_beyond_it(tmp_path):
     copper = build_copper()
     stray = Track("N1", "top", ((-38.4, 0.0), (-35.5, 0.0)), 0.3)  # from the string's track to the rim
     assert failed_rules(replace(copper, tracks=(*copper.tracks, stray)), tmp_path) >= {"ring.copper_to_edge_mm"}
-    face = Point(0, 0).buffer(BOARD_OUTER_RADIUS_MM) - Point(0, 0).buffer(BOARD_INNER_RADIUS_MM)
-    assert edge_distance_mm(replace(stray, points=((-39.5, 0.0), (-35.5, 0.0))).shape, face) < -0.9
+    assert edge_distance_mm(replace(stray, points=((-39.5, 0.0), (-35.5, 0.0))).shape, FACE) < -0.9
 
 
 def test_shorts_opens_and_bad_holes(tmp_path):

@@ -8,12 +8,10 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
-from shapely import LinearRing, Point, box, unary_union
 
-from cad.dots import dot_pattern, dot_position_mm
+from cad.dots import dot_pattern
 from cad.errors import FileError, ParameterError
 from cad.lens import camera_module
 from cad.mold_core import REMOVAL_ORDER
@@ -26,7 +24,7 @@ from fab.build_sheet import dots as drawings
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import camera_pixels, disc_px, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.dots import camera_pixels, ruler
 from fab.build_sheet.finishing import light_check, painting
 from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
@@ -40,55 +38,10 @@ from fab.recipe import overflow_of, recipe
 from fab.slice.projects import Export
 from fab.steps.cast import cast_steps
 from fab.variant import Variant
-from sensing.camera.nominal import nominal_mount
 from sensing.wrench.weight_files import find_weights
 
 PARAMS = EndcapParams(130.0, 8.0)
 MIX = recipe(2e5, overflow_of(MoldLayout(PARAMS)))
-
-
-SIZES = [(100.0, 8.0), (130.0, 8.0), (187.3, 12.6), (250.0, 6.5), (250.0, 25.0)]
-
-
-@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.5, 8.0)])
-def test_gores_have_every_dot_once_and_fit_a_page_in_pairs(params):
-    sheets = gores(params)
-    assert sum(sheet.svg.count("<circle") for sheet in sheets) == len(dot_pattern(params))
-    for sheet in sheets:
-        assert 2 * sheet.width_mm < 179 and sheet.height_mm <= 258
-        assert f'width="{sheet.width_mm:.2f}mm"' in sheet.svg and f"0 0 {sheet.width_mm:.2f}" in sheet.svg  # 1:1
-        dots, labels = (
-            [float(x) for x in re.findall(f'<{shape} [a-z]*="([0-9.]+)"', sheet.svg)] for shape in ("circle", "text")
-        )
-        assert len(dots) == len(labels)
-
-
-@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.0, 8.0)])
-def test_labels_of_a_gore_lie_off_its_outline_and_off_every_dot(params):
-    number = r'<circle cx="([\d.]+)" cy="([\d.]+)"[^>]*/><text x="([\d.]+)" y="([\d.]+)" [^>]*>(\d+)<'
-    for sheet in gores(params):
-        corners = re.search(r'<path d="M([^Z]+)Z"', sheet.svg)[1].split("L")
-        outline = LinearRing([tuple(map(float, corner.split())) for corner in corners])
-        found = [tuple(map(float, each)) for each in re.findall(number, sheet.svg)]
-        assert len(found) == sheet.svg.count("<circle")
-        dots = unary_union([Point(x, y).buffer(params.dot_radius_mm) for x, y, *_ in found])
-        for _, _, left, base, ring in found:
-            label = box(left, base - 1.9, left + 1.6 * len(f"{ring:.0f}"), base)
-            assert not label.intersects(outline) and not label.intersects(dots)
-
-
-def test_every_gore_has_a_line_of_its_own_to_see_whether_the_printer_scales():
-    for sheet in gores(EndcapParams(142.0, 7.5)):
-        assert "M2 4V54" in sheet.svg and ">50 mm</text>" in sheet.svg
-
-
-def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
-    first = gores(PARAMS)[0]
-    count = len(gores(PARAMS))
-    own = [dot for dot in dot_pattern(PARAMS) if gore_of(dot, count) == 0]
-    heights = sorted(float(y) for y in re.findall(r'<circle cx="[\d.]+" cy="([\d.]+)"', first.svg))
-    wanted = sorted(4.0 + PARAMS.inner_radius_mm * math.radians(dot.polar_deg) for dot in own)
-    assert np.allclose(heights, wanted, atol=0.01)
 
 
 @pytest.mark.parametrize(("robot", "count"), [("iso_9409_1_50_4_m6", 5), ("tensegrity_arm", 7), ("blank", 0)])
@@ -135,7 +88,7 @@ def test_weights_are_made_before_setup_where_none_ship(params, material, monkeyp
 
 def test_the_gyroid_asks_for_no_weights_of_its_own():
     params = EndcapParams(130.0, 8.0, gyroid=0.12)
-    data = SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {})
+    data = SheetData(MoldLayout(params), {}, None, MIX, [], [], [], [], 0.0, {})
     assert "make train" not in words_of(data)
 
 
@@ -163,29 +116,6 @@ def test_a_pattern_that_looks_alike_when_turned_asks_for_an_upright_camera(rings
     data = SheetData(MoldLayout(EndcapParams(130.0, 8.0, rings)), {}, None, MIX, [], [], [], [], 0.0, {})
     text = str(light_check(data))
     assert ("these dots look alike" in text) == (row is not None) and (row or "") in text
-
-
-def test_ruler_is_a_hundred_millimetres_long():
-    drawing = ruler()
-    assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg
-
-
-@pytest.mark.parametrize("module", ["ELP-USBFHD01M-L180", "ELP-USBFHD01M-L170"])
-@pytest.mark.parametrize("params", [PARAMS, EndcapParams(162.5, 10.75)])
-def test_first_light_shows_the_dots_where_the_nominal_camera_sees_them(params, module, monkeypatch):
-    monkeypatch.setenv("ENDCAP_CAMERA", module)
-    nominal = nominal_mount(params)
-    seen = nominal.project(np.array([dot_position_mm(params, dot) for dot in dot_pattern(params)]))
-    wanted = seen[np.isfinite(seen).all(axis=1)] + 0.5  # a drawing begins at the pixel's corner
-    pixels = list(camera_pixels(params).values())
-    assert np.allclose(pixels, wanted, atol=1e-6)
-    assert 0 < dots_in(pixels, 480, 480) < dots_in(pixels, 640, 480) <= len(pixels)
-    assert first_light(params).svg.count("<circle") == len(pixels) + 1
-
-
-def test_the_shell_ends_where_the_photos_show_it():
-    """CAM04: 331 px at 640 x 480."""
-    assert disc_px() == pytest.approx(331.0, abs=0.5)
 
 
 def test_the_poured_silicone_has_its_volume_and_fills_to_the_depth():
@@ -311,7 +241,7 @@ SLICED = {
 )
 def test_the_sheet_slices_for_the_printer_that_it_is_made_for(sliced, manifest, asked, slices):
     layout = MoldLayout(EndcapParams(142.0, 7.5))
-    data = SheetData(layout, manifest, sliced, recipe(2e5, 2e3), [], [], [], [], 0.0, {}, asked_printer=asked)
+    data = SheetData(layout, manifest, sliced, MIX, [], [], [], [], 0.0, {}, asked_printer=asked)
     text = " ".join(block.text for block in prints(data) if isinstance(block, Paragraph))
     assert slices in text
     assert ("Another printer: make slice D=142 T=7.5 printer=NAME" in text) == (sliced is not None)

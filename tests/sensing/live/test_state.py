@@ -295,7 +295,6 @@ def test_the_run_answers_for_each_endcap(press):
         LiveConfig((EndcapConfig("endcap_0", "test"),)), [LiveEndcap(CameraFeed(endless(press[:12])), pipeline())]
     )
     with run.engine:
-        seen = []
-        wait_for(lambda: seen.append(run.engine.health()[0]) or seen[-1].status == "running")
-        health = seen[-1]
+        wait_for(lambda: run.engine.health()[0].status == "running")
+        health = run.engine.health()[0]
         assert health.valid and health.level == 0 and health.zeroed and not health.undoable

@@ -13,10 +13,21 @@ from cad import mold_core
 from cad.dots import dot_pattern
 from cad.errors import GeometryError
 from cad.hanger import hanger_part
-from cad.mold_core import REMOVAL_ORDER, bump_sphere_radius_mm, core_body, core_parts, core_profile, ramp_end
+from cad.mold_core import (
+    REMOVAL_ORDER,
+    bump,
+    bump_base_deg,
+    bump_sphere_centre_mm,
+    bump_sphere_radius_mm,
+    core_body,
+    core_parts,
+    core_profile,
+    ramp_end,
+)
 from cad.mold_cup import bowl_body, collar_body, cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from cad.pattern import LEAST_BRIDGE_MM, most_dots, pitch_mm
 from cad.shell import shell_part
 from cad.solids import drill, one_solid, revolved
 
@@ -108,6 +119,40 @@ def test_a_bump_is_a_spherical_segment_of_the_dots_radius_and_the_dents_depth():
             s
         )  # the dot's circle is on both spheres
         assert s > a  # less than half a ball: its flank leans outward and releases
+
+
+def test_bumps_whose_spheres_would_meet_inside_the_core_end_above_that():
+    """Whole, the 119 spheres of the fullest rings of 8 mm dots were not fused after three minutes."""
+    released = EndcapParams(130.0, 8.0)
+    assert bump(released, dot_pattern(released)[0]).volume == pytest.approx(
+        4 / 3 * math.pi * bump_sphere_radius_mm(released) ** 3, rel=KERNEL_RATIO
+    )
+    params = EndcapParams(110.0, 8.0, (1, 6, 13, 19, 24, 27, 29), dot_mm=8.0)
+    layout, dots = MoldLayout(params), dot_pattern(params)
+    added = core_body(layout).volume - revolved(core_profile(layout)).volume
+    assert len(dots) == 119
+    assert added == pytest.approx(len(dots) * bump_mm3(params), rel=1e-5)
+
+
+@pytest.mark.parametrize("dot_mm", [2.9, 4.0, 8.0])
+@pytest.mark.parametrize(("diameter_mm", "wall_mm"), [(98.9, 6.5), (250.0, 6.5), (250.0, 24.9)])
+def test_an_ended_bump_lies_inside_the_core_and_meets_no_neighbour(
+    diameter_mm: float, wall_mm: float, dot_mm: float
+) -> None:
+    params = EndcapParams(diameter_mm, wall_mm, (1, 6, 10), dot_mm=dot_mm)
+    fullest = most_dots(params.inner_radius_mm, params.dot_rings, 2, dot_mm + LEAST_BRIDGE_MM)
+    params = EndcapParams(diameter_mm, wall_mm, (1, 6, fullest), dot_mm=dot_mm)
+    radius, base = bump_sphere_radius_mm(params), math.radians(bump_base_deg(params))
+    if base < 0:  # whole: its sphere meets no neighbour's
+        assert 2 * radius < pitch_mm(bump_sphere_centre_mm(params), params.dot_rings)
+        return
+    assert 0 < base < math.acos(params.dot_radius_mm / radius)  # less than half a ball, and more than the dot's segment
+    height = bump_sphere_centre_mm(params) + radius * math.sin(base)
+    half_width = radius * math.cos(base)
+    assert math.hypot(height, half_width) < params.inner_radius_mm
+    assert math.atan(half_width / height) < math.asin(
+        pitch_mm(params.inner_radius_mm, params.dot_rings) / (2 * params.inner_radius_mm)
+    )
 
 
 def test_bowl_and_collar_leave_the_outer_sphere_and_nothing_else(layout):

@@ -18,9 +18,11 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from numbers import Real
 
 from cad import scaling
 from cad.errors import ParameterError
+from cad.plain_numbers import brief
 
 MIN_WALL_MM = 6.5
 MAX_WALL_RATIO = 1 / 5
@@ -32,22 +34,38 @@ DAM_MARGIN_MM = 1.5  # E: on top of the closing stroke
 INCH_MM = 25.4
 
 
-def require_number(name: str, value: object) -> None:
-    """Refuse what is not a positive, finite number.
+def real_number(name: str, value: object, example: str = "millimetres, for example D=130 T=8") -> float:
+    """A number of any kind that Python or NumPy has, as a float.
+
+    Args:
+        name: of the parameter. value: what was given. example: what to give instead, for the message.
 
     Raises:
         ParameterError: naming the value and the accepted form.
     """
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise ParameterError(f"{name}={brief(repr(value))} is not a number: give {example}", name=name, value=value)
+    try:
+        return float(value)
+    except OverflowError:  # of a whole number with over 308 digits
+        return math.inf
+
+
+def positive_number(name: str, value: object, example: str = "millimetres, for example D=130 T=8") -> float:
+    """A positive, finite number, as a float.
+
+    Args:
+        name: of the parameter. value: what was given. example: what to give instead, for the message.
+
+    Raises:
+        ParameterError: naming the value and the accepted form.
+    """
+    number = real_number(name, value, example)
+    if not math.isfinite(number) or number <= 0:
         raise ParameterError(
-            f"{name}={value!r} is not a number: give millimetres, for example D=130 T=8", name=name, value=value
+            f"{name}={number:g} is not a positive finite number: give {example}", name=name, value=value
         )
-    if not math.isfinite(value) or value <= 0:
-        raise ParameterError(
-            f"{name}={value:g} is not a positive finite length: give millimetres, for example D=130 T=8",
-            name=name,
-            value=value,
-        )
+    return number
 
 
 def closing_stroke_mm(diameter_mm: float, wall_mm: float) -> float:

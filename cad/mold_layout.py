@@ -54,6 +54,8 @@ class MoldLayout:
 
     def __post_init__(self) -> None:
         row = silicone(self.silicone)
+        gap = feasible.real_number("joint_clearance", self.joint_clearance_mm, "millimetres a side, for example 0.15")
+        object.__setattr__(self, "joint_clearance_mm", gap)
         low, high = joint_clearance_range_mm(self.params, row.name)
         if not low <= self.joint_clearance_mm <= high:
             where = f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g} in {row.name}"

@@ -47,15 +47,12 @@ class EndcapParams:
     gyroid: float = pattern.RELEASED_GYROID
 
     def __post_init__(self) -> None:
-        feasible.require_number("diameter_mm", self.diameter_mm)
-        feasible.require_number("wall_mm", self.wall_mm)
-        object.__setattr__(self, "diameter_mm", float(self.diameter_mm))
-        object.__setattr__(self, "wall_mm", float(self.wall_mm))
+        for name in ("diameter_mm", "wall_mm"):
+            object.__setattr__(self, name, feasible.positive_number(name, getattr(self, name)))
         object.__setattr__(self, "dot_rings", tuple(int(count) for count in self.dot_rings))
         feasible.require_feasible(self.diameter_mm, self.wall_mm)
-        for name in ("dot_mm", "gyroid"):
-            feasible.require_number(name, getattr(self, name))
-            object.__setattr__(self, name, float(getattr(self, name)))
+        for name, example in (("dot_mm", pattern.DOT_MM_EXAMPLE), ("gyroid", pattern.GYROID_EXAMPLE)):
+            object.__setattr__(self, name, feasible.positive_number(name, getattr(self, name), example))
         pattern.require_pattern(self.inner_radius_mm, self.dot_rings, self.dot_mm)
         pattern.require_gyroid(self.gyroid)
 

@@ -21,6 +21,7 @@ RELEASED_GYROID = 0.10  # P, GYR01
 DENT_DEPTH_MM = 0.6  # E: deep enough to hold ink; of dots from the released 4 mm on (flank 33 degrees)
 DOT_RANGE_MM = (2.9, 8.0)  # E: below and above, no dent holds ink
 LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; less, and ink and blobs of neighbours run together
+DOT_MM_EXAMPLE, GYROID_EXAMPLE = "millimetres, for example dot_mm=4", "a fraction, for example gyroid=0.1"
 MOST_RINGS = 12
 MOST_DIGITS = 4  # of a count: no ring takes a thousand dots
 GYROID_RANGE = (
@@ -33,12 +34,18 @@ GYROID_REASON = (
 )
 
 
-def parse_rings(text: str) -> tuple[int, ...]:
+def parse_rings(text: object) -> tuple[int, ...]:
     """Read counts joined by minus signs.
 
     Raises:
         ParameterError: anything else.
     """
+    if not isinstance(text, str):
+        raise ParameterError(
+            f"dots={brief(repr(text))} is not a text: give the dots of each ring as {rings_text(RELEASED_RINGS)!r}",
+            name="dots",
+            value=text,
+        )
     words = text.split("-")
     if not all(word.isascii() and word.isdigit() and len(word) <= MOST_DIGITS for word in words):
         raise ParameterError(

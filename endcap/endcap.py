@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cad.identity import Identity, identity
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
-from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
+from cad.pattern import RELEASED_DOT_MM, RELEASED_GYROID, RELEASED_RINGS, parse_rings
 
 if TYPE_CHECKING:
     from cad.mold_layout import MoldLayout
@@ -32,9 +32,10 @@ class Endcap:
         joint_clearance_mm: gap of the mold's joints on your printer; None for the default.
         dots: dots of each ring from tip to equator, as in 1-6-10-12-16-18; empty for the released ones.
         dot_mm: diameter of a dot.
+        gyroid: fraction of TPU in the gyroid zone; simulator and running sensor do not depend on it.
 
     Raises:
-        ParameterError: a size that cannot be made, or an unknown silicone.
+        ParameterError: a size that cannot be made, an unknown silicone, or a value of another kind.
     """
 
     diameter_mm: float = 130.0
@@ -43,6 +44,7 @@ class Endcap:
     joint_clearance_mm: float | None = None
     dots: str = ""
     dot_mm: float = RELEASED_DOT_MM
+    gyroid: float = RELEASED_GYROID
 
     def __post_init__(self) -> None:
         silicone(self.silicone)
@@ -51,8 +53,8 @@ class Endcap:
     @cached_property
     def params(self) -> EndcapParams:
         """Every derived size, mm."""
-        rings = parse_rings(self.dots) if self.dots else RELEASED_RINGS
-        return EndcapParams(self.diameter_mm, self.wall_mm, rings, self.dot_mm)
+        rings = RELEASED_RINGS if isinstance(self.dots, str) and not self.dots else parse_rings(self.dots)
+        return EndcapParams(self.diameter_mm, self.wall_mm, rings, self.dot_mm, self.gyroid)
 
     @cached_property
     def layout(self) -> MoldLayout:
@@ -151,9 +153,10 @@ class Endcap:
         """
         from sensing.live.endcap import open_endcap
 
+        params = self.params
         return open_endcap(
-            source, zero, diameter_mm=self.diameter_mm, wall_mm=self.wall_mm, silicone=self.silicone, dots=self.dots,
-            dot_mm=self.dot_mm, model=model,
+            source, zero, diameter_mm=params.diameter_mm, wall_mm=params.wall_mm, silicone=self.silicone,
+            dots=self.dots, dot_mm=params.dot_mm, model=model,
         )  # fmt: skip
 
     @cached_property

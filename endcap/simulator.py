@@ -24,5 +24,5 @@ class Simulator(levels.Simulator):
 
     def __init__(self, endcap: Endcap | None = None, density: str = "data", level: int = 2, **more: Any) -> None:
         self.endcap = endcap or Endcap()
-        geometry = shell_geometry(self.endcap.diameter_mm, self.endcap.wall_mm)
+        geometry = shell_geometry(self.endcap.params.diameter_mm, self.endcap.params.wall_mm)
         super().__init__(geometry, silicone(self.endcap.silicone).neo_hooke(), density, level, **more)

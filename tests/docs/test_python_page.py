@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pictured_set import write_set
 
@@ -106,6 +107,48 @@ def test_the_command_and_the_api_export_through_one_function(folder, monkeypatch
     assert main(["molds", *words]) == 0
     assert [made[0] for made in calls] == [calls[0][0]] * 2 and [made[1] for made in calls] == [True, False]
     assert "out/D150_T10_c0.2_Dragon-Skin-30: 1 file" in capsys.readouterr().out
+
+
+def test_every_option_of_the_design_is_one_of_the_api(folder, monkeypatch):
+    def made(variant, folder, *_):
+        (folder / "manifest.json").write_text("{}")
+        return variant.words
+
+    monkeypatch.setattr("fab.molds.cached_molds", made)
+    mine = Endcap(150, 10, joint_clearance_mm=0.2, dots="1-6-10-12", dot_mm=5, gyroid=0.12)
+    assert mine.export("out") == Path("out/D150_T10_dots1-6-10-12_dot_mm5_gyroid0.12_c0.2")
+
+
+def test_numbers_of_numpy_are_those_of_python():
+    mine = Endcap(
+        np.int64(130), np.float32(8), joint_clearance_mm=np.float32(0.125), dot_mm=np.int32(5), gyroid=np.float64(0.12)
+    )
+    same = Endcap(130, 8, joint_clearance_mm=0.125, dot_mm=5, gyroid=0.12)
+    assert (mine.params, mine.layout) == (same.params, same.layout)
+    assert {type(value) for value in (mine.params.diameter_mm, mine.params.wall_mm, mine.params.gyroid)} == {float}
+    assert type(mine.layout.joint_clearance_mm) is float
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"joint_clearance_mm": "0.15"},
+            "joint_clearance='0.15' is not a number: give millimetres a side, for example 0",
+        ),
+        ({"joint_clearance_mm": True}, "joint_clearance=True is not a number"),
+        ({"dots": (1, 6, 10)}, "dots=(1, 6, 10) is not a text: give the dots of each ring as '1-6-10-12-16-18-20'"),
+        ({"dots": ()}, "dots=() is not a text"),
+        ({"dot_mm": "4"}, "dot_mm='4' is not a number: give millimetres, for example dot_mm=4"),
+        ({"gyroid": np.bool_(True)}, "gyroid=np.True_ is not a number: give a fraction, for example gyroid=0.1"),
+        ({"gyroid": 0.2}, "gyroid=0.2 outside 0.08..0.12"),
+        ({"dot_mm": 10**400}, "dot_mm=inf is not a positive finite number"),
+    ],
+)
+def test_values_of_another_kind_are_refused_in_one_line(options, message):
+    with pytest.raises(ParameterError, match=re.escape(message)) as caught:
+        Endcap(130, 8, **options)
+    assert "\n" not in str(caught.value)
 
 
 def test_importing_the_api_loads_the_standard_library_only():

@@ -22,7 +22,7 @@ from numbers import Real
 
 from cad import scaling
 from cad.errors import ParameterError
-from cad.plain_numbers import brief
+from cad.plain_numbers import brief, plain
 
 MIN_WALL_MM = 6.5
 MAX_WALL_RATIO = 1 / 5
@@ -138,8 +138,8 @@ def require_feasible(diameter_mm: float, wall_mm: float) -> None:
         limits, pick = (lower, max) if wall_mm < low else (upper, min)
         reason = pick(limits, key=limits.__getitem__)
         raise ParameterError(
-            f"wall_mm={wall_mm:g} outside {_inward(low, 1):g}..{_inward(high, -1):g} at D={diameter_mm:g}: {reason}; "
-            f"nearest valid choice D={diameter_mm:g} T={nearest_wall_mm(diameter_mm, wall_mm):g}",
+            f"wall_mm={plain(wall_mm)} outside {_inward(low, 1):g}..{_inward(high, -1):g} at D={plain(diameter_mm)}: "
+            f"{reason}; nearest valid choice D={plain(diameter_mm)} T={plain(nearest_wall_mm(diameter_mm, wall_mm))}",
             name="wall_mm",
             value=wall_mm,
         )
@@ -180,12 +180,12 @@ def _diameter_message(diameter_mm: float, wall_mm: float) -> str:
     thin, thick = wall_range_mm(wall_mm)
     hint = ""
     if thin <= diameter_mm <= thick:
-        hint = f" (swapped? D={wall_mm:g} T={diameter_mm:g} can be made)"
+        hint = f" (swapped? D={plain(wall_mm)} T={plain(diameter_mm)} can be made)"
     elif smallest <= inches <= largest:
-        hint = f" ({diameter_mm:g} looks like inches: {inches:g} mm)"
+        hint = f" ({plain(diameter_mm)} looks like inches: {inches:g} mm)"
     return (
-        f"diameter_mm={diameter_mm:g} outside {_inward(smallest, 1):g}..{largest:g}{hint}: {reason}; "
-        f"nearest valid choice D={nearest:g} T={nearest_wall_mm(nearest, wall_mm):g}"
+        f"diameter_mm={plain(diameter_mm)} outside {_inward(smallest, 1):g}..{largest:g}{hint}: {reason}; "
+        f"nearest valid choice D={plain(nearest)} T={plain(nearest_wall_mm(nearest, wall_mm))}"
     )
 
 

@@ -22,6 +22,7 @@ from cad import feasible, leak
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
+from cad.plain_numbers import plain
 
 JOINT_CLEARANCE_MM = 0.15  # E: gap on each side of a printed joint; the fit coupon shows your printer's
 JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coupons)
@@ -58,11 +59,11 @@ class MoldLayout:
         object.__setattr__(self, "joint_clearance_mm", gap)
         low, high = joint_clearance_range_mm(self.params, row.name)
         if not low <= self.joint_clearance_mm <= high:
-            where = f"D={self.params.diameter_mm:g} T={self.params.wall_mm:g} in {row.name}"
+            where = f"D={plain(self.params.diameter_mm)} T={plain(self.params.wall_mm)} in {row.name}"
             if high < low:
                 raise ParameterError(_no_joint_message(self.params, where, high), name="material", value=row.name)
             raise ParameterError(
-                f"joint_clearance={self.joint_clearance_mm:g} outside {low:g}..{high:g} mm a side at {where} "
+                f"joint_clearance={plain(self.joint_clearance_mm)} outside {low:g}..{high:g} mm a side at {where} "
                 f"({row.viscosity_pa_s:g} Pa s): tighter joints fuse in print, looser ones leak more than 1 % of the "
                 f"silicone; nearest valid choice joint_clearance={min(max(self.joint_clearance_mm, low), high):g}; "
                 "measure yours with the fit coupon (make coupons); where it needs a wider one, correct the slicer's "

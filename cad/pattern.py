@@ -89,7 +89,7 @@ def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: floa
     low, high = DOT_RANGE_MM
     if not low <= dot_mm <= high:
         raise ParameterError(
-            f"dot_mm={dot_mm:g} outside {low:g}..{high:g}: a smaller or larger dent holds no ink; "
+            f"dot_mm={plain(dot_mm)} outside {low:g}..{high:g}: a smaller or larger dent holds no ink; "
             f"nearest valid choice dot_mm={min(max(dot_mm, low), high):g}",
             name="dot_mm",
             value=dot_mm,
@@ -109,12 +109,14 @@ def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: floa
     full = [f"ring {k} at most {n}" for k, n in enumerate(most, 1) if rings[k] > n]
     rows = most_rings(inner_radius_mm, pitch)
     remedy = f"at most {rows} rings" if len(rings) > rows else ", ".join(full)
-    smaller = math.floor(fitting * 10) / 10
+    smaller, shortfall = math.floor(fitting * 10) / 10, dot_mm - fitting
+    decimals = max(2, math.ceil(-math.log10(shortfall)) + 1)  # as many as show that it is too little
+    apart = f"{fitting + LEAST_BRIDGE_MM:.{decimals}f}"
     choice = f", or dot_mm={smaller:g}" if smaller >= low else ""
     raise ParameterError(
-        f"dots={rings_text(rings)} with dot_mm={dot_mm:g} on an inner radius of {inner_radius_mm:g} mm: neighbours lie "
-        f"{fitting + LEAST_BRIDGE_MM:.2f} mm apart, dots need {pitch:g} ({LEAST_BRIDGE_MM:g} between them); {remedy}"
-        f"{choice}",
+        f"dots={rings_text(rings)} with dot_mm={plain(dot_mm)} on an inner radius of {inner_radius_mm:g} mm: "
+        f"neighbours lie {apart} mm apart, dots need {plain(round(pitch, 9))} ({LEAST_BRIDGE_MM:g} between them); "
+        f"{remedy}{choice}",
         name="dots",
         value=rings,
     )
@@ -152,7 +154,7 @@ def require_gyroid(fraction: float) -> None:
     low, high = GYROID_RANGE
     if not low <= fraction <= high:
         raise ParameterError(
-            f"gyroid={fraction:g} outside {low:g}..{high:g}: {GYROID_REASON}; nearest valid choice "
+            f"gyroid={plain(fraction)} outside {low:g}..{high:g}: {GYROID_REASON}; nearest valid choice "
             f"gyroid={min(max(fraction, low), high):g}",
             name="gyroid",
             value=fraction,

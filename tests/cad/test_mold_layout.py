@@ -78,6 +78,13 @@ def test_a_thin_silicone_is_refused_with_the_joint_that_holds_it():
     assert MoldLayout(params, high, "Ecoflex 00-30").bowl_wall_mm == pytest.approx(leak.MOST_BOWL_WALL_MM, abs=0.3)
 
 
+def test_a_refused_clearance_has_every_digit_that_was_given():
+    with pytest.raises(
+        ParameterError, match=r"joint_clearance=0\.2170001 outside 0\.05\.\.0\.217 mm .* D=130\.00001 T=8 "
+    ):
+        MoldLayout(EndcapParams(130.00001, 8.0), 0.2170001)
+
+
 def test_a_silicone_that_no_joint_holds_is_refused_with_those_that_hold(monkeypatch):
     water = replace(silicone("Ecoflex 00-30"), name="water", viscosity_pa_s=1e-3)
     monkeypatch.setitem(silicones(), "water", water)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from cad import feasible, scaling
+from cad import feasible, pattern, scaling
 from cad.errors import EndcapError, ParameterError
 from cad.params import EndcapParams
 
@@ -199,6 +199,36 @@ def test_refusals_name_value_limit_reason_and_nearest_choice(diameter_mm, wall_m
     assert [word for word in words if word not in message] == []
     nearest = NEAREST.search(message)
     EndcapParams(float(nearest[1]), float(nearest[2]))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"diameter_mm": 250.0001}, "diameter_mm=250.0001 outside 98.86..250:"),
+        ({"wall_mm": 6.4999999}, "wall_mm=6.4999999 outside 6.5..13 at D=130:"),
+        ({"gyroid": 0.12000001}, "gyroid=0.12000001 outside 0.08..0.12:"),
+        ({"dot_mm": 8.0000001}, "dot_mm=8.0000001 outside 2.9..8:"),
+        ({"dot_mm": 4.0, "dot_rings": (1, 6, 88)}, "neighbours lie 3.87 mm apart, dots need 6 "),
+        ({"dot_mm": 5.5449999, "dot_rings": (1, 3, 88)}, "with dot_mm=5.5449999 on an inner radius of 57 mm: "),
+    ],
+)
+def test_a_refused_value_has_every_digit_that_was_given(given, words):
+    with pytest.raises(ParameterError, match=re.escape(words)):
+        EndcapParams(**({"diameter_mm": 130.0, "wall_mm": 8.0} | given))
+
+
+def test_dots_that_lie_a_hair_too_near_are_not_said_to_lie_far_enough_apart():
+    rings = (1, 6, 40)
+    fitting = pattern.pitch_mm(57.0, rings) - pattern.LEAST_BRIDGE_MM
+    message = refusal_of_dots(57.0, rings, fitting + 1e-7)
+    apart, needed = map(float, re.search(r"lie ([\d.]+) mm apart, dots need ([\d.]+) ", message).groups())
+    assert apart < needed
+
+
+def refusal_of_dots(inner_radius_mm, rings, dot_mm) -> str:
+    with pytest.raises(ParameterError) as caught:
+        pattern.require_pattern(inner_radius_mm, rings, dot_mm)
+    return str(caught.value)
 
 
 @pytest.mark.parametrize("corner", CORNERS)

@@ -96,7 +96,7 @@ def test_an_own_model_is_evaluated_and_runs_live(folder):
 def test_the_command_and_the_api_export_through_one_function(folder, monkeypatch, capsys):
     calls = []
 
-    def made(variant, folder, interrupts, progress, use_cache):
+    def made(variant, folder, interrupts, progress, use_cache, where):
         calls.append((variant, use_cache))
         (folder / "manifest.json").write_text("{}")
         return "1 file"

@@ -57,7 +57,7 @@ class _Request:
 
 
 class ReferenceTaker:
-    """Takes references for one endcap; a request replaces the one before, even while its reference is being made.
+    """Takes references for one endcap; another kind of request replaces the one before, even while it is being made.
 
     Args:
         name: of the endcap. params: its design. frames: averaged for a reference; 1 takes a single picture as it is, 0
@@ -93,9 +93,12 @@ class ReferenceTaker:
         return request is not None and len(request.frames) < self._count
 
     def ask(self, confirmed: bool = False) -> None:
-        """Begin with the next frame (any thread); ``confirmed`` takes it whatever it looks like."""
-        if self._count:
-            with self._lock:
+        """Begin with the next frame (any thread); ``confirmed`` takes it whatever it looks like.
+
+        Asked again in the same way, the request goes on: a button pressed over and over must not hold it up.
+        """
+        with self._lock:
+            if self._count and (self._request is None or self._request.confirmed is not confirmed):
                 self._request, self._made = _Request(confirmed), None
                 self.pressed, self.reason = False, "taking a new reference: leave it untouched"
 

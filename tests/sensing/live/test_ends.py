@@ -119,7 +119,7 @@ def test_all_that_hangs_shares_less_than_two_seconds_after_a_signal(monkeypatch)
 
     endcaps = [LiveEndcap(CameraFeed(endless(film([0]))), pipeline(f"endcap_{k}", k)) for k in range(2)]
     run = LiveRun(LiveConfig(tuple(EndcapConfig(f"endcap_{k}", "test") for k in range(2))), endcaps)
-    engine = SimpleNamespace(halt=hang, close=hang, wait=lambda _: False, health=lambda **_: [])
+    engine = SimpleNamespace(halt=hang, close=hang, wait=lambda _: False, health=lambda **_: [], failures=())
     monkeypatch.setattr(run, "engine", engine)
     stop, outputs, given = Stop(), contextlib.ExitStack(), []
     engine.start = stop.asked.set

@@ -1,0 +1,82 @@
+"""Drawings of the build sheet: gores, ruler, and what the first picture shows."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+from shapely import LinearRing, Point, box, unary_union
+
+from cad.dots import dot_pattern, dot_position_mm
+from cad.params import EndcapParams
+from fab.build_sheet.dots import camera_pixels, disc_px, dots_in, first_light, gore_of, gores, ruler
+from sensing.camera.nominal import nominal_mount
+
+PARAMS = EndcapParams(130.0, 8.0)
+SIZES = [(100.0, 8.0), (130.0, 8.0), (187.3, 12.6), (250.0, 6.5), (250.0, 25.0)]
+
+
+@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.5, 8.0)])
+def test_gores_have_every_dot_once_and_fit_a_page_in_pairs(params):
+    sheets = gores(params)
+    assert sum(sheet.svg.count("<circle") for sheet in sheets) == len(dot_pattern(params))
+    for sheet in sheets:
+        assert 2 * sheet.width_mm < 179 and sheet.height_mm <= 258
+        assert f'width="{sheet.width_mm:.2f}mm"' in sheet.svg and f"0 0 {sheet.width_mm:.2f}" in sheet.svg  # 1:1
+        dots, labels = (
+            [float(x) for x in re.findall(f'<{shape} [a-z]*="([0-9.]+)"', sheet.svg)] for shape in ("circle", "text")
+        )
+        assert len(dots) == len(labels)
+
+
+@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.0, 8.0)])
+def test_labels_of_a_gore_lie_off_its_outline_and_off_every_dot(params):
+    number = r'<circle cx="([\d.]+)" cy="([\d.]+)"[^>]*/><text x="([\d.]+)" y="([\d.]+)" [^>]*>(\d+)<'
+    for sheet in gores(params):
+        corners = re.search(r'<path d="M([^Z]+)Z"', sheet.svg)[1].split("L")
+        outline = LinearRing([tuple(map(float, corner.split())) for corner in corners])
+        found = [tuple(map(float, each)) for each in re.findall(number, sheet.svg)]
+        assert len(found) == sheet.svg.count("<circle")
+        dots = unary_union([Point(x, y).buffer(params.dot_radius_mm) for x, y, *_ in found])
+        for _, _, left, base, ring in found:
+            label = box(left, base - 1.9, left + 1.6 * len(f"{ring:.0f}"), base)
+            assert not label.intersects(outline) and not label.intersects(dots)
+
+
+def test_every_gore_has_a_line_of_its_own_to_see_whether_the_printer_scales():
+    for sheet in gores(EndcapParams(142.0, 7.5)):
+        assert "M2 4V54" in sheet.svg and ">50 mm</text>" in sheet.svg
+
+
+def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
+    first = gores(PARAMS)[0]
+    count = len(gores(PARAMS))
+    own = [dot for dot in dot_pattern(PARAMS) if gore_of(dot, count) == 0]
+    heights = sorted(float(y) for y in re.findall(r'<circle cx="[\d.]+" cy="([\d.]+)"', first.svg))
+    wanted = sorted(4.0 + PARAMS.inner_radius_mm * math.radians(dot.polar_deg) for dot in own)
+    assert np.allclose(heights, wanted, atol=0.01)
+
+
+def test_ruler_is_a_hundred_millimetres_long():
+    drawing = ruler()
+    assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg
+
+
+@pytest.mark.parametrize("module", ["ELP-USBFHD01M-L180", "ELP-USBFHD01M-L170"])
+@pytest.mark.parametrize("params", [PARAMS, EndcapParams(162.5, 10.75)])
+def test_first_light_shows_the_dots_where_the_nominal_camera_sees_them(params, module, monkeypatch):
+    monkeypatch.setenv("ENDCAP_CAMERA", module)
+    nominal = nominal_mount(params)
+    seen = nominal.project(np.array([dot_position_mm(params, dot) for dot in dot_pattern(params)]))
+    wanted = seen[np.isfinite(seen).all(axis=1)] + 0.5  # a drawing begins at the pixel's corner
+    pixels = list(camera_pixels(params).values())
+    assert np.allclose(pixels, wanted, atol=1e-6)
+    assert 0 < dots_in(pixels, 480, 480) < dots_in(pixels, 640, 480) <= len(pixels)
+    assert first_light(params).svg.count("<circle") == len(pixels) + 1
+
+
+def test_the_shell_ends_where_the_photos_show_it():
+    """CAM04: 331 px at 640 x 480."""
+    assert disc_px() == pytest.approx(331.0, abs=0.5)

@@ -53,7 +53,7 @@ class Endcap:
     @cached_property
     def params(self) -> EndcapParams:
         """Every derived size, mm."""
-        rings = RELEASED_RINGS if isinstance(self.dots, str) and not self.dots else parse_rings(self.dots)
+        rings = RELEASED_RINGS if self.dots == "" else parse_rings(self.dots)
         return EndcapParams(self.diameter_mm, self.wall_mm, rings, self.dot_mm, self.gyroid)
 
     @cached_property

@@ -69,6 +69,11 @@ class Wanted:
     printer: str = ""
 
     @property
+    def printer_option(self) -> tuple[str, ...]:
+        """The option that names the printer, where one was asked for."""
+        return (f"printer={self.printer}",) if self.printer else ()
+
+    @property
     def folder(self) -> Path:
         """Where the molds are written, and the rest with them."""
         return self.exports / self.variant.label
@@ -80,7 +85,7 @@ class Wanted:
         own = {name: value for name, value in params.option_words.items() if name != "gyroid"}  # only the CAD knows it
         design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
-        printed = (*whole, *((f"printer={self.printer}",) if self.printer else ()))
+        printed = (*whole, *self.printer_option)
         train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
         of_study = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
         return [
@@ -242,7 +247,7 @@ def _short(value: str, unit: str) -> str:
 
 def _next(wanted: Wanted, folder: Path) -> str:
     words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
-    words += f" printer={wanted.printer}" if wanted.printer else ""
+    words = " ".join((words, *wanted.printer_option))
     design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([

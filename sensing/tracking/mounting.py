@@ -55,13 +55,17 @@ class CommonMotion:
         return float(np.linalg.norm(self.shift_px)) + (abs(self.turn_rad) + abs(self.scale - 1)) * arm
 
     @property
+    def moved(self) -> bool:
+        """Whether it is more than noise."""
+        return self.reach_px > MOVED_PX * min(self.size) / 480.0
+
+    @property
     def kind(self) -> MotionKind:
         """Of the mounting, of a touch, or none."""
-        unit = min(self.size) / 480.0
-        moved = self.reach_px > MOVED_PX * unit
-        if moved and self.residual_px <= MOUNTING_LEAVES * self.reach_px:
+        if self.moved and self.residual_px <= MOUNTING_LEAVES * self.reach_px:
             return MotionKind.MOUNTING
-        return MotionKind.CONTACT if moved or self.residual_px > STILL_PX * unit else MotionKind.NONE
+        touched = self.moved or self.residual_px > STILL_PX * min(self.size) / 480.0
+        return MotionKind.CONTACT if touched else MotionKind.NONE
 
 
 def common_motion(tracks: DotTracks) -> CommonMotion | None:

@@ -31,7 +31,7 @@ from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, worki
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import find_dots
-from sensing.tracking.mounting import MOVED_PX, MotionKind, common_motion
+from sensing.tracking.mounting import MotionKind, common_motion
 from sensing.tracking.tracker import DotTracker
 
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
@@ -235,8 +235,7 @@ def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | Non
     motion = common_motion(tracks)
     if motion is None:
         return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, unseen)
-    explained = motion.kind is MotionKind.MOUNTING or motion.reach_px <= MOVED_PX * unit
-    if motion.residual_px > CONTACT_PX * unit or not explained:
+    if motion.residual_px > CONTACT_PX * unit or (motion.moved and motion.kind is MotionKind.CONTACT):
         cause: Cause = "contact"
     elif unseen > MOST_UNSEEN:
         cause = "hidden"

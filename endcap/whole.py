@@ -25,7 +25,7 @@ from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, parse_variant
-from fab.variant import Variant
+from fab.variant import Variant, sensing_options
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
 PAGE = "start.html"
@@ -82,7 +82,7 @@ class Wanted:
         """The commands in order."""
         params, material, folder = self.variant.params, self.variant.silicone, self.folder
         _, diameter, _, wall, *dots = design_words(params)
-        own = {name: value for name, value in params.option_words.items() if name != "gyroid"}  # only the CAD knows it
+        own = sensing_options(params)
         design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
         printed = (*whole, *self.printer_option)

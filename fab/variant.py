@@ -82,6 +82,15 @@ class Variant:
         return " ".join(words)
 
 
+def sensing_options(params: EndcapParams) -> dict[str, str]:
+    """Options of a design that its weights and its study depend on, as typed; the gyroid is the CAD's alone.
+
+    Args:
+        params: the design; D and T are not among them.
+    """
+    return {name: value for name, value in params.option_words.items() if name != "gyroid"}
+
+
 def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
     """The variant that an export's manifest names.
 

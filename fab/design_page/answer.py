@@ -15,8 +15,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
-from cad.options import parse_design, parse_length
-from fab.choices import chosen, named_as_typed
+from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
 from fab.exports.preview import glb
@@ -59,13 +58,9 @@ def parse_choice(knobs: Mapping[str, str]) -> Choice:
     """
     if strangers := sorted(set(knobs) - set(KNOBS)):
         raise ParameterError(f"{strangers[0]!r} is no knob: they are {', '.join(KNOBS)}", name=strangers[0])
-    with named_as_typed():
-        params = parse_design({"D": knobs.get("D", "130"), "T": knobs.get("T", "8")})
-    clearance = parse_length("joint_clearance", knobs.get("joint_clearance", f"{JOINT_CLEARANCE_MM:g}"))
-    names = silicones()
-    material = chosen("material", knobs.get("material") or next(iter(names)), names, "cad/materials.csv")
+    given = {name: value for name, value in knobs.items() if name != "printer" and (value or name != "material")}
     where = printer(knobs.get("printer") or DEFAULT_PRINTER)
-    return Choice(Variant(MoldLayout(params, clearance, material)), where.name)
+    return Choice(parse_variant({**VARIANT_DEFAULTS, "D": "130", "T": "8", **given}), where.name)
 
 
 def answer(knobs: Mapping[str, str]) -> dict[str, Any]:

@@ -7,12 +7,13 @@ import shlex
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from unittest.mock import patch
 
 from endcap.command import SUBCOMMANDS
 
 ENDCAP_PROGRAMS = ("endcap", ".venv/bin/endcap")
-PYTHON_PROGRAMS = ("python", "python3", ".venv/bin/python")
+PYTHON_PROGRAMS = ("python", "python3")  # under any path
 WITHOUT_PARSER = ("sensing.live.web.process",)  # started by live alone, with numbers of sockets
 
 
@@ -34,7 +35,7 @@ def refusal(command: str) -> str:
     module, arguments = "", []
     if words[0] in ENDCAP_PROGRAMS and words[1:] and words[1] in SUBCOMMANDS:
         module, arguments = SUBCOMMANDS[words[1]].module, [*SUBCOMMANDS[words[1]].arguments, *words[2:]]
-    elif words[0] in PYTHON_PROGRAMS and words[1:2] == ["-m"]:
+    elif Path(words[0]).name in PYTHON_PROGRAMS and words[1:2] == ["-m"]:
         module, arguments = words[2], words[3:]
     return _refusal(module, arguments) if module.split(".")[0] == "sensing" and module not in WITHOUT_PARSER else ""
 

@@ -44,7 +44,17 @@ PLAIN = BOTTOM | {
 }  # standard library only, too
 SHARED = {
     f"sensing.{name}"
-    for name in ("arguments", "compiled", "decode", "frames", "npz", "records", "records_labelled", "set_manifest")
+    for name in (
+        "arguments",
+        "compiled",
+        "decode",
+        "frames",
+        "interpreter",
+        "npz",
+        "records",
+        "records_labelled",
+        "set_manifest",
+    )
 }
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands
     "camera": set(),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cad.design_arguments import design_words
 from cad.params import EndcapParams
+from sensing.interpreter import typed_python
 
 RELEASED = design_words(EndcapParams(130.0, 8.0))
 
@@ -22,4 +23,4 @@ def calibrate_command(params: EndcapParams, out: Path | str, zero: Path | None =
     words = design_words(params)
     design = () if words == RELEASED else words
     trust = ("--trust-design",) if trusted else ()
-    return shlex.join(("python", "-m", "sensing.calibrate", *picture, *design, *trust, "--out", str(out)))
+    return shlex.join((typed_python(), "-m", "sensing.calibrate", *picture, *design, *trust, "--out", str(out)))

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shlex
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from cad.errors import FileError
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from sensing.interpreter import typed_python
 
 FORMAT = "endcap-wrench-2"
 SHIPPED = Path(__file__).parents[1] / "weights"
@@ -60,13 +60,7 @@ def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """
     other = () if silicone == DEFAULT_SILICONE else ("--silicone", silicone)
     _, diameter, _, wall, *dots = design_words(params)
-    return shlex.join((_interpreter(), "-m", "sensing.train", "--design", diameter, wall, *dots, *other))
-
-
-def _interpreter() -> str:
-    """Python as it is typed in this folder: ``.venv/bin/python`` in a checkout."""
-    running = Path(sys.executable)
-    return str(running.relative_to(Path.cwd()) if running.is_relative_to(Path.cwd()) else running)
+    return shlex.join((typed_python(), "-m", "sensing.train", "--design", diameter, wall, *dots, *other))
 
 
 def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

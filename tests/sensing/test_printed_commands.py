@@ -39,7 +39,7 @@ SOURCES = sorted((ROOT / "sensing").rglob("*.py"))
 
 def command_in(text: str) -> str:
     """The command that a message names last, to its end."""
-    return text[text.rindex("python -m ") :]
+    return text[text.rindex(" ", 0, text.rindex("python -m ")) + 1 :]
 
 
 def advice(rest: RestCamera, zero: Path | None = SPACED) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from cad.errors import FileError, printable
 from cad.whole_file import replace_file
+from sensing.interpreter import typed_python
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
 from sensing.wrench.relaxation import MOST_TERMS
 
@@ -62,7 +63,7 @@ def save_config(config: LiveConfig, path: Path) -> None:
 
 def live_command(path: Path) -> str:
     """The command that reads such a file, ready to be pasted."""
-    return shlex.join(("python", "-m", "sensing.live", "--config", str(path)))
+    return shlex.join((typed_python(), "-m", "sensing.live", "--config", str(path)))
 
 
 def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:

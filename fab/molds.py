@@ -124,9 +124,9 @@ def export(
     require_writable(exports)
     final = exports / variant.label
     heard = interrupts or Interrupts()
-    with Progress(heard.raise_swallowed) as progress, whole_folder(final, RECORD) as folder:
+    ask = heard.raise_swallowed
+    with Progress(ask) as progress, whole_folder(final, RECORD, ask) as folder:
         summary = cached_molds(variant, folder, heard, progress, use_cache, where)
-        heard.raise_swallowed()
     return Written(final, summary, progress.seconds)
 
 

@@ -55,9 +55,9 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     from endcap.robot_model.folder import write_robot_model
 
     final = Path(options["exports"]) / variant.label / FOLDER
-    with Progress(interrupts.raise_swallowed) as progress, whole_folder(final, RECORD) as folder:
+    ask = interrupts.raise_swallowed
+    with Progress(ask) as progress, whole_folder(final, RECORD, ask) as folder:
         said = write_robot_model(variant, friction, folder, progress)
-        interrupts.raise_swallowed()
     for line in said:
         show(line)
     show(f"{final / 'endcap.xml'}: {variant.label} for MuJoCo, {progress.seconds:.0f} s")

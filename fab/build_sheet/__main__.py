@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,22 +55,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     return command.run(argv, _act)
 
 
-def _act(options: dict[str, str], _: Interrupts) -> int:
+def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant = parse_variant(options)
     if options["printer"]:
         from fab.slice.printers import printer
 
         options["printer"] = printer(options["printer"]).name
-    return make_sheet(variant, Path(options["exports"]), options["printer"])
+    return make_sheet(variant, Path(options["exports"]), options["printer"], interrupts.raise_swallowed)
 
 
-def make_sheet(variant: Variant, exports: Path, asked_printer: str = "") -> int:
+def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Callable[[], None] = lambda: None) -> int:
     """Write the build sheet.
 
     Args:
         variant: what was exported.
         exports: folder that holds ``variant.label``.
         asked_printer: name in the printers' table; empty for that of the slices, or of the molds.
+        ask: raises where the command was interrupted and a library swallowed that.
 
     Returns:
         0.
@@ -91,8 +92,8 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "") -> int:
     sliced = read_slices(export)
     require_sliced_for(asked_printer, sliced, variant)
     with (
-        Progress() as progress,
-        whole_folder(export.folder / FOLDER, RECORD) as folder,
+        Progress(ask) as progress,
+        whole_folder(export.folder / FOLDER, RECORD, ask) as folder,
         tempfile.TemporaryDirectory(prefix="sheet-") as scratch,
     ):
         data, own = _collect(export, sliced, Path(scratch), progress)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,15 +69,18 @@ class CouponLine:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    return COMMAND.run(argv, lambda options, _: make_coupons(Path(options["exports"]), options["material"]))
+    return COMMAND.run(
+        argv, lambda options, heard: make_coupons(Path(options["exports"]), options["material"], heard.raise_swallowed)
+    )
 
 
-def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
+def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[[], None] = lambda: None) -> int:
     """Build, check and write every coupon.
 
     Args:
         exports: folder that receives ``coupons``.
         material: silicone of the bond specimens, a row of materials.csv.
+        ask: raises where the command was interrupted and a library swallowed that.
 
     Returns:
         0.
@@ -93,7 +96,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE) -> int:
 
     density = silicone(material).density_g_cm3
     label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
-    with whole_folder(exports / label, RECORD) as folder:
+    with whole_folder(exports / label, RECORD, ask) as folder:
         parts = {part.name: part for part in coupon_parts()}
         meshes, walls = coupon_meshes(parts)
         write_parts(parts, meshes, folder)

@@ -22,7 +22,7 @@ import os
 import shutil
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -35,12 +35,13 @@ _MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
-def whole_folder(final: Path, record: str) -> Iterator[Path]:
+def whole_folder(final: Path, record: str, ask: Callable[[], None] = lambda: None) -> Iterator[Path]:
     """Yield a folder to fill, whose files go to ``final`` if nothing is raised and vanish otherwise.
 
     Args:
         final: where the files belong; what the user keeps there stays.
         record: name of the JSON file that lists the others (:func:`write_record`); it must be among them.
+        ask: called once all is written and before any of it appears; what it raises leaves nothing.
 
     Raises:
         FileError: the place cannot be written, the disk is full, or a file there is the user's; what stood at
@@ -55,6 +56,7 @@ def whole_folder(final: Path, record: str) -> Iterator[Path]:
     try:
         with _as_file_error(final):
             yield partial
+            ask()
             with _uninterrupted():
                 _publish(partial, final, record)
     finally:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
@@ -45,19 +45,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     return COMMAND.run(
         argv,
-        lambda options, _: make_ring(
-            parse_design(options), parse_length("leds", options["leds"]), Path(options["exports"])
+        lambda options, heard: make_ring(
+            parse_design(options),
+            parse_length("leds", options["leds"]),
+            Path(options["exports"]),
+            heard.raise_swallowed,
         ),
     )
 
 
-def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
+def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callable[[], None] = lambda: None) -> int:
     """Make, check and write the ring.
 
     Args:
         params: the endcap it lights.
         led_count: LEDs in the string.
         exports: folder that receives ``led_ring``.
+        ask: raises where the command was interrupted and a library swallowed that.
 
     Returns:
         0.
@@ -79,7 +83,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path) -> int:
     driver = fitted_driver(count)
     copper, light = build_copper(count), dome_light(params, count)
     final = exports / folder_name(params, count)
-    with whole_folder(final, RECORD) as folder:
+    with whole_folder(final, RECORD, ask) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")
         write_project(copper, count, folder)

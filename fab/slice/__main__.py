@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return command.run(argv, _act)
 
 
-def _act(options: dict[str, str], _: Interrupts) -> int:
+def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant = parse_variant(options)
     if options["gcode"] not in ("yes", "no"):
         raise ParameterError(f"gcode={options['gcode']} is neither yes nor no", name="gcode")
@@ -67,7 +67,7 @@ def _act(options: dict[str, str], _: Interrupts) -> int:
     how = SliceOptions(
         printer(options["printer"]), options["plates"] == "nested", options["parts"], options["gcode"] == "yes"
     )
-    return slice_design(variant, Path(options["exports"]), how)
+    return slice_design(variant, Path(options["exports"]), how, interrupts.raise_swallowed)
 
 
 @dataclass(frozen=True)
@@ -87,13 +87,14 @@ class SliceOptions:
     keep_gcode: bool = False
 
 
-def slice_design(variant: Variant, exports: Path, how: SliceOptions) -> int:
+def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callable[[], None] = lambda: None) -> int:
     """Slice an exported design.
 
     Args:
         variant: what was exported.
         exports: folder that holds ``variant.label``.
         how: printer, plates and parts.
+        ask: raises where the command was interrupted and a library swallowed that.
 
     Returns:
         0.
@@ -118,12 +119,12 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions) -> int:
     if how.parts != "all":
         with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
             plates = single_plates(names)
-            checks = _sliced_and_gated(slicer, export, plates, Path(scratch), replace(how, keep_gcode=False))[1]
+            checks = _sliced_and_gated(slicer, export, plates, Path(scratch), replace(how, keep_gcode=False), ask)[1]
         show(f"{variant.label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
         return 0
     plates = nested_plates(export, how.printer) if how.is_nested else single_plates(names)
-    with whole_folder(export.folder / FOLDER, RECORD) as folder:
-        results, checks = _sliced_and_gated(slicer, export, plates, folder, how)
+    with whole_folder(export.folder / FOLDER, RECORD, ask) as folder:
+        results, checks = _sliced_and_gated(slicer, export, plates, folder, how, ask)
         record = {
             "printer": {**asdict(how.printer), "size": how.printer.size},
             "digest": variant.params.digest,
@@ -138,12 +139,12 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions) -> int:
 
 
 def _sliced_and_gated(
-    slicer: str, export: Export, plates: Sequence[Plate], folder: Path, how: SliceOptions
+    slicer: str, export: Export, plates: Sequence[Plate], folder: Path, how: SliceOptions, ask: Callable[[], None]
 ) -> tuple[list[SliceResult], list[Check]]:
     """Slice side by side, print the summary, and insist on the gates."""
     from fab.slice.result import summary
 
-    with Progress() as progress, worker_pool(WORKERS) as workers:
+    with Progress(ask) as progress, worker_pool(WORKERS) as workers:
         pending = [workers.submit(_timed, slicer, export, plate, folder, how) for plate in plates]
         results = []
         for done, (plate, future) in enumerate(zip(plates, pending, strict=True)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,7 @@ class EndcapsHere:
         self._engine = Engine(open_endcaps(config), [self])
         self._missing = {endcap.name for endcap in config.endcaps}
         self._states: dict[str, str] = {}
+        self._failures_said = 0
         self._news_s = self._patient_s = -np.inf
 
     def start(self) -> None:
@@ -66,7 +68,7 @@ class EndcapsHere:
         """A reading; what nobody takes in time is left out."""
         if self._missing and np.isfinite(reading.wrench.force_n).all():
             self._missing.discard(reading.endcap)
-        if not self._readings.full():
+        with suppress(queue.Full):  # asked before, it might be filled by another endcap's thread meanwhile
             self._readings.put_nowait(reading)
 
     def samples(self) -> Iterator[FootSample]:
@@ -86,7 +88,10 @@ class EndcapsHere:
         return not self._missing
 
     def _say_states(self) -> None:
-        """A line for every endcap whose state is another one."""
+        """A line for every endcap whose state is another one, and for what ended the taking of readings."""
+        for failure in self._engine.failures[self._failures_said :]:
+            LOG.error(printable(f"no more readings: {failure}"))
+            self._failures_said += 1
         for health in self._engine.health():
             if self._states.get(health.endcap) != health.status:
                 self._states[health.endcap] = health.status

@@ -278,6 +278,7 @@ def test_the_command_line_loads_nothing_heavy_before_it_has_read_its_options():
     assert loaded_after("import fab.molds") & {*HEAVY, "pymeshlab"} == set()
 
 
+@pytest.mark.long  # the arrows above hold every import by its text
 def test_importing_all_of_sensing_does_not_load_the_cad_kernel():
     names = ", ".join(sorted(m for m in MODULES if m.startswith("sensing") and not m.endswith("__main__")))
     loaded = loaded_after(f"import {names}")
@@ -285,6 +286,7 @@ def test_importing_all_of_sensing_does_not_load_the_cad_kernel():
     assert loaded & {*KERNEL, "fab"} == set()
 
 
+@pytest.mark.long  # the arrows above hold every import by its text
 def test_importing_all_of_fab_loads_neither_pymeshlab_nor_torch_nor_sensing():
     names = ", ".join(sorted(m for m in MODULES if m.startswith("fab")))
     loaded = loaded_after(f"import {names}")

@@ -84,10 +84,20 @@ class ModelInput:
         """Second step of :meth:`update`: the dots of a decoded frame captured at ``time_s``."""
         return self.tracker.track(gray, time_s)
 
-    def field(self, tracks: DotTracks) -> ShearField:
-        """Third step of :meth:`update`: field of the tracks; all invalid while every dot is lost."""
-        moved = self.seen(tracks.position_px[self._known]) - self._place
+    def motion(self, tracks: DotTracks) -> Array:
+        """(n, 2) how far the :attr:`known` dots have moved in the nominal camera's view; NaN beyond it."""
+        return self.seen(tracks.position_px[self._known]) - self._place
+
+    def field(self, tracks: DotTracks, without: Array | None = None) -> ShearField:
+        """Third step of :meth:`update`: field of the tracks; all invalid while every dot is lost.
+
+        Args:
+            tracks: of the frame. without: (n, 2) motion of the known dots in the nominal view that is taken out.
+        """
+        moved = self.motion(tracks)
         moved = np.where(np.isfinite(moved), moved, 0.0)
+        if without is not None:
+            moved = moved - without
         live = ~tracks.lost[self._known]
         moved = self._operator.filled(moved, live)
         if self._radial is not None and self._sideways is not None:
@@ -98,6 +108,17 @@ class ModelInput:
     def restart(self) -> None:
         """Forget the frames before: the next answers are those of a new object, to the bit."""
         self.tracker.restart()
+
+    @property
+    def nominal(self) -> MountedCamera:
+        """The camera where the design has it."""
+        return self._nominal
+
+    @property
+    def points_mm(self) -> Array:
+        """(n, 3) the :attr:`known` dots on the undeformed inner sphere, endcap frame."""
+        centre = (0.0, 0.0, self._params.centre_height_mm)
+        return self._nominal.on_sphere(self._place, centre, self._params.inner_radius_mm)
 
     @property
     def known(self) -> NDArray[np.bool_]:

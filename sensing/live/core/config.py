@@ -14,6 +14,7 @@
     dots = "released"                   # or dots of each ring, such as "1-6-10-12-16-18"
     dot_mm = 4.0                        # diameter of a dot
     lens = "released"                   # for which this was set up: checked, not chosen here
+    own_weight = "subtracted"           # what a turn makes of the skin's own weight; "kept" leaves it in
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
     gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
@@ -52,7 +53,10 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
 GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
-OF_BEFORE = {"silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED}  # a file without these
+OWN_WEIGHT = ("subtracted", "kept")
+OF_BEFORE = {  # a file without these
+    "silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED, "own_weight": "kept",
+}  # fmt: skip
 RINGS = "-"  # joins the counts of dots of one's own, as in 1-6-10-12
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
 
@@ -84,6 +88,8 @@ class EndcapConfig:
         dots: ``released``, or dots of each ring from tip to equator (:mod:`cad.pattern`); empty for the released ones.
         dot_mm: diameter of a dot.
         lens: for which it was set up (:func:`cad.identity.label_of`); empty for that of this toolkit.
+        own_weight: of :data:`OWN_WEIGHT`: whether what the skin's own weight moves after a turn is taken out of the
+            dots' motion (:mod:`sensing.tracking.own_weight`).
 
     Raises:
         ParameterError: a value of the wrong form, dots that do not fit, or a lens that this toolkit does not have.
@@ -109,6 +115,7 @@ class EndcapConfig:
     dots: str = ""
     lens: str = ""
     dot_mm: float = RELEASED_DOT_MM
+    own_weight: str = OWN_WEIGHT[0]
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
@@ -146,6 +153,9 @@ class EndcapConfig:
         object.__setattr__(self, "relaxation", tuple(tuple(map(float, term)) for term in self.relaxation))
         _ = self.relaxation_terms
         self._check_identity()
+        if self.own_weight not in OWN_WEIGHT:
+            choice = f"own_weight={self.own_weight!r} of {self.name}: choose among {', '.join(OWN_WEIGHT)}"
+            raise ParameterError(choice, name="own_weight", value=self.own_weight)
 
     def _check_identity(self) -> None:
         """Fill dot pattern and lens in, or refuse those of another toolkit."""

@@ -19,7 +19,7 @@ from sensing.wrench.relaxation import MOST_TERMS
 
 TEXTS = (
     "name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens", "gain_date",
-    "gain_weights",
+    "gain_weights", "own_weight",
 )  # fmt: skip
 MOST_BYTES = 1 << 20  # of the file
 

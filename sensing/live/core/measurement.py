@@ -15,13 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.materials import silicone
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.config import OWN_WEIGHT, EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
-from sensing.live.core.reading import NO_TREND, EndcapReading, without_numbers
+from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
 from sensing.live.core.seen import SeenFrame
 from sensing.live.core.state import MEASURED, Event
@@ -29,6 +30,7 @@ from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.mounting import MountingWatch
+from sensing.tracking.own_weight import OwnWeight
 from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
@@ -73,6 +75,11 @@ class Measurement:
         digest = weights_digest(model.estimator) if endcap.gain_weights else ""
         self._foreign = frozenset({OTHER_WEIGHTS} if endcap.gain_weights != digest else ())
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
+        self._own_weight = (
+            OwnWeight(reference.method, endcap.params, silicone(endcap.silicone))
+            if isinstance(reference.method, ModelInput) and endcap.own_weight == OWN_WEIGHT[0]
+            else None
+        )
         self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
@@ -132,7 +139,7 @@ class Measurement:
             estimate=self._at_origin(estimate, verdict.flags, seen),
             wrench=self._at_origin(smooth, flags, seen), contact=contact, centre=centre, drift=self._drift,
             zero=self._used.zero, epoch=self._epoch, captured_s=captured_s, ready_s=time.monotonic(),
-            stage_ms=watch.stages, event=verdict.event, reason=verdict.reason,
+            stage_ms=watch.stages, event=verdict.event, reason=verdict.reason, own_weight_g=self._change_g,
             trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
         )  # fmt: skip
 
@@ -201,9 +208,18 @@ class Measurement:
         if tracks is None or not isinstance(method, ModelInput):
             reason = "its recording holds dots of another reference and no picture: record with pictures"
             return Verdict(Event.UNDECODED, reason, frozenset({"damaged"}))
-        field = method.field(tracks)
+        field = self._field_of(method, tracks)
         watch.lap("field")
         return _Look(tracks, field, None, frame.likeness)
+
+    @property
+    def _change_g(self) -> NDArray[np.float64]:
+        """(3,) change of gravity that is taken out; NaN where none is looked for."""
+        return NO_CHANGE if self._own_weight is None else self._own_weight.change_g
+
+    def _field_of(self, method: ModelInput, tracks: DotTracks) -> ShearField:
+        """The field that a load makes: without what the skin's own weight does in another pose."""
+        return method.field(tracks, None if self._own_weight is None else self._own_weight.motion(tracks))
 
     def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> _Look:
         if not isinstance(method, ModelInput):
@@ -215,7 +231,7 @@ class Measurement:
         watch.lap("decode")
         tracks = method.track(gray, frame.time_s)
         watch.lap("track")
-        field = method.field(tracks)
+        field = self._field_of(method, tracks)
         watch.lap("field")
         return _Look(tracks, field, gray)
 

@@ -23,6 +23,8 @@ from sensing.wrench.trend import HORIZONS_S, row_for
 
 NO_TREND = np.zeros((len(HORIZONS_S), 6))  # holding the last value
 NO_TREND.flags.writeable = False
+NO_CHANGE = np.full(3, np.nan)
+NO_CHANGE.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class EndcapReading:
         place: centre, normal and use of friction were it a plane that touches; NaN while nothing does.
         event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
         likeness: of the picture with that of the reference, -1..1; NaN where none was compared.
+        own_weight_g: (3,) change of gravity since the reference, in g along the endcap's axes, whose effect on the skin
+            is taken out; NaN where none is looked for.
     """
 
     endcap: str
@@ -65,6 +69,7 @@ class EndcapReading:
     trend: NDArray[np.float64] = with_default(default_factory=lambda: NO_TREND)
     place: PlaneContact = NO_CONTACT
     likeness: float = float("nan")
+    own_weight_g: NDArray[np.float64] = with_default(default_factory=lambda: NO_CHANGE)
 
     @property
     def valid(self) -> bool:
@@ -123,6 +128,7 @@ def plain(reading: EndcapReading) -> dict[str, Any]:
         "normal_sd_deg": rounded(reading.place.normal_sd_deg, 3),
         "friction_use": rounded(reading.place.friction_use, 4),
         "friction_use_sd": rounded(reading.place.friction_use_sd, 4),
+        "own_weight_g": [rounded(x, 3) for x in reading.own_weight_g],
         "dots": followed[0],
         "dots_known": followed[1],
         "flags": sorted(wrench.flags),
@@ -139,7 +145,7 @@ def nothing(endcap: str, state: str, reason: str) -> dict[str, Any]:
     numbers += ["place_sd_mm", "normal_sd_deg", "friction_use", "friction_use_sd"]
     return {"endcap": endcap, "valid": False, "state": state, "reason": reason, **dict.fromkeys(numbers)} | {
         "force_n": [None] * 3, "torque_nm": [None] * 3, "sd": [None] * 6, "centre_mm": [None] * 3,
-        "place_mm": [None] * 3, "normal": [None] * 3, "flags": [],
+        "place_mm": [None] * 3, "normal": [None] * 3, "own_weight_g": [None] * 3, "flags": [],
     }  # fmt: skip
 
 

@@ -127,7 +127,7 @@ class EndcapStats:
             stage_ms=timing.stage_ms,
             dots=dots[0],
             dots_known=dots[1],
-            drift="" if last is None or last.drift is None else last.drift.cause,
+            drift="" if last is None else _drift(last),
             reopened=source.reopened,
             zeroed=zeroed,
             confirmable=confirmable,
@@ -144,6 +144,15 @@ class EndcapStats:
         last = latency[min(len(latency) - 1, round(0.99 * len(latency)))]
         work = _medians(np.nansum(times, axis=1)[:, None])[0]
         return _Timing(now + HOLD_S, float(_medians(latency[:, None])[0]), float(last), float(work), medians)
+
+
+def _drift(reading: EndcapReading) -> str:
+    """What has changed since the reference; a sag is no touch."""
+    if reading.drift is None:
+        return ""
+    cause: str = reading.drift.cause
+    sags = bool(np.nan_to_num(reading.own_weight_g).any()) and cause == "contact" and not reading.contact.touching
+    return "turned; own weight taken out" if sags else cause
 
 
 def _medians(rows: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from sensing.simulator.solid.element import Array, shape_hex, volume_rule
 from sensing.simulator.solid.shell import ShellModel
+from sensing.simulator.solid.surface import surface_sampler
 from sensing.simulator.solid.system import factorise
 
 KG_PER_MM3 = 1e-6  # of 1 g/cm3
@@ -37,3 +38,28 @@ def own_weight_displacement(model: ShellModel, density_g_cm3: float, gravity_m_s
     force = nodal_mass_kg(model, density_g_cm3)[:, None] * np.asarray(gravity_m_s2, dtype=float)
     stiffness = factorise(solid, solid.tangent(np.zeros_like(solid.mesh.points)))
     return solid.spread(stiffness.solve(solid.gather(force)))
+
+
+def own_weight_profiles(model: ShellModel, density_g_cm3: float, gravity_m_s2: float, polar_deg: Array) -> Array:
+    """(P, 5) displacement of the inner surface over the polar angle, mm.
+
+    Of gravity along x: outward and along the polar angle at azimuth 0, and along x at azimuth 90 degrees (where the
+    azimuth runs along -x). Of gravity along the axis: outward, and along the polar angle.
+
+    Args:
+        model: the whole shell. density_g_cm3: of the silicone. gravity_m_s2: acceleration.
+        polar_deg: (P,) from the tip.
+    """
+    polar = np.radians(polar_deg)
+    zero = np.zeros_like(polar)
+    front = np.stack([np.sin(polar), zero, np.cos(polar)], axis=1)
+    downward = np.stack([np.cos(polar), zero, -np.sin(polar)], axis=1)
+    aside = np.stack([zero, np.sin(polar), np.cos(polar)], axis=1)
+    side = own_weight_displacement(model, density_g_cm3, (gravity_m_s2, 0.0, 0.0))
+    along = surface_sampler(model, front).sample(
+        own_weight_displacement(model, density_g_cm3, (0.0, 0.0, gravity_m_s2))
+    )
+    at_front = surface_sampler(model, front).sample(side)
+    at_side = surface_sampler(model, aside).sample(side)
+    columns = [(at_front * front).sum(1), (at_front * downward).sum(1), at_side[:, 0]]
+    return np.stack([*columns, (along * front).sum(1), (along * downward).sum(1)], axis=1)

@@ -1,0 +1,181 @@
+"""Own weight by the estimate's table against the shell's own solution, and when it is taken out of the dots' motion."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bench.bench_own_weight import POSES, SHIPPED, View, readings_of
+from cad.materials import silicone
+from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_mount
+from sensing.records import DotTracks
+from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.own_weight import own_weight_displacement as solved
+from sensing.simulator.solid.own_weight_table import rows_of
+from sensing.simulator.solid.shell import shell_model
+from sensing.simulator.solid.surface import surface_sampler
+from sensing.tracking.model_input import ModelInput
+from sensing.tracking.own_weight import LEAST_DOTS, MOST_G, TABLE, OwnWeight, own_weight_displacement
+
+DESIGN, MATERIAL = EndcapParams(130.0, 8.0), silicone()
+SIZE = (640, 480)
+
+
+def directions(count: int) -> np.ndarray:
+    """Over the upper half sphere, seed 3."""
+    found = np.random.default_rng(3).normal(size=(count, 3))
+    found[:, 2] = np.abs(found[:, 2])
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("size", [(113.0, 7.0), pytest.param((187.3, 12.6), marks=pytest.mark.long)])
+def test_the_table_gives_the_solution_of_a_shell_that_is_not_in_it(size):
+    model = shell_model(shell_geometry(*size), MATERIAL.neo_hooke(), "data")
+    found = own_weight_displacement(40.0 * directions(60), EndcapParams(*size), MATERIAL)
+    for axis in range(3):
+        moved = solved(model, MATERIAL.density_g_cm3, 9.81 * np.eye(3)[axis])
+        wanted = surface_sampler(model, directions(60)).sample(moved)
+        assert found[:, :, axis] == pytest.approx(wanted, abs=0.015 * np.abs(wanted).max())
+
+
+def test_the_table_is_what_its_command_writes():
+    lines = TABLE.read_text().splitlines()[1:]
+    rows = [[float(value) for value in line.split(",")] for line in lines]
+    made = np.array(rows_of(99.0, 6.5))
+    stored = np.array([row for row in rows if row[:2] == pytest.approx(made[0, :2], abs=1e-6)])
+    assert len(stored) == len(made) and stored == pytest.approx(made, abs=2e-6)
+
+
+def test_gravity_turned_about_the_axis_turns_the_sag_with_it():
+    turn = Rotation.from_euler("z", 37, degrees=True).as_matrix()
+    here = own_weight_displacement(directions(20), DESIGN, MATERIAL)
+    there = own_weight_displacement(directions(20) @ turn.T, DESIGN, MATERIAL)
+    assert there == pytest.approx(np.einsum("ij,njk,lk->nil", turn, here, turn), abs=1e-12)
+
+
+def test_a_silicone_sags_as_its_density_over_its_modulus():
+    heavy = replace(MATERIAL, density_g_cm3=3 * MATERIAL.density_g_cm3)
+    assert own_weight_displacement(directions(9), DESIGN, heavy) == pytest.approx(
+        3 * own_weight_displacement(directions(9), DESIGN, MATERIAL)
+    )
+
+
+class Seen:
+    """Dots of the released pattern in the nominal camera; a test says how far each has moved."""
+
+    def __init__(self) -> None:
+        self.view, self.nominal = View(DESIGN, MATERIAL.name), nominal_mount(DESIGN)
+        self.points_mm = self.view.points_mm
+        self.tracker, self.known = SimpleNamespace(size=SIZE), np.ones(len(self.points_mm), bool)
+
+    def motion(self, tracks: DotTracks) -> np.ndarray:
+        return tracks.position_px - tracks.reference_px
+
+
+@pytest.fixture
+def seen() -> Seen:
+    return Seen()
+
+
+@pytest.fixture
+def watch(seen) -> OwnWeight:
+    return OwnWeight(seen, DESIGN, MATERIAL)
+
+
+def moved(motion: np.ndarray, lost: int = 0, seed: int = 5) -> DotTracks:
+    """Tracks of such a motion (n, 2) with noise as a picture has it."""
+    rng, count = np.random.default_rng(seed), len(motion)
+    rest = np.zeros((count, 2))
+    gone = np.arange(count) < lost
+    return DotTracks(0.0, np.arange(count), rest, motion + rng.normal(0, 0.015, (count, 2)), np.ones(count), gone, SIZE)
+
+
+def sag(seen: Seen, *gravity_g: float) -> np.ndarray:
+    return seen.view.modes @ np.array(gravity_g)
+
+
+def touch(seen: Seen, most_px: float, place: int = 20) -> np.ndarray:
+    """A bump that pushes the dots near one of them away from it."""
+    arm = seen.view.rest_px - seen.view.rest_px[place]
+    near = np.exp(-(arm**2).sum(axis=1, keepdims=True) / (2 * 60.0**2))
+    pushed = arm * near
+    return most_px * pushed / np.linalg.norm(pushed, axis=1).max()
+
+
+@pytest.mark.parametrize("gravity_g", [(1, 0, 0), (-0.6, 0.5, 0.9), (0, 0, 2), (0.4, -1.2, 1.6)])
+@pytest.mark.parametrize("lost", [0, 15])
+def test_a_turn_is_found_and_taken_out(seen, watch, gravity_g, lost):
+    found = watch.motion(moved(sag(seen, *gravity_g), lost))
+    assert watch.change_g == pytest.approx(gravity_g, abs=0.05)
+    assert np.abs(found - sag(seen, *gravity_g)).max() < 0.02
+
+
+def test_a_still_skin_and_a_little_noise_change_nothing(seen, watch):
+    assert watch.motion(moved(0 * sag(seen, 1, 0, 0))) is None
+    assert watch.motion(moved(sag(seen, 0.2, 0, 0))) is None
+
+
+@pytest.mark.parametrize("most_px", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("place", [0, 20, 60])
+def test_a_touch_is_left_as_it_is(seen, watch, most_px, place):
+    assert watch.motion(moved(touch(seen, most_px, place))) is None
+
+
+def test_a_camera_that_moved_is_left_as_it_is(seen, watch):
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        assert watch.motion(moved(seen.view.similarity(rng))) is None
+
+
+def test_under_a_touch_the_last_turn_counts_and_after_it_the_new_one(seen, watch):
+    first, second = sag(seen, 1, 0, 0), sag(seen, 0, -1, 0.5)
+    watch.motion(moved(first))
+    held = watch.motion(moved(first + touch(seen, 3.0)))
+    assert np.abs(held - first).max() < 0.02
+    assert np.abs(watch.motion(moved(second + touch(seen, 3.0))) - first).max() < 0.02
+    assert np.abs(watch.motion(moved(second)) - second).max() < 0.02
+
+
+def test_turned_back_it_is_taken_back(seen, watch):
+    watch.motion(moved(sag(seen, 1, 0, 0)))
+    assert np.abs(watch.motion(moved(sag(seen, 0, 0, 0), seed=6))).max() < 0.05
+
+
+def test_more_than_any_pose_makes_is_no_sag(seen, watch):
+    assert watch.motion(moved(sag(seen, 1.2 * MOST_G, 0, 0))) is None
+
+
+def test_few_dots_and_dots_beyond_the_view_are_no_ground(seen, watch):
+    count = len(seen.view.modes)
+    assert watch.motion(moved(sag(seen, 1, 0, 0), lost=count - LEAST_DOTS + 1)) is None
+    blind = sag(seen, 1, 0, 0)
+    blind[::2] = np.nan
+    assert watch.motion(moved(blind)) is not None and np.isfinite(watch.change_g).all()
+
+
+def test_what_is_taken_out_of_the_motion_is_taken_out_of_the_field():
+    rng = np.random.default_rng(9)
+    places = np.stack(np.meshgrid(np.linspace(80, 560, 9), np.linspace(60, 420, 7)), axis=-1).reshape(-1, 2)
+    tracker = SimpleNamespace(size=SIZE, reference_px=places)
+    method = ModelInput(tracker, (16, 16), DESIGN)
+    motion, own = rng.normal(size=places.shape), rng.normal(size=places.shape)
+
+    def tracks(moved_px):
+        ids, good = np.arange(len(places)), np.ones(len(places))
+        return DotTracks(0.0, ids, places, places + moved_px, good, good < 0, SIZE)
+
+    found = method.field(tracks(motion + own), own).channels
+    assert found == pytest.approx(method.field(tracks(motion)).channels, abs=1e-6)
+
+
+@pytest.mark.long
+def test_live_reads_nothing_of_an_untouched_endcap_that_was_turned():
+    model, density = shell_model(shell_geometry(*SHIPPED[:2]), MATERIAL.neo_hooke(), "data"), MATERIAL.density_g_cm3
+    films = [(solved(model, density, POSES[pose]), frames) for pose, frames in (("tip up", 4), ("sideways", 8))]
+    kept, subtracted = (readings_of(model, films, choice)[-1] for choice in ("kept", "subtracted"))
+    assert np.linalg.norm(kept.wrench.force_n) > 2 and kept.contact.touching  # what is to be taken out
+    assert np.linalg.norm(subtracted.wrench.force_n) < 0.2 and not subtracted.contact.touching
+    assert subtracted.own_weight_g == pytest.approx([1, 0, 1], abs=0.1) and np.isnan(kept.own_weight_g).all()

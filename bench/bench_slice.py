@@ -120,15 +120,7 @@ def draw(rows: list[dict[str, object]]) -> None:
         for axis, what in zip(axes, ("fraction_error_points", "open_percent"), strict=True):
             axis.plot([r["slicer_cpu_s"] for r in own], [r[what] for r in own], mark, label=form)
         for row in own:
-            words = str(row["knob"])
-            place = {"xytext": (5, -2)}  # to the right
-            if words.startswith("step"):  # of the meshes the number alone: there are eight close together
-                words = words.removeprefix("step ").removesuffix(" mm")
-                place = {"xytext": (0, 5 if form.endswith("grown") else -10), "ha": "center"}
-                if words == "1.6" and form == "explicit":  # its neighbour took the slicer as long
-                    place = {"xytext": (-5, -1), "ha": "right"}
-            elif words.startswith("tolerance"):
-                place = {"xytext": (0, 6), "ha": "center", "rotation": 90}
+            words, place = _label(form, str(row["knob"]))
             axes[0].annotate(words, (row["slicer_cpu_s"], row["fraction_error_points"]), fontsize=6.5,
                              textcoords="offset points", **place)  # fmt: skip
     axes[0].axhspan(-0.5, 0.5, color="0.9")
@@ -145,6 +137,18 @@ def draw(rows: list[dict[str, object]]) -> None:
     axes[1].set_title("gray line: the least that is accepted", fontsize=9)
     axes[0].legend(fontsize=8)
     figure.savefig(HERE / "slice.png", dpi=110)
+
+
+def _label(form: str, knob: str) -> tuple[str, dict[str, object]]:
+    """Words beside a point, and where: of the meshes the number alone, for there are eight close together."""
+    if knob.startswith("tolerance"):
+        return knob, {"xytext": (0, 6), "ha": "center", "rotation": 90}
+    if not knob.startswith("step"):
+        return knob, {"xytext": (5, -2)}
+    words = knob.removeprefix("step ").removesuffix(" mm")
+    if words == "1.6" and form == "explicit":  # its neighbour took the slicer as long
+        return words, {"xytext": (-5, -1), "ha": "right"}
+    return words, {"xytext": (0, 5 if form.endswith("grown") else -10), "ha": "center"}
 
 
 def _faces(mesh: trimesh.Trimesh) -> int:

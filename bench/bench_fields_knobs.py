@@ -97,7 +97,7 @@ def run(knob: str, sequences: list[tuple[Frame, list[Scene]]]) -> list[dict[str,
 
 
 def plot(rows: list[dict[str, object]], path: Path) -> None:
-    """One panel a knob: error and failed cells to the left, time to the right; the default is ringed."""
+    """One panel a knob: error and failed cells to the left, time to the right; the default stands in brackets."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -123,7 +123,9 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
         axis.tick_params(labelsize=7)
         twin.tick_params(labelsize=7)
     figure.suptitle(
-        "blue: mean error of a cell, px of 200; red: failed cells, 0.1 %; green (right): ms; [default]", fontsize=9
+        "blue: mean error of a cell, px of the 200 x 200 crop; red: failed cells (0.01 is 0.1 %);"
+        " green, right axis: ms a frame; in brackets: the default",
+        fontsize=9,
     )
     figure.tight_layout()
     figure.savefig(path, dpi=85)

@@ -106,6 +106,7 @@ def plot(path: Path, grid: list[dict[str, float]], balls: list[dict[str, float]]
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from plain_ticks import plain_digits
 
     figure, axes = plt.subplots(1, 4, figsize=(17, 4), constrained_layout=True)
     for newton_steps, colour in ((1, "tab:gray"), (2, "tab:orange")):
@@ -121,6 +122,7 @@ def plot(path: Path, grid: list[dict[str, float]], balls: list[dict[str, float]]
     axes[0].set(xlabel="grid step, mm", ylabel="density error, %", title="density (period fixed)")
     axes[1].set(xlabel="grid step, mm", ylabel="mm", title="sheet wall: mean, 1st to 99th percentile")
     axes[2].set(xlabel="grid step, mm", title="cost")
+    plain_digits(axes[0].xaxis, axes[0].yaxis, axes[2].xaxis, axes[2].yaxis)
     for axis in axes[:3]:
         axis.axvline(STEP_MM, color="k", ls=":", label=f"default {STEP_MM} mm")
     axes[1].axhline(WALL_MM, color="k", lw=0.5)

@@ -215,7 +215,7 @@ def _plot_nodes(axis, rows) -> None:
         line = [row for row in rows if (row["diameter_mm"], row["wall_mm"]) == design]
         place = [int(row["nodes"]) for row in line], [float(row["surface_percent"]) for row in line]
         axis.plot(*place, "o-", label=f"D={design[0]} T={design[1]}")
-    axis.set(xlabel="nodes, itself left out", ylabel="surface off by, %", ylim=(0, None))
+    axis.set(xlabel="shells in the library, itself left out", ylabel="surface off by, %", ylim=(0, None))
     axis.legend(fontsize=7)
 
 
@@ -224,12 +224,12 @@ def _plot_paths(axis, rows) -> None:
     most = max(int(row["nodes"]) for row in served)
     by_node = [(int(r["nodes"]), float(r["force_percent"])) for r in served if r["paths"] == "16"]
     by_path = [(int(r["paths"]), float(r["force_percent"])) for r in served if int(r["nodes"]) == most]
-    axis.plot(*np.array(sorted(by_node)).T, "o-", label="nodes, 16 paths")
-    axis.plot(*np.array(sorted(by_path)).T, "s-", label=f"paths, {most} nodes")
+    axis.plot(*np.array(sorted(by_node)).T, "o-", label="shells, 16 paths")
+    axis.plot(*np.array(sorted(by_path)).T, "s-", label=f"paths, {most} shells")
     for row in rows:
         if row["nodes"] == "0":
             axis.axhline(float(row["force_percent"]), ls="--", c="k", label="own full simulation")
-    axis.set(xlabel="nodes; paths", ylabel="force error an axis, % of the range", ylim=(0, None))
+    axis.set(xlabel="number of shells or of paths", ylabel="force error an axis, % of the range", ylim=(0, None))
     axis.legend(fontsize=7)
 
 
@@ -243,15 +243,25 @@ def _plot_training(axis, rows) -> None:
         line = [row for row in rows if (row["diameter_mm"], row["wall_mm"]) == design]
         place = [float(row["train_cpu_s"]) for row in line], [float(row["force_percent"]) for row in line]
         axis.plot(*place, "o-", label=f"D={design[0]} T={design[1]}")
-    axis.set(xlabel="processor time, s", ylabel="force error an axis, % of the range", ylim=(0, None))
+    axis.set(xlabel="processor time of a training, s", ylabel="force error an axis, % of the range", ylim=(0, None))
     axis.legend(fontsize=7)
+
+
+FIGURES = {  # of the study, as the plot names them
+    "stiffness_0_n_mm": "stiffness, 0 degrees", "stiffness_25_n_mm": "stiffness, 25 degrees",
+    "stiffness_50_n_mm": "stiffness, 50 degrees", "safe_n": "safe load", "strain_percent": "largest strain",
+    "depth_mm": "depth", "patch_mm2": "contact patch", "px_per_n": "pixels per newton",
+    "bound_10_n": "bound, 10 degrees", "bound_25_n": "bound, 25 degrees", "bound_40_n": "bound, 40 degrees",
+    "bound_50_n": "bound, 50 degrees", "bound_nm": "bound, torque",
+}  # fmt: skip
 
 
 def _plot_study(axis, rows) -> None:
     names = list(dict.fromkeys(row["study"].removeprefix("study: ") for row in rows))
     for row in rows:
         axis.plot(float(row["off_percent"]), names.index(row["study"].removeprefix("study: ")), "b.", alpha=0.6)
-    axis.set(yticks=range(len(names)), yticklabels=names, xlabel="study's figure off the solved shell's, %")
+    said = [FIGURES.get(name, name) for name in names]
+    axis.set(yticks=range(len(names)), yticklabels=said, xlabel="study's figure off the solved shell's, %")
     axis.axvline(0, c="k", lw=0.5)
 
 

@@ -287,7 +287,7 @@ def draw(rows: list[dict]) -> None:
     axis.set_ylim(bottom=0)
     axis.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     axis.minorticks_off()
-    axis.margins(x=0.3)
+    axis.set_xlim(1, 40)
     axis.grid(alpha=0.3)
     figure.tight_layout()
     figure.savefig(HERE / "live.png", dpi=110)

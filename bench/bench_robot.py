@@ -174,6 +174,7 @@ def plot(rows: Sequence[Score], path: Path) -> None:
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
+    from plain_ticks import plain_digits
 
     figure, axes = pyplot.subplots(3, 4, figsize=(16, 10), layout="constrained")
     first, plain = axes.flat[0], [row for row in rows if not row.knob]
@@ -182,6 +183,7 @@ def plot(rows: Sequence[Score], path: Path) -> None:
         drift = [[row.drift_percent for row in plain if (row.terrain, row.contacts) == (t, kind)] for t in terrains]
         first.plot(terrains, [np.median(values) if values else np.nan for values in drift], "o-", label=kind)
     first.set(yscale="log", ylabel="drift, % of the path (median)")
+    plain_digits(first.yaxis)
     first.tick_params(axis="x", rotation=30)
     first.legend()
     for axis, (knob, levels) in zip(axes.flat[1:], CURVES.items(), strict=False):
@@ -191,6 +193,7 @@ def plot(rows: Sequence[Score], path: Path) -> None:
             axis.plot([x] * len(values), values, ".", color="0.7")
         axis.plot([x for x, _ in kept], [np.median(values) for _, values in kept], "o-")
         axis.set(xlabel=knob, ylabel="drift, %", yscale="log")
+        plain_digits(axis.yaxis)
     for axis in axes.flat[1 + len(CURVES) :]:
         axis.remove()
     figure.savefig(path, dpi=80)

@@ -13,6 +13,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -185,23 +186,32 @@ def plot(rows: list[dict]) -> None:
     mesh.loglog([r["seconds"] for r in double], [100 * r["error_35n"] for r in double], "^:", color="C3",
                 label="35 N, two layers")  # fmt: skip
     for line in chosen:
-        mesh.annotate(f"{line['setting']}, {line['unknowns']}", (line["seconds"], 100 * line["error_35n"]), fontsize=7)
+        mesh.annotate(f"{line['setting']}, {line['unknowns']}", (line["seconds"], 100 * line["error_35n"]), fontsize=7,
+                      xytext=(0, -11), ha="center", textcoords="offset points")  # fmt: skip
+    mesh.margins(0.15)
     mesh.set(xlabel="processor seconds a step", ylabel="marker error, % rms", title="Level 1: mesh and element")
     mesh.legend(fontsize=7)
-    levels = [line for line in rows if line["curve"] == "level" and line["mean"] > 0]
-    for key, mark in (("mean", "o"), ("p95", "^")):
-        level.loglog([1000 * r["seconds"] for r in levels], [100 * r[key] for r in levels], mark, label=key)
-    for line in levels:
-        level.annotate(f"level {line['setting']}", (1000 * line["seconds"], 100 * line["mean"]), fontsize=7)
-    first = next(line for line in rows if line["curve"] == "level")
-    level.axvline(1000 * first["seconds"], color="k", ls=":", label="level 1")
-    data = next(line for line in chosen if line["setting"] == "data")
-    level.axhline(100 * data["error_35n"], color="C7", ls="--", label="the mesh's own error, 35 N")
-    level.set(xlabel="processor ms a state", ylabel="marker error, %", title="The levels, N >= 5, mesh data")
-    level.legend(fontsize=7)
+    _plot_levels(level, rows)
     for axes in (mesh, level):
         axes.xaxis.set_minor_formatter(ticker.NullFormatter())  # labels of less than a decade overlap
     figure.savefig(HERE / "simulator.png", dpi=100)
+
+
+def _plot_levels(level: Any, rows: list[dict]) -> None:
+    """Marker error of the levels against time a state."""
+    levels = [line for line in rows if line["curve"] == "level" and line["mean"] > 0]
+    for key, mark, label in (("mean", "o", "mean"), ("p95", "^", "95 % quantile")):
+        level.loglog([1000 * r["seconds"] for r in levels], [100 * r[key] for r in levels], mark, label=label)
+    for line in levels:
+        words = f"level {line['setting']}".replace(", ", ", tolerance ")
+        level.annotate(words, (1000 * line["seconds"], 100 * line["mean"]), fontsize=7,
+                       xytext=(6, -3), textcoords="offset points")  # fmt: skip
+    first = next(line for line in rows if line["curve"] == "level")
+    level.axvline(1000 * first["seconds"], color="k", ls=":", label="level 1")
+    data = next(line for line in rows if line["curve"] == "mesh" and line["setting"] == "data")
+    level.axhline(100 * data["error_35n"], color="C7", ls="--", label="the mesh's own error, 35 N")
+    level.set(xlabel="processor ms a state", ylabel="marker error, %", title="The levels, N >= 5, mesh data")
+    level.legend(fontsize=7)
 
 
 if __name__ == "__main__":

@@ -55,10 +55,11 @@ def plot(rows: list[tuple[float, float, float, float]]) -> None:
         left.annotate(f"{tolerance:g} mm, {megabytes:.0f} MB", (seconds, error), (4, 6), textcoords="offset points")
         if tolerance == TOLERANCE_MM:
             left.plot(seconds, error, "o", ms=14, mfc="none", color="tab:red", label="default")
-    left.axhline(1e-3, color="grey", lw=0.8, ls="--", label="gate")
+    left.axhline(1e-3, color="grey", lw=0.8, ls="--", label="0.1 %, the most that a check lets pass")
     left.set(xlabel="time for all parts, CPU s", ylabel="worst volume error of a part (ratio)")
     left.legend()
     left.margins(0.25)
+    left.set_xlim(right=200)
     figure.tight_layout()
     figure.savefig(HERE / "tessellation.png")
 

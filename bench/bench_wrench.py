@@ -216,7 +216,7 @@ def plot(rows: list[Row], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     figure, axes = pyplot.subplots(2, 2, figsize=(11, 8))
     for axis, (study, label, title) in zip(
@@ -236,6 +236,9 @@ def plot(rows: list[Row], path: Path) -> None:
         axis.set(xlabel=label, ylabel="force RMSE, N", title=title, ylim=(0, None))
         if study != "cells":
             axis.set_xscale("log")
+            axis.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+            axis.xaxis.set_major_formatter("{x:g}")
+            axis.minorticks_off()
         if len(axis.lines) > 1:
             axis.legend(fontsize=7)
         axis.grid(alpha=0.3)

@@ -77,13 +77,13 @@ def map_panels(places: Sequence[Place], silicone: str) -> str:
         ("silicone, g", np.array([place.mass_g for place in own]), True),
         ("silicone and mold, $ (estimated)", np.array([place.cost_usd for place in own]), True),
     ]
-    figure, axes = _figure(1, 5, (16, 3.3))
+    figure, axes = _figure(1, 5, (18, 3.6))
     for axis, (title, values, log) in zip(axes, panels, strict=True):
         levels = np.geomspace(values.min(), values.max(), 9) if log else np.linspace(values.min(), values.max(), 9)
         filled = axis.tricontourf(x, y, values, levels=levels, cmap="viridis")
         lines = axis.tricontour(x, y, values, levels=levels[1:-1:2], colors="w", linewidths=0.6)
-        axis.clabel(lines, fmt="%.3g", fontsize=7)
-        figure.colorbar(filled, ax=axis, format="%.3g")
+        axis.clabel(lines, fmt=_three_digits, fontsize=7)
+        figure.colorbar(filled, ax=axis, format=lambda value, _: _three_digits(value))
         axis.set(title=title, xlabel="D, mm", ylabel="T, mm")
         low = np.linspace(x.min(), x.max(), 200)
         axis.fill_between(low, low / 10, y.max() + 1, color="w", zorder=3)  # T over R / 5
@@ -92,6 +92,11 @@ def map_panels(places: Sequence[Place], silicone: str) -> str:
         axis.scatter(x[best], y[best], s=6, color="r", zorder=4)
     figure.suptitle(f"{silicone} (red: Pareto front of range, error, mass over all silicones)", size=10)
     return _png(figure)
+
+
+def _three_digits(value: float) -> str:
+    """Three digits without a power of ten: 0.0611, 18.1, 2503."""
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def _figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Any, list[Any]]:

@@ -30,7 +30,7 @@ from sensing.wrench.quantiles import binomial_quantile, chi_square_quantile
 CONFIDENCE = 0.95
 TAIL = 0.10  # share of the samples that counts as tail
 LEAST_TAIL = 8  # independent samples in it
-LEAST_ON_N = 0.02  # M: three times what lamps that change by 30 % make of an untouched D=130 (bench_wrench_rest.py)
+LEAST_ON_N = 0.02  # M: twice the most that lamps 30 % off make of an untouched D=130 (bench_wrench_rest.py)
 RELEASE_SHARE = 0.6  # E: contact ends below this share of the way from rest to the threshold
 
 

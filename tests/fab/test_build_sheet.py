@@ -247,6 +247,20 @@ def test_the_sheet_slices_for_the_printer_that_it_is_made_for(sliced, manifest, 
     assert ("Another printer: make slice D=142 T=7.5 printer=NAME" in text) == (sliced is not None)
 
 
+@pytest.mark.parametrize(("gyroid", "wanted"), [(0.1, "10"), (0.12, "12"), (0.093, "9.3")])
+def test_the_filling_of_the_zone_is_compared_with_that_of_this_endcap(gyroid, wanted):
+    zone = {"fraction": gyroid, "open_share": 0.95}
+    interface = {"name": "interface_infill", "material": "TPU 95A", "pieces": [], "time_s": 60.0, "grams": 1.0}
+    sliced = {**SLICED, "projects": [*SLICED["projects"], {**interface, "layer_mm": 0.2, "zone": zone}]}
+    layout = MoldLayout(EndcapParams(130.0, 8.0, gyroid=gyroid))
+    text = " ".join(
+        block.text
+        for block in prints(SheetData(layout, {}, sliced, MIX, [], [], [], [], 0.0, {}))
+        if isinstance(block, Paragraph)
+    )
+    assert f"{100 * gyroid:.2f} % of the zone is printed (wanted {wanted}), 95.0 % of its boundary is open" in text
+
+
 def test_a_sheet_for_another_printer_than_the_slices_is_refused():
     variant = Variant(MoldLayout(PARAMS))
     command.require_sliced_for("", SLICED, variant)

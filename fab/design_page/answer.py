@@ -82,7 +82,7 @@ def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
         ("mold", f"about {costs.mold_g:.0f} g of PLA"),
         ("printing", f"about {costs.hours:.0f} h, mold, base and interface"),
         ("cost", f"about {costs.usd:.0f} USD: plastic, silicone in the cast, camera, ring, screws"),
-        ("joint clearance", f"{low:.2f} to {high:.2f} mm a side in this silicone"),
+        ("joint clearance", f"{low:g} to {high:g} mm a side in this silicone"),
         ("bed", costs.bed),
     ]
     return {

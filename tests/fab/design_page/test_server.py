@@ -5,10 +5,12 @@ from __future__ import annotations
 import http.client
 import json
 import signal
+import socket
 import subprocess
 import sys
 import threading
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -82,6 +84,26 @@ def test_a_page_of_another_name_and_a_button_without_the_token_are_refused(serve
 def test_an_empty_field_is_no_size(server):
     status, content, _ = ask(server, "/answer.json?D=&T=10")
     assert status == 200 and "D= is not a number" in json.loads(content)["refusal"]
+
+
+def raw(server: DesignServer, target: str) -> bytes:
+    """The answer to a request whose address no client would send."""
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=60) as connection:
+        connection.sendall(f"GET {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
+        return b"".join(iter(partial(connection.recv, 4096), b""))
+
+
+@pytest.mark.parametrize("target", ["http://[", "/answer.json?" + "&".join(f"a{k}=1" for k in range(20))])
+def test_an_address_that_cannot_be_read_is_refused_in_one_line(server, capsys, target):
+    answer = raw(server, target)
+    assert answer.startswith(b"HTTP/1.1 400 ") and b"This address cannot be read: " in answer
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("body", [{"D": 163.7, "T": 9.35}, {"D": "130", "T": "8", "whole": "yes"}, {"D": None}])
+def test_knobs_of_another_kind_are_refused_and_no_other_size_is_made(server, body):
+    status, content, _ = ask(server, "/make", body, **{TOKEN_HEADER: server.token})
+    assert status == 400 and b"Knobs are texts" in content and not server.jobs.seen(-1)["running"]
 
 
 def raising(error: Exception):
@@ -212,6 +234,16 @@ def test_stop_between_two_commands_lets_the_next_one_not_begin(exports):
         assert (state["status"], state["lines"]) == (STOPPED, ["molds"])
 
 
+@pytest.mark.parametrize(("ends", "made"), [((0, 0), True), ((0, 2), True), ((2, 0), False)])
+def test_the_page_knows_whether_the_folder_was_made_before_a_later_command_failed(exports, ends, made):
+    commands = [[sys.executable, "-c", f"raise SystemExit({status})"] for status in ends]
+    jobs = Jobs(exports, lambda *_: commands)
+    for _ in range(2):  # of each run anew
+        assert jobs.start((), "mk4", LABEL, True)
+        state = follow_to_the_end(jobs)
+        assert (state["made"], state["status"]) == (made, max(ends))
+
+
 def test_stop_while_a_command_is_being_started_ends_it(exports, monkeypatch):
     jobs, begin = Jobs(exports, stand_in(WAITS)), subprocess.Popen
 
@@ -245,7 +277,12 @@ def test_the_button_runs_the_very_commands(tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "expected"),
-    [(["port=http"], "is no port"), (["open=maybe"], "neither yes nor no"), (["D=130"], "is not an option")],
+    [
+        (["port=http"], "is no port"),
+        (["port=" + 5000 * "1"], "is no port"),
+        (["open=maybe"], "neither yes nor no"),
+        (["D=130"], "is not an option"),
+    ],
 )
 def test_bad_options_get_one_line_and_status_2(words, expected, tmp_path, capsys):
     assert command.main([*words, f"exports={tmp_path}"]) == 2

@@ -24,7 +24,7 @@ from cad.messages import LOG, show
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
-from fab.command import VARIANT_DEFAULTS, parse_variant
+from fab.command import VARIANT_DEFAULTS, exports_words, parse_variant
 from fab.variant import Variant, sensing_options
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
@@ -247,7 +247,7 @@ def _short(value: str, unit: str) -> str:
 
 def _next(wanted: Wanted, folder: Path) -> str:
     words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
-    words = " ".join((words, *wanted.printer_option))
+    words = " ".join((words, *wanted.printer_option)) + exports_words(wanted.exports)
     design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,9 @@ from fab.variant import Variant
 _ROOT = Path(__file__).resolve().parent.parent
 # In a checkout its own folder; where the wheel is installed, one in the current folder.
 EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
+VARIANT_USAGE = (
+    "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION]"
+)
 VARIANT_DEFAULTS = {
     **DESIGN_DEFAULTS,
     **PATTERN_DEFAULTS,
@@ -41,6 +45,15 @@ VARIANT_DEFAULTS = {
     "robot": DEFAULT_ROBOT,
     "exports": EXPORTS,
 }
+
+
+def exports_words(exports: Path) -> str:
+    """The option that names a folder of exports, with a space before it, as it follows a command; empty for the usual.
+
+    Args:
+        exports: folder that holds those of the variants.
+    """
+    return "" if exports.resolve() == Path(EXPORTS).resolve() else f" exports={shlex.quote(str(exports))}"
 
 
 class Interrupts:

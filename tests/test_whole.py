@@ -68,7 +68,7 @@ def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):
     assert {step.module for step in seen if "printer=a1_mini" in step.words} == {
         "fab.molds", "fab.slice", "fab.build_sheet",
     }  # fmt: skip
-    assert "make sheet D=142 T=7.5 printer=a1_mini" in (tmp_path / "D142_T7.5" / PAGE).read_text()
+    assert f"make sheet D=142 T=7.5 printer=a1_mini exports={tmp_path}" in (tmp_path / "D142_T7.5" / PAGE).read_text()
     assert not any("printer" in word for step in parsed([]).steps() for word in step.words)
 
 

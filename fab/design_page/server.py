@@ -24,6 +24,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from cad.errors import EndcapError, ParameterError
 from cad.messages import LOG
+from fab.command import exports_words
 from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.jobs import Jobs
 
@@ -134,7 +135,7 @@ class _Handler(BaseHTTPRequestHandler):
         elif path == "/region.json":
             self._json(region())
         elif path == "/answer.json":
-            self._json(answer(query))
+            self._json(answer(query, exports_words(self.server.exports)))
         elif path == "/preview.glb":
             self._preview(query)
         elif path == "/job.json":

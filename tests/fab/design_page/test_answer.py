@@ -89,6 +89,7 @@ def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands(
     words = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30'"
     assert answer(knobs)["commands"] == [f"make {name} {words} printer=mk4" for name in ("molds", "slice", "sheet")]
     assert answer({"D": "150", "T": "9"})["commands"][1] == "make slice D=150 T=9"
+    assert answer({"D": "150", "T": "9"}, " exports=here")["commands"][1] == "make slice D=150 T=9 exports=here"
     assert answer(knobs)["label"] == choice.variant.label
     assert preview(knobs)[:4] == b"glTF" and len(preview(knobs)) < 2_000_000
 

@@ -161,7 +161,9 @@ def bare(code_or_module: list[str]) -> subprocess.CompletedProcess[str]:
         )
 
 
-@pytest.mark.parametrize("command", ["fab.molds", "sensing.live", "sensing.simulator", "sensing.train"])
+@pytest.mark.parametrize(
+    "command", ["fab.molds", "endcap.robot_model", "sensing.live", "sensing.simulator", "sensing.train"]
+)
 def test_a_missing_library_is_one_line_with_the_command_that_installs_it(command):
     result = bare([command])
     assert result.returncode == 2
@@ -208,8 +210,9 @@ def test_importing_from_a_program_changes_nothing():
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
-def test_a_command_gives_linear_algebra_one_thread_unless_the_user_says_otherwise(monkeypatch):
-    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "sensing.train"])
+@pytest.mark.parametrize("command", ["sensing.train", "endcap.robot_model"])
+def test_a_command_gives_linear_algebra_one_thread_unless_the_user_says_otherwise(monkeypatch, command):
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", command])
     monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     for name in threads.VARIABLES:
         monkeypatch.delenv(name, raising=False)

@@ -211,7 +211,11 @@ class _Handler(BaseHTTPRequestHandler):
             return
         with contextlib.suppress(OSError, ValueError):
             file = (folder / name).resolve(strict=True)
-            if file.is_relative_to(folder.resolve()) and file.is_file():
+            inside = file.is_relative_to(folder.resolve())
+            if inside and file.is_dir():  # index.html links slice/, which a browser lists where it reads files itself
+                self._text(HTTPStatus.NOT_FOUND, f"A folder, which this page does not list: its files are in {file}")
+                return
+            if inside and file.is_file():
                 kind = KINDS.get(file.suffix.lower(), "application/octet-stream")
                 self._send(HTTPStatus.OK, file.read_bytes(), kind, EXPORT_POLICY)
                 return

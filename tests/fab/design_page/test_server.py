@@ -152,6 +152,12 @@ def test_no_path_leaves_the_folder_of_an_export(server, path):
     assert status == 404 and content != b"no"
 
 
+def test_a_folder_that_index_html_links_is_named_with_its_place(server, exports):
+    status, content, _ = ask(server, f"/exports/{LABEL}/sheet/")
+    assert status == 404 and content.decode().endswith(f"its files are in {exports / LABEL / 'sheet'}")
+    assert ask(server, "/exports/../")[1] == ask(server, f"/exports/{LABEL}/../")[1] == b"No such file."
+
+
 def test_files_of_an_export_are_served_as_they_are(server):
     assert ask(server, f"/exports/{LABEL}/index.html")[:2] == (200, b"<p>folder")
     assert ask(server, f"/exports/{LABEL}/sheet/build_sheet.html")[:2] == (200, b"<p>sheet")

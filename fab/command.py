@@ -138,7 +138,7 @@ class Command:
             except (Exception, KeyboardInterrupt):
                 if interrupts.signal is None:
                     raise
-                LOG.error(f"{self.name}: {_ending(interrupts.signal)}; nothing was left behind")
+                LOG.error(f"{self.name}: {ending_words(interrupts.signal)}; nothing was left behind")
                 return 128 + interrupts.signal
 
     def _status(
@@ -159,7 +159,8 @@ class Command:
             return 2
 
 
-def _ending(number: int) -> str:
+def ending_words(number: int) -> str:
+    """How a signal ended a command: ``interrupted``, ``ended by SIGTERM``."""
     return "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
 
 

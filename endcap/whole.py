@@ -172,9 +172,7 @@ def _run(step: Step, interrupts: Interrupts) -> int:
     try:
         return process.wait()
     except KeyboardInterrupt:
-        if (
-            interrupts.signal != signal.SIGINT
-        ):  # a terminal sends Ctrl-C to both, and a second signal would cut it short
+        if interrupts.signal == signal.SIGTERM:  # Ctrl-C and a closed terminal reach both; a second one cuts it short
             process.terminate()
         try:
             process.wait(END_S)

@@ -5,8 +5,8 @@ The libraries come in groups, the extras of ``pyproject.toml``. A command whose 
     endcap live: numba is not installed: run pip install 'endcap-toolkit[live]'
 
 and status 2. The packages ``fab`` and ``sensing`` call :func:`prepare_command` when they are
-imported; it acts only where Python was started as ``python -m fab...`` or ``python -m sensing...``: an import from a
-program, a notebook or a test raises ModuleNotFoundError as usual.
+imported; it acts only where Python was started as ``python -m`` with a command of :data:`EXTRA_OF_COMMAND`: an import
+from a program, a notebook or a test raises ModuleNotFoundError as usual.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras t
 }
 EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's module decides; "" is the rest
     "fab": "cad",
+    "endcap.robot_model": "cad",
+    "endcap.whole": "cad",
     "sensing": "sensing",
     "sensing.live": "live",
     "sensing.live.demo": "simulate",

@@ -10,6 +10,7 @@ import csv
 import json
 import os
 import shlex
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -24,11 +25,13 @@ from cad.messages import LOG, show
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
-from fab.command import VARIANT_DEFAULTS, parse_variant
+from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
 from fab.variant import Variant, sensing_options
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
 PAGE = "start.html"
+LEFT_OUT = 2  # status of what an optional command refuses: no slicer, a shell that snaps
+END_S = 30.0  # for a command to remove what it began
 HELP = f"""\
 usage: make endcap [options of make molds but cache=] [exports=DIR]      (or: endcap whole 180 10)
 
@@ -37,7 +40,7 @@ exports/D180_T10/, and {PAGE} there, with what every file is for. Slicer project
 installed, and the robot-simulator model where the shell snaps; everything else that fails stops it, and what was made
 before stays. Ten minutes of processor time (D=162.5 T=10.75), most of it molds, slicing and weights.
 
-exit status: 0 made; 1 a check failed; 2 bad input; 130 interrupted
+exit status: 0 made; 1 a check failed; 2 bad input; 130 interrupted; 143 ended by SIGTERM
 """
 
 
@@ -46,7 +49,7 @@ class Step:
     """One command.
 
     Attributes:
-        title: in words. module: that is run. words: its arguments. optional: whether its failure is passed over.
+        title: in words. module: that is run. words: its arguments. optional: whether what it refuses is left out.
     """
 
     title: str
@@ -105,15 +108,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if {"-h", "--help"} & set(words):
         show(HELP)
         return 0
+    interrupts = Interrupts()
     try:
-        wanted = parsed(words)
-        return make(wanted, _run)
+        with interrupts.heard():
+            return make(parsed(words), lambda step: _run(step, interrupts))
     except EndcapError as error:
         LOG.error(f"make endcap: {error}")
         return 2
     except KeyboardInterrupt:
-        LOG.error("\nmake endcap: interrupted; what was made before stays")
-        return 130
+        number = interrupts.signal or signal.SIGINT
+        LOG.error(f"make endcap: {ending_words(number)}; what was made before stays")
+        return 128 + number
 
 
 def parsed(words: Sequence[str]) -> Wanted:
@@ -147,7 +152,7 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     folder = wanted.folder
     for step in wanted.steps():
         status = run(step)
-        if status and not step.optional:
+        if status and not (step.optional and status == LEFT_OUT):
             if folder.is_dir():
                 LOG.error(f"make endcap: {step.title} failed; {folder} holds what was made before")
             return status
@@ -159,10 +164,21 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     return 0
 
 
-def _run(step: Step) -> int:
+def _run(step: Step, interrupts: Interrupts) -> int:
+    """Run a command; where this one is ended, the command under way has time to remove what it began."""
     LOG.info(f"== {step.title}")
     env = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-    return subprocess.run([sys.executable, "-m", step.module, *step.words], env=env, check=False).returncode
+    process = subprocess.Popen([sys.executable, "-m", step.module, *step.words], env=env)
+    try:
+        return process.wait()
+    except KeyboardInterrupt:
+        if interrupts.signal == signal.SIGTERM:  # Ctrl-C and a closed terminal reach both; a second one cuts it short
+            process.terminate()
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        raise
 
 
 MEANINGS = {  # of folders and files beside those that index.html explains
@@ -247,7 +263,7 @@ def _short(value: str, unit: str) -> str:
 
 def _next(wanted: Wanted, folder: Path) -> str:
     words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
-    words = " ".join((words, *wanted.printer_option))
+    words = " ".join((words, *wanted.printer_option)) + exports_words(wanted.exports)
     design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
     return "\n".join([

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,9 @@ from fab.variant import Variant
 _ROOT = Path(__file__).resolve().parent.parent
 # In a checkout its own folder; where the wheel is installed, one in the current folder.
 EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
+VARIANT_USAGE = (
+    "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION]"
+)
 VARIANT_DEFAULTS = {
     **DESIGN_DEFAULTS,
     **PATTERN_DEFAULTS,
@@ -41,6 +45,15 @@ VARIANT_DEFAULTS = {
     "robot": DEFAULT_ROBOT,
     "exports": EXPORTS,
 }
+
+
+def exports_words(exports: Path) -> str:
+    """The option that names a folder of exports, with a space before it, as it follows a command; empty for the usual.
+
+    Args:
+        exports: folder that holds those of the variants.
+    """
+    return "" if exports.resolve() == Path(EXPORTS).resolve() else f" exports={shlex.quote(str(exports))}"
 
 
 class Interrupts:
@@ -125,7 +138,7 @@ class Command:
             except (Exception, KeyboardInterrupt):
                 if interrupts.signal is None:
                     raise
-                LOG.error(f"{self.name}: {_ending(interrupts.signal)}; nothing was left behind")
+                LOG.error(f"{self.name}: {ending_words(interrupts.signal)}; nothing was left behind")
                 return 128 + interrupts.signal
 
     def _status(
@@ -146,7 +159,8 @@ class Command:
             return 2
 
 
-def _ending(number: int) -> str:
+def ending_words(number: int) -> str:
+    """How a signal ended a command: ``interrupted``, ``ended by SIGTERM``."""
     return "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
 
 

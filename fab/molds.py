@@ -18,7 +18,7 @@ from cad.robot_sides import robot_sides
 from cad.whole_file import probe_folder
 from fab.cache import Cache
 from fab.checks.check import require_passed
-from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
 from fab.variant import Variant
@@ -61,8 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     command = Command(
         "make molds",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION] "
-        "[printer=NAME] [exports=DIR] [cache=no]",
+        f"{VARIANT_USAGE} [printer=NAME] [exports=DIR] [cache=no]",
         "Make the mold, the TPU interface, the base and the assembly of one endcap.",
         _help,
         {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "cache": "yes"},

@@ -161,15 +161,24 @@ def bare(code_or_module: list[str]) -> subprocess.CompletedProcess[str]:
         )
 
 
-@pytest.mark.parametrize("command", ["fab.molds", "sensing.live", "sensing.simulator", "sensing.train"])
-def test_a_missing_library_is_one_line_with_the_command_that_installs_it(command):
+@pytest.mark.parametrize(
+    ("command", "extra"),
+    [
+        ("fab.molds", "cad"),
+        ("endcap.robot_model", "simulate"),  # its springs come first
+        ("sensing.live", "live"),
+        ("sensing.simulator", "simulate"),
+        ("sensing.train", "train"),
+    ],
+)
+def test_a_missing_library_is_one_line_with_the_command_that_installs_it(command, extra):
     result = bare([command])
     assert result.returncode == 2
     assert result.stdout == ""
     lines = result.stderr.strip().splitlines()
     assert "Traceback" not in result.stderr and len([line for line in lines if "endcap-toolkit" in line]) == 1
     assert lines[-1].startswith(f"{command}: ")  # lines before it are of progress
-    assert lines[-1].endswith(f"run pip install 'endcap-toolkit[{extras.extra_of_command(command)}]'")
+    assert lines[-1].endswith(f"run pip install 'endcap-toolkit[{extra}]'")
 
 
 def test_the_extra_of_the_importing_module_is_named_where_the_command_has_not_got_it():
@@ -208,8 +217,9 @@ def test_importing_from_a_program_changes_nothing():
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
-def test_a_command_gives_linear_algebra_one_thread_unless_the_user_says_otherwise(monkeypatch):
-    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "sensing.train"])
+@pytest.mark.parametrize("command", ["sensing.train", "endcap.robot_model"])
+def test_a_command_gives_linear_algebra_one_thread_unless_the_user_says_otherwise(monkeypatch, command):
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", command])
     monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     for name in threads.VARIABLES:
         monkeypatch.delenv(name, raising=False)

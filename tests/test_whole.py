@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -68,7 +72,7 @@ def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):
     assert {step.module for step in seen if "printer=a1_mini" in step.words} == {
         "fab.molds", "fab.slice", "fab.build_sheet",
     }  # fmt: skip
-    assert "make sheet D=142 T=7.5 printer=a1_mini" in (tmp_path / "D142_T7.5" / PAGE).read_text()
+    assert f"make sheet D=142 T=7.5 printer=a1_mini exports={tmp_path}" in (tmp_path / "D142_T7.5" / PAGE).read_text()
     assert not any("printer" in word for step in parsed([]).steps() for word in step.words)
 
 
@@ -77,11 +81,40 @@ def test_a_failure_stops_it_but_for_a_slicer_that_is_not_there(tmp_path, capsys)
     seen: list[Step] = []
     assert make(wanted, runner(wanted, seen, {"fab.slice": 2})) == 0
     assert "left out: slicer projects" in capsys.readouterr().out
+    for module in ("fab.slice", "endcap.robot_model"):  # a gate that did not hold is no slicer that is not there
+        wanted = parsed([f"exports={tmp_path / module}"])
+        assert make(wanted, runner(wanted, seen, {module: 1})) == 1
+        assert "failed" in capsys.readouterr().err
     wanted = parsed([f"exports={tmp_path / 'b'}"])
     assert make(wanted, runner(wanted, seen, {"fab.build_sheet": 1})) == 1
     assert "build sheet failed" in capsys.readouterr().err and not (tmp_path / "b" / "D130_T8" / PAGE).exists()
     wanted = parsed([f"exports={tmp_path / 'c'}"])
     assert make(wanted, runner(wanted, seen, {"fab.molds": 2})) == 2
+
+
+WAITS = """
+import pathlib, signal, sys, time
+place = pathlib.Path(sys.argv[1])
+signal.signal(signal.SIGTERM, lambda *_: (place.joinpath("tidied").touch(), sys.exit(143)))
+place.joinpath("ready").touch()
+time.sleep(60)
+"""
+
+
+def test_a_command_under_way_removes_what_it_began_when_all_is_ended(tmp_path, monkeypatch, capsys):
+    (tmp_path / "waits.py").write_text(WAITS)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(whole.Wanted, "steps", lambda _: [Step("molds", "waits", (str(tmp_path),))])
+
+    def end() -> None:
+        while not (tmp_path / "ready").exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=end, daemon=True).start()
+    assert whole.main([f"exports={tmp_path}"]) == 128 + signal.SIGTERM
+    assert (tmp_path / "tidied").exists()
+    assert capsys.readouterr().err.splitlines()[-1] == "make endcap: ended by SIGTERM; what was made before stays"
 
 
 @pytest.mark.parametrize(

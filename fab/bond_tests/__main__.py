@@ -65,12 +65,17 @@ def read_folder(folder: Path) -> list[Specimen]:
     for kind in KINDS:
         methods = sorted(path for path in (folder / kind).glob("*") if path.is_dir()) if folder.is_dir() else []
         for method in methods:
-            specimens += [evaluate(read_record(path), kind, method.name) for path in sorted(method.glob("*.csv"))]
+            specimens += [evaluate(read_record(path), kind, method.name) for path in _tables(method)]
     if not specimens:
         raise FileError(
             f"{folder}: no files like tensile/METHOD/*.csv or peel/METHOD/*.csv: sort your exports that way"
         )
     return specimens
+
+
+def _tables(method: Path) -> list[Path]:
+    """CSV files of one method, by name; testing machines' computers write ``.CSV``, too."""
+    return sorted(path for path in method.iterdir() if path.suffix.lower() == ".csv")
 
 
 def report(groups: Sequence[Group], comparisons: Sequence[Comparison]) -> str:

@@ -14,7 +14,7 @@ from cad.errors import FileError, ParameterError
 from cad.materials import silicones
 from cad.messages import show
 from fab.checks.check import require_passed
-from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, exports_words, parse_variant
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
 from fab.variant import Variant
@@ -33,7 +33,7 @@ FIGURES = 6
 HELP = """\
 options, as NAME=VALUE:
   D=130 T=8        the design; `make molds` with the same options must have run, `make slice` should have
-  joint_clearance=0.15   its variant
+  joint_clearance=0.15  robot=  dots=  dot_mm=  gyroid=   its variant, as molds was given it
   material=NAME    silicone: {materials}
   printer=NAME     has to be that of `make slice` where that has run; else the sheet's commands name it
   exports=DIR      folder that holds D130_T8/ (default: exports/)
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     command = Command(
         "make sheet",
-        "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [printer=NAME] [exports=DIR]",
+        f"{VARIANT_USAGE} [printer=NAME] [exports=DIR]",
         "Write the build sheet of an exported endcap.",
         lambda: HELP.format(materials=", ".join(silicones())),
         {**VARIANT_DEFAULTS, "printer": ""},
@@ -90,7 +90,7 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
 
     export = read_export(variant, exports)
     sliced = read_slices(export)
-    require_sliced_for(asked_printer, sliced, variant)
+    require_sliced_for(asked_printer, sliced, export.words)
     with (
         Progress(ask) as progress,
         whole_folder(export.folder / FOLDER, RECORD, ask) as folder,
@@ -104,7 +104,8 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
         write_pdf(document, folder / "build_sheet.pdf")
         (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
         write_record(folder, RECORD, own)
-    note = "" if sliced else f" (without print times: run {make_command('slice', data)})"
+    slicing = make_command("slice", data) + exports_words(exports)
+    note = "" if sliced else f" (without print times: run {slicing})"
     show(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
 
@@ -118,7 +119,7 @@ def read_slices(export: Export) -> dict[str, Any] | None:
     path = export.folder / "slice" / "slice.json"
     if not path.exists():
         return None
-    again = f"run `make slice {export.variant.words}` again"
+    again = f"run `make slice {export.words}` again"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         matches = record["digest"] == export.params.digest
@@ -131,13 +132,13 @@ def read_slices(export: Export) -> dict[str, Any] | None:
     return dict(record) if record.get("manifest_sha256") == export.manifest_sha256 else None
 
 
-def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, variant: Variant) -> None:
+def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, words: str) -> None:
     """Refuse slices of another printer than the sheet was asked for.
 
     Args:
         asked_printer: name in the printers' table; empty where none was asked for.
         sliced: ``slice.json``; None where it has not been sliced.
-        variant: what was exported.
+        words: options that name the export.
 
     Raises:
         ParameterError: names both, and the command that slices for the one that was asked for.
@@ -146,7 +147,7 @@ def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, var
     if asked_printer and found and found != asked_printer:
         raise ParameterError(
             f"printer={asked_printer}: it was sliced for {found}, and the sheet prints those plates: run `make slice "
-            f"{variant.words} printer={asked_printer}` first, or leave printer= out",
+            f"{words} printer={asked_printer}` first, or leave printer= out",
             name="printer",
             value=asked_printer,
         )

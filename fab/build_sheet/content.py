@@ -14,8 +14,8 @@ from fab.build_sheet.prints import bed_needed, mold_sums, prints
 from fab.build_sheet.shopping import bill
 from fab.build_sheet.sums import cost_facts
 from fab.part_words import WORKSHOP, height_words
+from fab.slice.result import PAPER_MOLD
 
-PAPER_MOLD_USD = 8.50  # P
 COVER_RATIO = 0.75  # of the text's width: table and words below the picture stay on its page
 
 
@@ -50,12 +50,11 @@ def _cover(data: SheetData) -> list[Block]:
         ("gates", f"{len(data.checks)}, all held" if all(c["ok"] for c in data.checks) else "NOT ALL HELD"),
     ]
     fixing = fixing_words(data.robot)
-    facts.append(("robot", f"adapter for {robot_words(data.robot)}" + (f": {fixing}" if fixing else "")))
+    adapter = f"adapter for {robot_words(data.robot)}: {fixing}" if fixing else "adapter without holes: drill your own"
+    facts.append(("robot", adapter))
     facts.append(("print bed", bed_needed(data)))
     if mold := mold_sums(data):
-        facts.append(
-            ("mold", f"{mold[0]}, {mold[1]:.0f} g of PLA, {mold[2]:.2f} USD (the paper: about {PAPER_MOLD_USD:.2f})")
-        )
+        facts.append(("mold", f"{mold[0]}, {mold[1]:.0f} g of PLA, {mold[2]:.2f} USD ({PAPER_MOLD})"))
     facts += cost_facts(data)
     return [
         Picture(data.pictures["cover"], "what you will build", COVER_RATIO),

@@ -31,7 +31,7 @@ def prints(data: SheetData) -> list[Block]:
         first, second = (make_command(target, data) for target in ("slice", "sheet"))
         bed = f"Bed: {bed_needed(data)}."
         return [title, Paragraph(bed), Paragraph(f"Not sliced yet: run {first}, then {second} again.")]
-    return [title, *_made_for(data, data.sliced), *_plates(data, data.sliced), *_filled(data.sliced["projects"])]
+    return [title, *_made_for(data, data.sliced), *_plates(data, data.sliced), *_filled(data, data.sliced["projects"])]
 
 
 def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
@@ -72,13 +72,14 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
     ]
 
 
-def _filled(projects: list[Mapping[str, Any]]) -> list[Block]:
+def _filled(data: SheetData, projects: list[Mapping[str, Any]]) -> list[Block]:
     return [
         Heading("How each part is filled"),
         Table(("part", "filling", "also"), tuple(_fill_rows(projects)), (1.6, 3.4, 2)),
         *(
             Paragraph(
-                f"{project['name']}: {100 * project['zone']['fraction']:.2f} % of the zone is printed (wanted 10), "
+                f"{project['name']}: {100 * project['zone']['fraction']:.2f} % of the zone is printed "
+                f"(wanted {100 * data.layout.params.gyroid:.4g}), "
                 f"{100 * project['zone']['open_share']:.1f} % of its boundary is open for the silicone."
             )
             for project in projects

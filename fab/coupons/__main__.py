@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
-from cad.materials import DEFAULT_SILICONE, silicone
+from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.messages import show
 from fab.checks.check import require_passed
+from fab.choices import chosen
 from fab.command import EXPORTS, Command
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.variant import file_name
@@ -79,7 +80,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[
 
     Args:
         exports: folder that receives ``coupons``.
-        material: silicone of the bond specimens, a row of materials.csv.
+        material: silicone of the bond specimens, a row of materials.csv, in upper or lower case.
         ask: raises where the command was interrupted and a library swallowed that.
 
     Returns:
@@ -94,6 +95,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[
     from fab.coupons.mesh import coupon_meshes
     from fab.pictures.parts import PictureItem, render_parts
 
+    material = chosen("material", material, silicones(), "cad/materials.csv")
     density = silicone(material).density_g_cm3
     label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
     with whole_folder(exports / label, RECORD, ask) as folder:

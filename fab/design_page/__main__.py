@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cad.errors import ParameterError
 from cad.messages import show
+from cad.plain_numbers import brief
 from fab.command import EXPORTS, Command, Interrupts
 
 HELP = """\
@@ -39,8 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     port = options["port"]
-    if port and not (port.isascii() and port.isdecimal() and 0 <= int(port) < 65536):
-        raise ParameterError(f"port={port} is no port: give a number from 0 to 65535", name="port", value=port)
+    if port and not (port.isascii() and port.isdecimal() and len(port) <= 5 and int(port) < 65536):
+        raise ParameterError(f"port={brief(port)} is no port: give a number from 0 to 65535", name="port", value=port)
     if options["open"] not in ("yes", "no"):
         raise ParameterError(f"open={options['open']} is neither yes nor no", name="open")
     from fab.design_page.jobs import Jobs

@@ -63,8 +63,13 @@ def parse_choice(knobs: Mapping[str, str]) -> Choice:
     return Choice(parse_variant({**VARIANT_DEFAULTS, "D": "130", "T": "8", **given}), where.name)
 
 
-def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
-    """What is shown for a choice: either ``refusal``, or facts, section and commands."""
+def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]:
+    """What is shown for a choice: either ``refusal``, or facts, section and commands.
+
+    Args:
+        knobs: as typed.
+        exports_option: names the folder of exports in the commands (:func:`fab.command.exports_words`).
+    """
     try:
         choice = parse_choice(knobs)
     except ParameterError as error:
@@ -82,7 +87,7 @@ def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
         ("mold", f"about {costs.mold_g:.0f} g of PLA"),
         ("printing", f"about {costs.hours:.0f} h, mold, base and interface"),
         ("cost", f"about {costs.usd:.0f} USD: plastic, silicone in the cast, camera, ring, screws"),
-        ("joint clearance", f"{low:.2f} to {high:.2f} mm a side in this silicone"),
+        ("joint clearance", f"{low:g} to {high:g} mm a side in this silicone"),
         ("bed", costs.bed),
     ]
     return {
@@ -90,7 +95,8 @@ def answer(knobs: Mapping[str, str]) -> dict[str, Any]:
         "section": _section(variant.layout),
         "label": variant.label,
         "commands": [
-            f"make {target} {variant.words}{printer_words(choice.printer)}" for target in ("molds", "slice", "sheet")
+            f"make {target} {variant.words}{printer_words(choice.printer)}{exports_option}"
+            for target in ("molds", "slice", "sheet")
         ],
     }
 

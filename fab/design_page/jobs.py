@@ -47,6 +47,7 @@ class _State:
     label: str = ""
     running: bool = False
     status: int | None = None
+    made: bool = False  # whether the first command, which makes the folder, has ended well
     lines: tuple[str, ...] = ()
     number: int = 0
 
@@ -74,7 +75,7 @@ class Jobs:
             if self._state.running or self._is_closing:
                 return False
             self._is_stopped = False
-            self._state = _State(label, True, None, (), self._state.number + 1)
+            self._state = _State(label, True, number=self._state.number + 1)
             self._changed.notify_all()
         runs = self._commands(words, printer, is_whole, self._exports)
         threading.Thread(target=self._run, args=(runs,), daemon=True).start()
@@ -106,6 +107,7 @@ class Jobs:
                 "label": self._state.label,
                 "running": self._state.running,
                 "status": self._state.status,
+                "made": self._state.made,
                 "lines": list(self._state.lines),
             }
 
@@ -116,6 +118,7 @@ class Jobs:
                 status = self._one(run)
                 if status:
                     break
+                self._state.made = True
         except OSError as error:
             status = 1
             self._say(f"{runs[0][0]}: {error.strerror or error}")

@@ -24,11 +24,13 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from cad.errors import EndcapError, ParameterError
 from cad.messages import LOG
+from fab.command import exports_words
 from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.jobs import Jobs
 
 PORT = 8010
 LARGEST_BODY = 4096
+MOST_FIELDS = 16  # of an address
 WAIT_S = 20.0  # of a question for news of the run
 TOKEN_HEADER = "X-Endcap-Token"
 LABEL = re.compile(r"D[0-9.]+_T[0-9.]+(_[A-Za-z0-9.-]+)*")
@@ -115,21 +117,25 @@ class _Handler(BaseHTTPRequestHandler):
         except Exception as error:
             place = traceback.extract_tb(error.__traceback__)[-1]
             what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
-            LOG.error(f"design page: {urlsplit(self.path).path}: {what}")
+            LOG.error(f"design page: {self.path.partition('?')[0]}: {what}")
             self._close_after()  # what is left of the request is unread
             self._text(HTTPStatus.INTERNAL_SERVER_ERROR, f"An error of the program, please report it: {what}")
 
     def _get(self) -> None:
         if self._refused():
             return
-        address = urlsplit(self.path)
-        path, query = unquote(address.path), dict(parse_qsl(address.query, True, max_num_fields=16))
+        try:
+            address = urlsplit(self.path)
+            path, query = unquote(address.path), dict(parse_qsl(address.query, True, max_num_fields=MOST_FIELDS))
+        except ValueError as error:
+            self._text(HTTPStatus.BAD_REQUEST, f"This address cannot be read: {error}.")
+            return
         if path in STATIC:
             self._static(path)
         elif path == "/region.json":
             self._json(region())
         elif path == "/answer.json":
-            self._json(answer(query))
+            self._json(answer(query, exports_words(self.server.exports)))
         elif path == "/preview.glb":
             self._preview(query)
         elif path == "/job.json":
@@ -164,8 +170,11 @@ class _Handler(BaseHTTPRequestHandler):
         """Silent: the terminal shows the run."""
 
     def _make(self, body: Mapping[str, Any]) -> None:
-        is_whole = body.get("whole") is True
-        knobs = {name: value for name, value in body.items() if name != "whole" and isinstance(value, str)}
+        knobs = {name: value for name, value in body.items() if name != "whole"}
+        is_whole = body.get("whole", False)
+        if not isinstance(is_whole, bool) or not all(isinstance(value, str) for value in knobs.values()):
+            self._text(HTTPStatus.BAD_REQUEST, 'Knobs are texts, such as "D": "130", and whole is true or false.')
+            return
         try:
             choice = parse_choice(knobs)
         except ParameterError as error:
@@ -202,7 +211,11 @@ class _Handler(BaseHTTPRequestHandler):
             return
         with contextlib.suppress(OSError, ValueError):
             file = (folder / name).resolve(strict=True)
-            if file.is_relative_to(folder.resolve()) and file.is_file():
+            inside = file.is_relative_to(folder.resolve())
+            if inside and file.is_dir():  # index.html links slice/, which a browser lists where it reads files itself
+                self._text(HTTPStatus.NOT_FOUND, f"A folder, which this page does not list: its files are in {file}")
+                return
+            if inside and file.is_file():
                 kind = KINDS.get(file.suffix.lower(), "application/octet-stream")
                 self._send(HTTPStatus.OK, file.read_bytes(), kind, EXPORT_POLICY)
                 return

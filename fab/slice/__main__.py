@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from cad.errors import ParameterError
 from cad.messages import show
 from fab.checks.check import require_passed
-from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
+from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
 from fab.slice.printers import DEFAULT_PRINTER, Printer, printer, printers
@@ -31,7 +31,7 @@ RECORD = "slice.json"
 HELP = """\
 options, as NAME=VALUE:
   D=130 T=8        the design; `make molds` with the same options must have run
-  joint_clearance=0.15  material='Smooth-Sil 950'   its variant
+  joint_clearance=0.15  material='Smooth-Sil 950'  robot=  dots=  dot_mm=  gyroid=   its variant
   exports=DIR      folder that holds D130_T8/ (default: exports/)
   printer=generic256   {printers}
                    (beds, levelling and preset names: fab/slice/printers.csv)
@@ -45,7 +45,7 @@ exit status: 0 written; 1 a gate failed; 2 bad input, no export, or no PrusaSlic
 """
 COMMAND = Command(
     "make slice",
-    "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [printer=NAME] [exports=DIR] [parts=NAMES] [gcode=yes]",
+    f"{VARIANT_USAGE} [printer=NAME] [exports=DIR] [plates=single] [parts=NAMES] [gcode=yes]",
     "Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
     HELP,
     {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "plates": "nested", "parts": "all", "gcode": "no"},

@@ -86,7 +86,7 @@ def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
     """Largest D, to a tenth of a millimetre, whose parts a printer takes; ``None`` where it takes those of no size.
 
     Args:
-        layout: its clearance, and its wall as far as another D can have it. where: the printer.
+        layout: its wall is kept as far as another D can have it; joints do not widen a part. where: the printer.
     """
     low, high = feasible.diameter_range_mm()
     steps = np.arange(math.ceil(low * 10), math.floor(high * 10) + 1)

@@ -19,6 +19,7 @@ import trimesh
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.identity import identity, recorded, require_same
 from cad.params import EndcapParams
+from fab.command import exports_words
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
 from fab.slice.nest import Place, Standing, nested
@@ -53,6 +54,11 @@ class Export:
         return self.variant.params
 
     @property
+    def words(self) -> str:
+        """The options that name it on a command line."""
+        return self.variant.words + exports_words(self.folder.parent)
+
+    @property
     def manifest_sha256(self) -> str:
         """What `make slice` notes, so that prints of an earlier export are known as such."""
         return file_sha256(self.folder / MANIFEST)
@@ -70,7 +76,7 @@ def read_export(variant: Variant, exports: Path) -> Export:
         FileError: it is missing, unreadable or of other parameters; the message has the command that makes it.
     """
     folder = exports / variant.label
-    again = f"run `make molds {variant.words}`"
+    again = f"run `make molds {variant.words}{exports_words(exports)}`"
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         found, digest = variant_of(variant.params, manifest), manifest["digest"]

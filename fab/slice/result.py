@@ -23,6 +23,7 @@ FRACTION_TOLERANCE = 0.005  # of the zone's volume, for example 10 +- 0.5 %
 LEAST_OPEN = 0.90
 GRAMS_TOLERANCE = 0.005  # our sum over the moves against the slicer's: a move lost in reading shows here
 FIGURES = 6
+PAPER_MOLD = "the paper, D=130: about 8.50"  # P: what its mold costs, USD
 
 
 @dataclass(frozen=True)
@@ -199,7 +200,7 @@ def summary(results: Sequence[SliceResult]) -> str:
     time_s, grams, cost = (
         sum(getattr(figures, name) * share for figures, share in mold) for name in ("time_s", "grams", "cost_usd")
     )
-    lines.append(f"mold: {hours(time_s)}, {grams:.0f} g, {cost:.2f} USD (the paper: about 8.50)")
+    lines.append(f"mold: {hours(time_s)}, {grams:.0f} g, {cost:.2f} USD ({PAPER_MOLD})")
     return "\n".join(lines)
 
 

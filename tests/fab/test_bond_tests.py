@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cad.errors import FileError
-from fab.bond_tests.__main__ import main
+from fab.bond_tests.__main__ import main, read_folder
 from fab.bond_tests.files import Record, read_record
 from fab.bond_tests.results import Specimen, compare, evaluate, holm, initial_peak, mean_interval, mean_peel, summarize
 
@@ -192,6 +192,15 @@ def test_command_from_files_to_figure(tmp_path, capsys):
     assert main([str(tmp_path)]) == 0  # its own results do not come back as specimens
     assert main([str(tmp_path / "nothing")]) == 2
     assert "sort your exports" in capsys.readouterr().err
+
+
+def test_files_count_whatever_the_case_of_their_ending(tmp_path):
+    method = tmp_path / "tensile" / "mechanical"
+    method.mkdir(parents=True)
+    for name in ("a.csv", "B.CSV"):
+        write(method / name, *pull())
+    (method / "notes.txt").write_text("of the same tests")
+    assert [specimen.name for specimen in read_folder(tmp_path)] == ["B.CSV", "a.csv"]
 
 
 def test_groups_of_one_have_no_interval():

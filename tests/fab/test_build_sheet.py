@@ -167,14 +167,14 @@ def test_pdf_has_pages_pictures_and_the_same_bytes_twice(document, tmp_path):
         (["material=Butter"], "material=Butter is not in cad/materials.csv"),
         (["paper=A3"], "'paper=A3' is not an option"),
         (["printer=mk5"], "printer=mk5 is not in"),
-        (["printer=mk4"], "run `make molds D=130 T=8` first"),
-        ([], "run `make molds D=130 T=8` first"),
+        (["printer=mk4"], "run `make molds D=130 T=8 exports={exports}` first"),
+        ([], "run `make molds D=130 T=8 exports={exports}` first"),
     ],
 )
 def test_bad_input_gets_one_line_status_2_and_no_files(words, expected, tmp_path, capsys):
     assert command.main([*words, f"exports={tmp_path}"]) == 2
     err = capsys.readouterr().err
-    assert len(err.splitlines()) == 1 and expected in err and list(tmp_path.iterdir()) == []
+    assert len(err.splitlines()) == 1 and expected.format(exports=tmp_path) in err and list(tmp_path.iterdir()) == []
 
 
 def test_slices_of_another_design_are_refused(tmp_path):
@@ -247,13 +247,27 @@ def test_the_sheet_slices_for_the_printer_that_it_is_made_for(sliced, manifest, 
     assert ("Another printer: make slice D=142 T=7.5 printer=NAME" in text) == (sliced is not None)
 
 
+@pytest.mark.parametrize(("gyroid", "wanted"), [(0.1, "10"), (0.12, "12"), (0.093, "9.3")])
+def test_the_filling_of_the_zone_is_compared_with_that_of_this_endcap(gyroid, wanted):
+    zone = {"fraction": gyroid, "open_share": 0.95}
+    interface = {"name": "interface_infill", "material": "TPU 95A", "pieces": [], "time_s": 60.0, "grams": 1.0}
+    sliced = {**SLICED, "projects": [*SLICED["projects"], {**interface, "layer_mm": 0.2, "zone": zone}]}
+    layout = MoldLayout(EndcapParams(130.0, 8.0, gyroid=gyroid))
+    text = " ".join(
+        block.text
+        for block in prints(SheetData(layout, {}, sliced, MIX, [], [], [], [], 0.0, {}))
+        if isinstance(block, Paragraph)
+    )
+    assert f"{100 * gyroid:.2f} % of the zone is printed (wanted {wanted}), 95.0 % of its boundary is open" in text
+
+
 def test_a_sheet_for_another_printer_than_the_slices_is_refused():
-    variant = Variant(MoldLayout(PARAMS))
-    command.require_sliced_for("", SLICED, variant)
-    command.require_sliced_for("a1_mini", SLICED, variant)
-    command.require_sliced_for("mk4", None, variant)
+    words = Variant(MoldLayout(PARAMS)).words
+    command.require_sliced_for("", SLICED, words)
+    command.require_sliced_for("a1_mini", SLICED, words)
+    command.require_sliced_for("mk4", None, words)
     with pytest.raises(ParameterError, match=r"printer=mk4: it was sliced for a1_mini.*printer=mk4` first"):
-        command.require_sliced_for("mk4", SLICED, variant)
+        command.require_sliced_for("mk4", SLICED, words)
 
 
 def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():

@@ -144,8 +144,8 @@ def test_molds_command_takes_the_clearance(monkeypatch, tmp_path, capsys):
 
 
 def test_bad_options(capsys, tmp_path):
-    assert main(["material=Butter", f"exports={tmp_path}"]) == 2
-    assert "Butter" in capsys.readouterr().err
+    assert main(["material=dragn skin 30", f"exports={tmp_path}"]) == 2
+    assert "material=dragn skin 30 is not in cad/materials.csv: did you mean Dragon Skin 30" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
     assert json.dumps(coupons.CLEARANCES_MM) == "[0.05, 0.1, 0.15, 0.2, 0.25, 0.3]"
 

@@ -15,6 +15,7 @@ from cad.params import EndcapParams
 from cad.robot_sides import robot_sides
 from fab.bom import all_joints, bom_csv, bom_lines
 from fab.build_sheet.blocks import Table
+from fab.build_sheet.content import _cover
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.shopping import bill
 from fab.build_sheet.sums import cost_facts
@@ -111,3 +112,14 @@ def test_every_robot_has_words(robot):
 def test_every_part_of_the_mold_has_words():
     owners = {joint.anchor for joint in all_joints(LAYOUT)} | {joint.seat for joint in all_joints(LAYOUT)}
     assert all(":" in part_words(name) or name == "camera" for name in owners)
+
+
+@pytest.mark.parametrize("robot", robot_sides())
+def test_the_cover_says_what_the_adapter_fits_and_at_which_size_the_papers_mold_cost_that(robot):
+    piece = {"name": "cup_bowl_1", "grams": 31.0, "cost_usd": 0.62}
+    sliced = {"printer": {"name": "mk4"}, "projects": [{"time_s": 60.0, "grams": 31.0, "pieces": [piece]}]}
+    data = sheet_of(SLICED, manifest={**MANIFEST, "robot": robot}, pictures={"cover": Path("cover.png")})
+    data = replace(data, sliced=sliced)
+    facts = dict(next(block for block in _cover(data) if isinstance(block, Table)).rows)
+    assert facts["mold"].endswith("0.62 USD (the paper, D=130: about 8.50)")
+    assert ("drill your own" in facts["robot"]) == (robot == "blank") != facts["robot"].startswith("adapter for ")

@@ -34,14 +34,14 @@ SMALL_MOLD = Variant(MoldLayout(SMALL))
         (["plates=many"], "neither nested nor single"),
         (["printer=mk5"], "Choose one of mk4, x1c, a1_mini, ender3, generic180"),
         (["--quick"], "'--quick' is not an option"),
-        ([], "run `make molds D=130 T=8` first"),
+        ([], "run `make molds D=130 T=8 exports={exports}` first"),
     ],
 )
 def test_bad_input_gets_one_line_and_status_2(words, expected, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("fab.slice.run.shutil.which", lambda name: f"/bin/{name}")
     assert command.main([*words, f"exports={tmp_path}"]) == 2
     err = capsys.readouterr().err
-    assert len(err.splitlines()) == 1 and expected in err and list(tmp_path.iterdir()) == []
+    assert len(err.splitlines()) == 1 and expected.format(exports=tmp_path) in err and list(tmp_path.iterdir()) == []
 
 
 def test_without_the_slicer_the_command_says_how_to_get_it(tmp_path, capsys, monkeypatch):
@@ -113,7 +113,7 @@ def test_each_plate_has_its_own_seconds_whatever_its_neighbours_took(monkeypatch
     monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
     plates = [SimpleNamespace(name=name) for name in spent]
     with caplog.at_level("INFO"):
-        command._sliced_and_gated("slicer", SimpleNamespace(variant=SMALL_MOLD), plates, tmp_path, None)
+        command._sliced_and_gated("slicer", SimpleNamespace(variant=SMALL_MOLD), plates, tmp_path, None, lambda: None)
     lines = [record.message for record in caplog.records]
     shown = {line.split()[2]: float(line.split()[0]) for line in lines}
     assert shown["slow"] >= 0.4 and shown["quick"] < 0.3

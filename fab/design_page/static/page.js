@@ -60,7 +60,7 @@ async function refresh() {
     if (shape && page.real !== answer.label) {
       viewer.load(shape); page.label = answer.label; page.real = "";
       $("stage").textContent = "in outline: no holes, screws, dots; the gyroid as its envelope";
-      if (page.job?.status === 0 && page.job.label === answer.label) show_real(answer.label);
+      if (page.job?.made && page.job.label === answer.label) show_real(answer.label);
     }
   }
   page.shown = number;
@@ -124,6 +124,11 @@ async function follow() { // asks, and is answered when something has changed
     }
   }
 }
+function ended_words(job) {
+  if (job.status === 0) return `${job.label} is made.`;
+  if (job.made) return `${job.label} is made; of slicer projects and build sheet, what was under way was not (status ${job.status}).`;
+  return `${job.label} was not made (status ${job.status}); nothing was left behind.`;
+}
 function show_job(job) {
   const ended = page.job?.running && !job.running;
   page.job = job;
@@ -132,10 +137,10 @@ function show_job(job) {
   $("lines").hidden = !job.lines.length;
   $("lines").textContent = job.lines.join("\n"); $("lines").scrollTop = $("lines").scrollHeight;
   if (job.running) $("status").textContent = `making ${job.label}: ${job.lines.at(-1)?.trim() ?? "starting"}`;
-  else if (job.status !== null) $("status").textContent = job.status === 0 ? `${job.label} is made.` : `${job.label} was not made (status ${job.status}); nothing was left behind.`;
+  else if (job.status !== null) $("status").textContent = ended_words(job);
   $("status").className = job.status ? "failed" : "";
   $("done").replaceChildren();
-  if (job.status === 0) {
+  if (job.status !== null && job.made) {
     const link = document.createElement("a");
     link.href = `exports/${job.label}/index.html`; link.textContent = `open ${job.label}: files, pictures, next steps`;
     $("done").append(link);

@@ -43,6 +43,13 @@ def test_every_outline_is_closed_turns_outward_and_reaches_no_axis_twice(size):
             assert min(radius for radius, _ in profile) >= 0
 
 
+@pytest.mark.parametrize("knobs", [{"D": "130", "T": "8"}, {"material": "Ecoflex 00-30", "joint_clearance": "0.1"}])
+def test_every_joint_clearance_that_is_shown_as_possible_can_be_made(knobs):
+    shown = dict(answer(knobs)["facts"])["joint clearance"].split()
+    for end in (shown[0], shown[2]):  # "0.05 to 0.217 mm a side"; rounded to 0.22 it was refused when asked for
+        assert "refusal" not in answer({**knobs, "joint_clearance": end}), end
+
+
 def test_pappus_gives_the_volume_and_the_surface_of_a_torus_of_square_section():
     square = [(9.0, 0.0), (11.0, 0.0), (11.0, 2.0), (9.0, 2.0)]
     assert _volume_mm3(square) == pytest.approx(2 * math.pi * 10 * 4)
@@ -82,6 +89,7 @@ def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands(
     words = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30'"
     assert answer(knobs)["commands"] == [f"make {name} {words} printer=mk4" for name in ("molds", "slice", "sheet")]
     assert answer({"D": "150", "T": "9"})["commands"][1] == "make slice D=150 T=9"
+    assert answer({"D": "150", "T": "9"}, " exports=here")["commands"][1] == "make slice D=150 T=9 exports=here"
     assert answer(knobs)["label"] == choice.variant.label
     assert preview(knobs)[:4] == b"glTF" and len(preview(knobs)) < 2_000_000
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import http.client
 import json
-import signal
-import subprocess
+import socket
 import sys
 import threading
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from cad.errors import FileError, ParameterError
 from fab.design_page import __main__ as command
-from fab.design_page.jobs import STOPPED, Jobs, program_commands
+from fab.design_page.jobs import Jobs
 from fab.design_page.server import TOKEN_HEADER, DesignServer
 
 LABEL = "D130_T8"
@@ -84,6 +84,26 @@ def test_an_empty_field_is_no_size(server):
     assert status == 200 and "D= is not a number" in json.loads(content)["refusal"]
 
 
+def raw(server: DesignServer, target: str) -> bytes:
+    """The answer to a request whose address no client would send."""
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=60) as connection:
+        connection.sendall(f"GET {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
+        return b"".join(iter(partial(connection.recv, 4096), b""))
+
+
+@pytest.mark.parametrize("target", ["http://[", "/answer.json?" + "&".join(f"a{k}=1" for k in range(20))])
+def test_an_address_that_cannot_be_read_is_refused_in_one_line(server, capsys, target):
+    answer = raw(server, target)
+    assert answer.startswith(b"HTTP/1.1 400 ") and b"This address cannot be read: " in answer
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("body", [{"D": 163.7, "T": 9.35}, {"D": "130", "T": "8", "whole": "yes"}, {"D": None}])
+def test_knobs_of_another_kind_are_refused_and_no_other_size_is_made(server, body):
+    status, content, _ = ask(server, "/make", body, **{TOKEN_HEADER: server.token})
+    assert status == 400 and b"Knobs are texts" in content and not server.jobs.seen(-1)["running"]
+
+
 def raising(error: Exception):
     def stand_in(*_: object) -> None:
         raise error
@@ -128,6 +148,12 @@ def test_every_answer_forbids_frames_and_other_networks(server):
 def test_no_path_leaves_the_folder_of_an_export(server, path):
     status, content, _ = ask(server, path)
     assert status == 404 and content != b"no"
+
+
+def test_a_folder_that_index_html_links_is_named_with_its_place(server, exports):
+    status, content, _ = ask(server, f"/exports/{LABEL}/sheet/")
+    assert status == 404 and content.decode().endswith(f"its files are in {exports / LABEL / 'sheet'}")
+    assert ask(server, "/exports/../")[1] == ask(server, f"/exports/{LABEL}/../")[1] == b"No such file."
 
 
 def test_files_of_an_export_are_served_as_they_are(server):
@@ -179,52 +205,6 @@ def test_one_run_at_a_time_and_stop_ends_it(exports):
         assert state["status"] != 0
 
 
-def follow_to_the_end(jobs: Jobs):
-    number = 0
-    while (state := jobs.seen(number, 60.0))["running"]:
-        number = state["number"]
-    return state
-
-
-def test_stop_before_the_first_command_lets_none_begin(exports):
-    def commands(*_: object):
-        jobs.stop()  # the run is on, its first process is not
-        return [[sys.executable, "-c", PRINTS]]
-
-    jobs = Jobs(exports, commands)
-    assert jobs.start((), "mk4", LABEL, True)
-    state = follow_to_the_end(jobs)
-    assert (state["status"], state["lines"]) == (STOPPED, [])
-
-
-def test_stop_between_two_commands_lets_the_next_one_not_begin(exports):
-    class StoppedBetween(Jobs):
-        def _one(self, run):
-            status = super()._one(run)
-            self.stop()
-            return status
-
-    commands = [[sys.executable, "-c", f"print({name!r})"] for name in ("molds", "slice")]
-    jobs = StoppedBetween(exports, lambda *_: commands)
-    for _ in range(2):  # the stop of one run is not that of the next
-        assert jobs.start((), "mk4", LABEL, True)
-        state = follow_to_the_end(jobs)
-        assert (state["status"], state["lines"]) == (STOPPED, ["molds"])
-
-
-def test_stop_while_a_command_is_being_started_ends_it(exports, monkeypatch):
-    jobs, begin = Jobs(exports, stand_in(WAITS)), subprocess.Popen
-
-    def popen(*words, **options):
-        process = begin(*words, **options)
-        jobs.stop()
-        return process
-
-    monkeypatch.setattr("fab.design_page.jobs.subprocess.Popen", popen)
-    assert jobs.start((), "mk4", LABEL, False)
-    assert follow_to_the_end(jobs)["status"] == -signal.SIGTERM
-
-
 def test_closing_the_page_ends_its_run(exports):
     with served(exports, WAITS) as server:
         assert ask(server, "/make", {}, **{TOKEN_HEADER: server.token})[0] == 200
@@ -233,19 +213,14 @@ def test_closing_the_page_ends_its_run(exports):
     assert process.poll() is not None
 
 
-def test_the_button_runs_the_very_commands(tmp_path):
-    words = ("D=150", "T=9", "joint_clearance=0.15", "material=Dragon Skin 30")
-    (molds,) = program_commands(words, "mk4", False, tmp_path)
-    assert molds == [sys.executable, "-m", "fab.molds", *words, "printer=mk4", f"exports={tmp_path}"]
-    assert all("printer=mk4" in run for run in program_commands(words, "mk4", True, tmp_path))
-    assert [run[2] for run in program_commands(words, "mk4", True, tmp_path)] == [
-        "fab.molds", "fab.slice", "fab.build_sheet",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
-    [(["port=http"], "is no port"), (["open=maybe"], "neither yes nor no"), (["D=130"], "is not an option")],
+    [
+        (["port=http"], "is no port"),
+        (["port=" + 5000 * "1"], "is no port"),
+        (["open=maybe"], "neither yes nor no"),
+        (["D=130"], "is not an option"),
+    ],
 )
 def test_bad_options_get_one_line_and_status_2(words, expected, tmp_path, capsys):
     assert command.main([*words, f"exports={tmp_path}"]) == 2

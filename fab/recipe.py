@@ -30,6 +30,7 @@ SHOWN_RATIO = 0.5  # E: of a well's depth: seen at a glance
 FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (21 mN/m) stands up to 1.8 mm high
 SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
 LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
+DEGAS = "degas until the foam has fallen"
 MIX_MIN = 3.0  # E: scraping sides and bottom
 DEGAS_MIN = 5.0  # E: until the foam has fallen, at 29 inHg
 POUR_MIN = 5.0  # E: thin stream onto one spot
@@ -124,6 +125,11 @@ class Recipe:
         return self.poured_g + HAND_G + SCALE_G
 
     @property
+    def is_degassed(self) -> bool:
+        """Whether the pot life leaves time for it."""
+        return any(step.what == DEGAS for step in self.timeline)
+
+    @property
     def pot_life_to_spare_min(self) -> float:
         """Time from the closed mold until the silicone thickens."""
         return self.silicone.pot_life_min - self.timeline[-1].end_min
@@ -162,7 +168,7 @@ def recipe(
     steps, clock = [], 0.0
     for minutes, what in (
         (MIX_MIN, "mix, scraping sides and bottom"),
-        (degas, "degas until the foam has fallen"),
+        (degas, DEGAS),
         (POUR_MIN, "pour in a thin stream onto one spot of the bowl"),
         (CLOSE_MIN, "lower the upper half, close the six bolts crosswise"),
     ):

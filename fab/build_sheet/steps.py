@@ -10,6 +10,7 @@ from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.data import SheetData
+from fab.recipe import Recipe
 
 BLANK = re.compile(r"\{(\w+)(?::(\w+))?\}")
 
@@ -44,6 +45,7 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
     values = {
         "part_a_g": f"{recipe.part_a_g:.1f}",
         "part_b_g": f"{recipe.part_b_g:.1f}",
+        "degas": _degassing(recipe),
         "poured_g": f"{recipe.poured_g:.0f}",
         "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
         "cure_h": f"{recipe.silicone.cure_h:g}",
@@ -59,6 +61,13 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         return screws(data, match[2]) if match[1] == "screws" else values[match[1]]
 
     return tuple(BLANK.sub(fill, line) for line in lines)
+
+
+def _degassing(recipe: Recipe) -> str:
+    """Whether there is time to degas before the pot life ends."""
+    if recipe.is_degassed:
+        return "degas until the foam has risen and fallen"
+    return f"do not degas: {recipe.silicone.pot_life_min:g} min of pot life leave no time for it"
 
 
 def _fixing(robot: str) -> str:

@@ -19,6 +19,9 @@ from fab.checks.check import Check
 
 RISE_MM = 0.03  # above the sphere: more than a facet's chord error, less than any bump
 REACH_MM = LEAST_BRIDGE_MM / 2  # joins the halves of a cut bump, and no two bumps
+# Cosine of a facet's normal to the radius. Flanks of bumps lean by 33 degrees at most (0.83); the core's joints have
+# upright walls, no farther from the axis than 0.77 of the inner radius at any size.
+FACING = 0.8
 POSITION_MM = 0.05
 HEIGHT_MM = 0.03
 RADIUS_MM = 0.1
@@ -65,18 +68,36 @@ def _summit_and_radius(points: np.ndarray, inner_radius_mm: float) -> np.ndarray
 
 
 def _risen(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
-    """Corners above the inner sphere (n, 3), from its centre, and the edges of facets between them (m, 2)."""
+    """Corners above the inner sphere (n, 3), from its centre, and the edges of facets between them (m, 2).
+
+    Corners of the walls that a joint leaves inside a bump are not of its surface: no facet round them faces outward.
+    """
     params = layout.params
     floor = params.flange_thickness_mm - params.centre_height_mm
     found, edges, start = [], [], 0
     for mesh in pieces:
         points = mesh.vertices - (0.0, 0.0, params.centre_height_mm)
         risen = (points[:, 2] > floor) & (np.linalg.norm(points, axis=1) > params.inner_radius_mm + RISE_MM)
+        risen &= _facing_out(mesh, points)
         number = start + np.cumsum(risen) - 1
         found.append(points[risen])
         edges.append(number[mesh.edges_unique[risen[mesh.edges_unique].all(axis=1)]])
         start += len(found[-1])
     return np.concatenate(found), np.concatenate(edges)
+
+
+def _facing_out(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """Which corners (mask) have a facet that faces away from the inner sphere's centre.
+
+    Args:
+        mesh: of the piece. points: (n, 3) its corners, from the inner sphere's centre.
+    """
+    normals = np.repeat(mesh.face_normals, 3, axis=0)
+    corners = mesh.faces.ravel()
+    out = np.einsum("ij,ij->i", normals, points[corners]) > FACING * np.linalg.norm(points[corners], axis=1)
+    facing = np.zeros(len(points), dtype=bool)
+    facing[corners[out]] = True
+    return facing
 
 
 def _patches(points: np.ndarray, edges: np.ndarray, reach_mm: float) -> list[np.ndarray]:

@@ -23,10 +23,10 @@ def _poured() -> tuple[Step, ...]:
         Step(
             "mix",
             "cast",
-            "Weigh, mix, degas",
+            "Weigh, mix",
             (
                 "{part_a_g} g A and {part_b_g} g B into one cup. The clock runs.",
-                "Mix until no streak is left; degas until the foam has risen and fallen.",
+                "Mix until no streak is left; {degas}.",
             ),
         ),
         Step(

@@ -160,4 +160,4 @@ def test_blanks_of_the_lines_are_known():
     blanks = {m[1] for step in all_steps(layout, ways(layout)) for line in step.lines for m in BLANK.finditer(line)}
     volumes = {"beyond_ml", "room_ml", "leak_ml"}
     numbers = {"part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "pot_life_min", *volumes}
-    assert blanks <= {"screws", "robot", "robot_fixing"} | numbers
+    assert blanks <= {"screws", "degas", "robot", "robot_fixing"} | numbers

@@ -131,11 +131,26 @@ def _run(options: argparse.Namespace) -> None:
         transient(f"{len(results)} frames", done=True)
     if isinstance(frames, VideoSource) and frames.note:
         LOG.warning(f"sensing.field: {frames.note}")
+    _require_seen(options.video or options.frame, results)
     if options.out is not None:
         _save(options.out, results, single=options.video is None)
     if options.picture is not None:
         _save_picture(options.picture, results)
     show(_summary(options.method, results))
+
+
+def _require_seen(source: Path, results: list[FieldResult]) -> None:
+    """Refuse pictures that show no dot; name how many show too few for a whole field."""
+    if not any(result.field.valid.any() for result in results):
+        raise FrameError(
+            f"{source}: none of the reference's dots are seen: is it the same sensor, the lamp on, the lens free?"
+        )
+    partly = sum(not result.field.valid.all() for result in results)
+    if partly:
+        LOG.warning(
+            f"sensing.field: {partly} of {len(results)} frame(s) have cells without a followed dot nearby: NaN in a "
+            ".npy, marked as not valid in a .npz"
+        )
 
 
 def _worker(
@@ -163,6 +178,8 @@ def _save(path: Path, results: list[FieldResult], single: bool) -> None:
     fields = [r.field for r in results]
     channels = fields[0].channels if single else np.stack([f.channels for f in fields])
     if path.suffix == ".npy":
+        valid = fields[0].valid if single else np.stack([f.valid for f in fields])[:, None]
+        channels = np.where(valid, channels, np.float32(np.nan))
         np.save(buffer := io.BytesIO(), channels)
         replace_file(path, buffer.getvalue())
         return
@@ -193,6 +210,7 @@ def _summary(method: str, results: list[FieldResult]) -> str:
     u, v = last.field.channels[0], last.field.channels[1] if len(last.field.names) > 1 else 0
     size = np.hypot(u, v)[last.field.valid] if last.field.names[:2] == ("u", "v") else np.abs(u[last.field.valid])
     text = f"{method}: {len(results)} frame(s), field {'x'.join(map(str, last.field.channels.shape))}"
+    text += ", of the last one" if len(results) > 1 else ""
     if size.size:
         text += f", mean {size.mean():.3f}, largest {size.max():.3f} px of 200, valid {last.field.valid.mean():.0%}"
     if last.tracks is not None:
@@ -216,7 +234,12 @@ def _parser() -> argparse.ArgumentParser:
     add_design_arguments(parser, with_defaults=False)
     parser.add_argument("--shape", type=pair, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
     parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=".npy (channels, NaN where not valid) or .npz (with mask, times, tracks)",
+    )
     parser.add_argument("--picture", type=Path, metavar="FILE", help=".png or .jpg: image, dots, arrows, quality")
     return parser
 

@@ -32,8 +32,9 @@ from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.other_design import design_fit, require_design
 from sensing.calibration.picture import draw_fit, read_image, require_format, write_image
 from sensing.calibration.rest_camera import most_misplaced_px
-from sensing.calibration.rest_picture import picture_doubts
+from sensing.calibration.rest_picture import light_doubts, picture_doubts
 from sensing.calibration.turns import best_turn
+from sensing.camera.light import light_of
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
 
@@ -101,7 +102,11 @@ def _from_dots(options: argparse.Namespace) -> int:
         raise CalibrationError(
             f"{options.lens}: lens of {lens.width_px}x{lens.height_px}, photo of {size[0]}x{size[1]}"
         )
-    result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
+    try:
+        result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
+    except CalibrationError as error:
+        doubts = [] if options.dots else [*light_doubts(light_of(image)).values()]
+        raise CalibrationError("; ".join([str(error), *doubts])) from None
     if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
         fit = design_fit(result, radii, params)
         alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)

@@ -249,8 +249,14 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys) -> None:
     with pytest.raises(CalibrationError):
         calibrate_from_board(shuffled, SIZE)
     (tmp_path / "text.jpg").write_text("no image")
+    (tmp_path / "empty.jpg").touch()
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((480, 640), np.uint8))
+    (tmp_path / "cut.png").write_bytes((tmp_path / "black.png").read_bytes()[:-30])
     out = str(tmp_path / "camera.json")
     for arguments, words in (
+        (["--photo", str(tmp_path / "black.png"), "--out", out], "gray value 0 of 255 (at least 50): more light"),
+        (["--photo", str(tmp_path / "cut.png"), "--out", out], "decoded: it is damaged or cut, copy it again"),
+        (["--photo", str(tmp_path / "empty.jpg"), "--out", out], "empty.jpg: an empty file"),
         (["--photo", "none.jpg", "--out", out], "none.jpg: cannot read"),
         (["--photo", str(tmp_path / "text.jpg"), "--out", out], "no picture"),
         (["--board", "none.csv", "--out", out], "none.csv: cannot read"),

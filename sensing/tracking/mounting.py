@@ -6,8 +6,8 @@ camera that moved leaves almost nothing of one of them. A similarity leaves at m
 but 0.6 to 0.8 of a camera that tilted or shifted sideways: its lens is a fisheye and the skin is not equally far. The
 camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts of 0.1 to 1 mm. A touch moves the dots
 near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two sizes), the
-camera's motions 0.48 and more (154 presses of a plane, 0.3 to 60 N, D = 130). The skin's own weight in another pose may
-look like either (docs/live.md, "Own weight").
+camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D = 99). The
+skin's own weight in another pose may look like either (docs/live.md, "Own weight").
 
 Units: full-size pixels, radians.
 """
@@ -26,8 +26,8 @@ from sensing.tracking.camera_motions import CameraMotions
 
 MOVED_PX = 0.05  # at 480: motion from which it counts; ten times what the picture's noise makes, 0.2 to 0.6 N
 SIMILARITY_LEAVES = 0.35  # of the motion, at most, where the mounting moved; between 0.2 of a lens, 0.7 of a touch
-CAMERA_LEAVES = 0.25  # the same of the camera's own motions; between 0.12 and 0.4
-HOPELESS = 2.0  # so many times that, left by a quick fit to all dots: no robust fit brings it down
+CAMERA_LEAVES = 0.25  # the same of the camera's own motions; between 0.12 and 0.34
+HOPELESS = 1.5  # so many times that, left by a quick fit to all dots: no robust fit brings it down
 STILL_PX = 0.15  # at 480: left of no common motion, from which it is a touch; three times what noise makes
 LEAST_DOTS = 4  # for a similarity
 LEAST_DOTS_OF_CAMERA = 20  # for seven motions

@@ -15,13 +15,13 @@ from pathlib import Path
 
 from cad.errors import FileError
 from cad.identity import require_same
-from cad.messages import LOG, transient
+from cad.messages import transient
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.mcap_records import CutError, DamagedError
-from sensing.live.replay import Recorded, read_config, recorded_frames
+from sensing.live.readable_frames import readable_frames
+from sensing.live.replay import Recorded, read_config
 from sensing.sources.choose import is_camera_number, open_frames
 
 RECORDING = ".mcap"
@@ -43,7 +43,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     if recorded:
         require_design(Path(source), endcap)
     pipeline = EndcapPipeline(as_trained(endcap), model, zero_frames=0 if recorded else 1)
-    count, frames = -1, _recorded(Path(source), endcap.name) if recorded else _pictures(source)
+    count, frames = -1, readable_frames(Path(source), endcap.name) if recorded else _pictures(source)
     for count, item in enumerate(frames):
         if not count and not recorded:  # of a recording, the reference comes first
             pipeline.require_camera_of(item.frame)
@@ -75,14 +75,6 @@ def require_design(recording: Path, endcap: EndcapConfig) -> None:
                 "of its [[endcap]] to those of the recording"
             )
         require_same(recording, "a recording", held.identity, endcap.identity, "record this endcap anew", ("dots",))
-
-
-def _recorded(path: Path, endcap: str) -> Iterator[Recorded]:
-    """Of a recording, up to where it is cut or damaged."""
-    try:
-        yield from recorded_frames(path, endcap)
-    except (CutError, DamagedError) as error:
-        LOG.warning(f"{error}")
 
 
 def _pictures(source: str) -> Iterator[Recorded]:

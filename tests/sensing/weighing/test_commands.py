@@ -121,7 +121,8 @@ def test_of_a_cut_recording_what_stands_before_is_weighed(monkeypatch, caplog, t
         raise error
 
     (tmp_path / "a.mcap").touch()
-    for name, other in (("EndcapPipeline", Pipeline), ("recorded_frames", frames), ("require_design", print)):
+    monkeypatch.setattr("sensing.live.readable_frames.recorded_frames", frames)
+    for name, other in (("EndcapPipeline", Pipeline), ("require_design", print)):
         monkeypatch.setattr(f"sensing.weighing.film.{name}", other)
     assert list(film_readings(EndcapConfig("a", "0"), str(tmp_path / "a.mcap"), None)) == [1, 2]
     assert str(error) in caplog.text

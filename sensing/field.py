@@ -34,7 +34,7 @@ from sensing.sources.files import FolderSource, VideoSource, read_picture
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
 from sensing.tracking.methods import DotField, FieldMethod, field_method, known_methods
-from sensing.tracking.zero import load_zero
+from sensing.tracking.zero import MOST_UNSEEN, load_zero
 
 
 @dataclass(frozen=True)
@@ -140,17 +140,22 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _require_seen(source: Path, results: list[FieldResult]) -> None:
-    """Refuse pictures that show no dot; name how many show too few for a whole field."""
+    """Refuse pictures that show no dot; say how many show too few."""
     if not any(result.field.valid.any() for result in results):
         raise FrameError(
             f"{source}: none of the reference's dots are seen: is it the same sensor, the lamp on, the lens free?"
         )
-    partly = sum(not result.field.valid.all() for result in results)
-    if partly:
+    covered = sum(map(_covered, results))
+    if covered:
         LOG.warning(
-            f"sensing.field: {partly} of {len(results)} frame(s) have cells without a followed dot nearby: NaN in a "
-            ".npy, marked as not valid in a .npz"
+            f"sensing.field: in {covered} of {len(results)} frame(s) over {MOST_UNSEEN:.0%} of the dots are not seen: "
+            "cells far from those that are seen are NaN in a .npy, marked as not valid in a .npz"
         )
+
+
+def _covered(result: FieldResult) -> bool:
+    """Whether too few dots are followed for a field of an untouched or pressed dome."""
+    return result.tracks is not None and float(result.tracks.lost.mean()) > MOST_UNSEEN
 
 
 def _worker(
@@ -178,8 +183,8 @@ def _save(path: Path, results: list[FieldResult], single: bool) -> None:
     fields = [r.field for r in results]
     channels = fields[0].channels if single else np.stack([f.channels for f in fields])
     if path.suffix == ".npy":
-        valid = fields[0].valid if single else np.stack([f.valid for f in fields])[:, None]
-        channels = np.where(valid, channels, np.float32(np.nan))
+        known = np.stack([r.field.valid | (not _covered(r)) for r in results])[:, None]
+        channels = np.where(known[0] if single else known, channels, np.float32(np.nan))
         np.save(buffer := io.BytesIO(), channels)
         replace_file(path, buffer.getvalue())
         return
@@ -238,7 +243,7 @@ def _parser() -> argparse.ArgumentParser:
         "--out",
         type=Path,
         metavar="FILE",
-        help=".npy (channels, NaN where not valid) or .npz (with mask, times, tracks)",
+        help=".npy (channels) or .npz (with mask, times, tracks)",
     )
     parser.add_argument("--picture", type=Path, metavar="FILE", help=".png or .jpg: image, dots, arrows, quality")
     return parser

@@ -72,7 +72,7 @@ def test_cells_without_a_followed_dot_are_no_numbers(files, capsys):
         cv2.imwrite(str(folder / f"{index}.png"), np.where(np.arange(640)[:, None] < kept, IMAGE, 90))
     assert call(files, "--reference", "@a.jpg", "--video", "@covered", "--out", "@f.npy") == 0
     said = capsys.readouterr()
-    assert "2 of 4 frame(s) have cells without a followed dot" in said.err and "of the last one, mean" in said.out
+    assert "in 2 of 4 frame(s) over 12% of the dots are not seen" in said.err and "of the last one, mean" in said.out
     share = np.isnan(np.load(files / "f.npy")).mean(axis=(1, 2, 3))
     assert share[[0, 1, 3]].tolist() == [0, 1, 0] and 0.2 < share[2] < 0.6
 

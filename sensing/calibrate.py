@@ -29,11 +29,12 @@ from sensing.arguments import number, pair
 from sensing.calibration.dots import CalibrationError, find_blobs, pattern_points, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views, require_board
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
-from sensing.calibration.other_design import design_fit, require_design
+from sensing.calibration.other_design import OtherDesignError, design_fit, require_design
 from sensing.calibration.picture import draw_fit, read_image, require_format, write_image
 from sensing.calibration.rest_camera import most_misplaced_px
-from sensing.calibration.rest_picture import picture_doubts
+from sensing.calibration.rest_picture import light_doubts, picture_doubts
 from sensing.calibration.turns import best_turn
+from sensing.camera.light import light_of
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
 
@@ -101,10 +102,17 @@ def _from_dots(options: argparse.Namespace) -> int:
         raise CalibrationError(
             f"{options.lens}: lens of {lens.width_px}x{lens.height_px}, photo of {size[0]}x{size[1]}"
         )
-    result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
+    try:
+        result = calibrate_from_dots(found, params, size, lens=lens, azimuth_hint_deg=options.azimuth_hint)
+    except CalibrationError as error:
+        doubts = [] if options.dots else [*light_doubts(light_of(image)).values()]
+        raise CalibrationError("; ".join([str(error), *doubts])) from None
     if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
         fit = design_fit(result, radii, params)
-        alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)
+        try:
+            alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)
+        except OtherDesignError as error:
+            raise _with_misplaced(error, result, params) from None
         if alike:
             LOG.warning(f"sensing.calibrate: {alike}")
     _warn(result, image, params, options)
@@ -134,6 +142,17 @@ def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, o
             f"nearest to --azimuth-hint {options.azimuth_hint:g} is taken; a camera turned by more than "
             f"{repeats_deg / 2:.3g} degrees from it would give wrong directions"
         )
+
+
+def _with_misplaced(error: OtherDesignError, result: Calibration, params: EndcapParams) -> CalibrationError:
+    """The error that another design fits better, or that none may fit."""
+    away_px, most_px = result.misplaced_px, most_misplaced_px(params)
+    if away_px <= most_px:
+        return error
+    return CalibrationError(
+        f"the dots lie up to {away_px:.1f} px from the design's (at most {most_px:.1f} of an untouched dome): is the "
+        f"picture squeezed (a camera mode of another shape), is the dome pressed? Else {error}"
+    )
 
 
 def _rest_picture(options: argparse.Namespace) -> tuple[NDArray[np.uint8], EndcapParams]:

@@ -120,7 +120,9 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
     except cv2.error:  # of types whose head is not read above, OpenCV refuses more than 2^30 pixels
         image = None
     if image is None:
-        raise FileError(f"{path}: no picture that can be decoded: give a file of type {types}")
+        known = data.startswith((b"\xff\xd8", b"\x89PNG"))
+        remedy = "it is damaged or cut, copy it again" if known else f"give a file of type {types}"
+        raise FileError(f"{path}: {'no' if data else 'an empty file, no'} picture that can be decoded: {remedy}")
     return np.asarray(image, dtype=np.uint8)
 
 

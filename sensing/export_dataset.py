@@ -60,6 +60,8 @@ def export_dataset(data: LabelledSet, folder: Path, paths: Collection[int] | Non
                 writer.writerow((wrench, name, item.path, item.phase, int(item.labels["level"])))
                 count += 1
                 _progress(count)
+            if not count:
+                raise FileError(f"{data.folder}: no frame to write: let the command that writes the set run first")
     except OSError as error:
         raise FileError(f"{folder}: cannot be written ({error.strerror}): free some space or choose another") from error
     return count
@@ -78,7 +80,9 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: nothing is left behind
     try:
-        count = FORMATS[options.format](LabelledSet(options.data), options.out)
+        data = LabelledSet(options.data)
+        data.require_whole()
+        count = FORMATS[options.format](data, options.out)
     except EndcapError as error:
         LOG.error(f"sensing.export_dataset: {error}")
         return 2

@@ -34,7 +34,7 @@ from sensing.sources.files import FolderSource, VideoSource, read_picture
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
 from sensing.tracking.methods import DotField, FieldMethod, field_method, known_methods
-from sensing.tracking.zero import load_zero
+from sensing.tracking.zero import MOST_UNSEEN, load_zero
 
 
 @dataclass(frozen=True)
@@ -131,11 +131,31 @@ def _run(options: argparse.Namespace) -> None:
         transient(f"{len(results)} frames", done=True)
     if isinstance(frames, VideoSource) and frames.note:
         LOG.warning(f"sensing.field: {frames.note}")
+    _require_seen(options.video or options.frame, results)
     if options.out is not None:
         _save(options.out, results, single=options.video is None)
     if options.picture is not None:
         _save_picture(options.picture, results)
     show(_summary(options.method, results))
+
+
+def _require_seen(source: Path, results: list[FieldResult]) -> None:
+    """Refuse pictures that show no dot; say how many show too few."""
+    if not any(result.field.valid.any() for result in results):
+        raise FrameError(
+            f"{source}: none of the reference's dots are seen: is it the same sensor, the lamp on, the lens free?"
+        )
+    covered = sum(map(_covered, results))
+    if covered:
+        LOG.warning(
+            f"sensing.field: in {covered} of {len(results)} frame(s) over {MOST_UNSEEN:.0%} of the dots are not seen: "
+            "cells far from those that are seen are NaN in a .npy, marked as not valid in a .npz"
+        )
+
+
+def _covered(result: FieldResult) -> bool:
+    """Whether too few dots are followed for a field of an untouched or pressed dome."""
+    return result.tracks is not None and float(result.tracks.lost.mean()) > MOST_UNSEEN
 
 
 def _worker(
@@ -163,6 +183,8 @@ def _save(path: Path, results: list[FieldResult], single: bool) -> None:
     fields = [r.field for r in results]
     channels = fields[0].channels if single else np.stack([f.channels for f in fields])
     if path.suffix == ".npy":
+        known = np.stack([r.field.valid | (not _covered(r)) for r in results])[:, None]
+        channels = np.where(known[0] if single else known, channels, np.float32(np.nan))
         np.save(buffer := io.BytesIO(), channels)
         replace_file(path, buffer.getvalue())
         return
@@ -193,6 +215,7 @@ def _summary(method: str, results: list[FieldResult]) -> str:
     u, v = last.field.channels[0], last.field.channels[1] if len(last.field.names) > 1 else 0
     size = np.hypot(u, v)[last.field.valid] if last.field.names[:2] == ("u", "v") else np.abs(u[last.field.valid])
     text = f"{method}: {len(results)} frame(s), field {'x'.join(map(str, last.field.channels.shape))}"
+    text += ", of the last one" if len(results) > 1 else ""
     if size.size:
         text += f", mean {size.mean():.3f}, largest {size.max():.3f} px of 200, valid {last.field.valid.mean():.0%}"
     if last.tracks is not None:
@@ -216,7 +239,12 @@ def _parser() -> argparse.ArgumentParser:
     add_design_arguments(parser, with_defaults=False)
     parser.add_argument("--shape", type=pair, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
     parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=".npy (channels) or .npz (with mask, times, tracks)",
+    )
     parser.add_argument("--picture", type=Path, metavar="FILE", help=".png or .jpg: image, dots, arrows, quality")
     return parser
 

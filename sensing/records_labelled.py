@@ -219,10 +219,13 @@ class LabelledSet:
         """A row of a shard."""
         if "jpeg" not in arrays:
             raise FileError(f"{file}: holds no pictures (written with --render off): use column() for its labels")
-        labels = {name: arrays[name][row] for name in COLUMNS}
-        picture = _picture(arrays["jpeg"], arrays["jpeg_end"], row)
-        reference = _picture(arrays["reference_jpeg"], arrays["reference_jpeg_end"], int(labels["reference"]))
-        return self._frame(file, labels, picture, reference)
+        try:
+            labels = {name: arrays[name][row] for name in COLUMNS}
+            picture = _picture(arrays["jpeg"], arrays["jpeg_end"], row)
+            reference = _picture(arrays["reference_jpeg"], arrays["reference_jpeg_end"], int(labels["reference"]))
+            return self._frame(file, labels, picture, reference)
+        except (KeyError, IndexError, TypeError) as error:  # a column that lacks, or is shorter than others
+            raise _not_whole(file, f"row {row}: {error}") from error
 
     def _frame(self, file: Path, labels: dict[str, Any], picture: bytes, reference: bytes) -> LabelledFrame:
         time_s, source = float(labels["time_s"]), f"{file} path {labels['path']}"
@@ -267,9 +270,11 @@ def read_shard(path: Path, names: Collection[str] | None = None) -> dict[str, ND
     try:
         return read_npz(path, names)
     except (OSError, ValueError, KeyError) as error:
-        raise FileError(
-            f"{path}: not a whole shard ({error}): delete it and run the command that wrote the set again"
-        ) from error
+        raise _not_whole(path, error) from error
+
+
+def _not_whole(path: Path, said: object) -> FileError:
+    return FileError(f"{path}: not a whole shard ({said}): delete it and run the command that wrote the set again")
 
 
 def _picture(data: NDArray[np.uint8], ends: NDArray[np.int64], number: int) -> bytes:

@@ -74,6 +74,8 @@ def _take(options: argparse.Namespace) -> None:
     params = None if made_of is None else made_of.design
     zero = replace(take_zero(interval, options.sensor, params), made_of=made_of)
     save_zero(zero, options.out)
+    if all(frame.shows_same(interval[0]) for frame in interval[1:]):
+        _warn([f"all {len(interval)} pictures are one and the same: does the camera hang? Plug it in again"])
     if params is None:
         _warn(light_doubts(light_of(zero.image)).values())
     else:

@@ -53,7 +53,8 @@ def assign_dots(
     fewest = fewest_dots(start, points)
     if len(blobs_px) < fewest:
         raise CalibrationError(
-            f"{len(blobs_px)} dots found, at least {fewest} needed: sharper photo, or give dots as a CSV"
+            f"{len(blobs_px)} dots found, at least {fewest} needed: sharper photo, with dots darker than the "
+            "silicone, or give dots as a CSV"
         )
     best: tuple[int, DotPairs, MountedCamera] | None = None
     for candidate in candidates(blobs_px, points, rings, start, azimuth_hint_deg):

@@ -52,11 +52,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _recorded(path: Path) -> Iterator[tuple[str, EndcapParams, Iterator[Frame]]]:
     """Design and frames of every endcap of a recording."""
-    from sensing.live.replay import read_config, recorded_frames, require_pictures
+    from sensing.live.readable_frames import readable_frames
+    from sensing.live.replay import read_config, require_pictures
 
     require_pictures(path, "the camera doctor")
     for endcap in read_config(path).endcaps:
-        yield endcap.name, endcap.params, (each.frame for each in recorded_frames(path, endcap.name))
+        yield endcap.name, endcap.params, (each.frame for each in readable_frames(path, endcap.name))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,13 @@
 """Whether all dots moved as one: the camera, its lens or the dome in its mount has moved, nothing touches the skin.
 
-A similarity (shift, turn, scale) is fitted to the dots' motion since the reference. A camera that moved leaves almost
-nothing of it: on rendered pictures at most 0.2 of the motion, in shifts, turns and zooms of 0.1 to 12 px. A touch moves
-the dots near it otherwise than the others, and leaves 0.7 and more (222 presses of 0.5 to 40 N at two sizes); so does
-the skin's own weight in another pose (docs/live.md, "Own weight").
+Two motions are fitted to that of the dots since the reference: a similarity of the picture (shift, turn, scale), and
+what turns and shifts of the camera against the dome and a zoom make of it (:mod:`sensing.tracking.camera_motions`). A
+camera that moved leaves almost nothing of one of them. A similarity leaves at most 0.2 of a lens that shifts or zooms,
+but 0.6 to 0.8 of a camera that tilted or shifted sideways: its lens is a fisheye and the skin is not equally far. The
+camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts of 0.1 to 1 mm. A touch moves the dots
+near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two sizes), the
+camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D = 99). The
+skin's own weight in another pose may look like either (docs/live.md, "Own weight").
 
 Units: full-size pixels, radians.
 """
@@ -16,12 +20,17 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.params import EndcapParams
 from sensing.records import DotTracks
+from sensing.tracking.camera_motions import CameraMotions
 
 MOVED_PX = 0.05  # at 480: motion from which it counts; ten times what the picture's noise makes, 0.2 to 0.6 N
-MOUNTING_LEAVES = 0.35  # of the motion, that a similarity leaves of it at most; between 0.2 of a camera, 0.7 of a touch
+SIMILARITY_LEAVES = 0.35  # of the motion, at most, where the mounting moved; between 0.2 of a lens, 0.7 of a touch
+CAMERA_LEAVES = 0.25  # the same of the camera's own motions; between 0.12 and 0.34
+HOPELESS = 1.5  # so many times that, left by a quick fit to all dots: no robust fit brings it down
 STILL_PX = 0.15  # at 480: left of no common motion, from which it is a touch; three times what noise makes
-LEAST_DOTS = 4
+LEAST_DOTS = 4  # for a similarity
+LEAST_DOTS_OF_CAMERA = 20  # for seven motions
 
 
 class MotionKind(Enum):
@@ -34,25 +43,26 @@ class MotionKind(Enum):
 
 @dataclass(frozen=True)
 class CommonMotion:
-    """The similarity motion of all dots since the reference.
+    """The motion of all dots since the reference that the mounting would explain best.
 
     Attributes:
-        shift_px: (2,) x, y at the picture's centre. turn_rad: rotation. scale: scale.
+        shift_px: (2,) x, y of the similarity at the picture's centre. turn_rad: its rotation. scale: its scale.
+        reach_px: how far the motion moves a dot: the similarity half of the picture's short side from its centre, at
+            most; the camera the third farthest.
         residual_px: third largest dot motion that it leaves; one or two dots may be off for other reasons.
+        leaves: share of the reach up to which what is left is none of a touch.
         size: (width, height) of the picture.
+        camera_px: (N, 2) how far the camera moved each dot; None where the motion is the similarity.
     """
 
     shift_px: NDArray[np.float64]
     turn_rad: float
     scale: float
+    reach_px: float
     residual_px: float
+    leaves: float
     size: tuple[int, int]
-
-    @property
-    def reach_px(self) -> float:
-        """How far it moves a dot half of the picture's short side from its centre, at most."""
-        arm = min(self.size) / 2
-        return float(np.linalg.norm(self.shift_px)) + (abs(self.turn_rad) + abs(self.scale - 1)) * arm
+    camera_px: NDArray[np.float64] | None = None
 
     @property
     def moved(self) -> bool:
@@ -62,33 +72,76 @@ class CommonMotion:
     @property
     def kind(self) -> MotionKind:
         """Of the mounting, of a touch, or none."""
-        if self.moved and self.residual_px <= MOUNTING_LEAVES * self.reach_px:
+        if self.moved and self.residual_px <= self.leaves * self.reach_px:
             return MotionKind.MOUNTING
         touched = self.moved or self.residual_px > STILL_PX * min(self.size) / 480.0
         return MotionKind.CONTACT if touched else MotionKind.NONE
 
 
-def common_motion(tracks: DotTracks) -> CommonMotion | None:
-    """The motion that the dots have in common; None where under four of them are seen."""
+def common_motion(
+    tracks: DotTracks, params: EndcapParams | None = None, motions: CameraMotions | None = None
+) -> CommonMotion | None:
+    """The motion that the dots have in common; None where under four of them are seen.
+
+    Args:
+        tracks: the dots. params: the design; None takes the released. motions: of these dots, if they are known.
+    """
     live = ~tracks.lost
     if live.sum() < LEAST_DOTS:
         return None
     shift, turn, scale, residual = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
-    return CommonMotion(shift, turn, scale, float(np.sort(residual)[-3]), tracks.size)
+    reach = float(np.linalg.norm(shift)) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
+    alike = CommonMotion(shift, turn, scale, reach, _third(residual), SIMILARITY_LEAVES, tracks.size)
+    if alike.kind is MotionKind.NONE:
+        return alike
+    moved = _moved_camera(tracks, alike, motions or CameraMotions.of(tracks.reference_px, tracks.size, params))
+    if moved is None or (alike.kind is MotionKind.MOUNTING and alike.residual_px <= moved.residual_px):
+        return alike
+    return moved
+
+
+def _moved_camera(tracks: DotTracks, alike: CommonMotion, motions: CameraMotions) -> CommonMotion | None:
+    """The camera's own motion where it explains the dots', else None."""
+    used = motions.known & ~tracks.lost
+    if used.sum() < LEAST_DOTS_OF_CAMERA:
+        return None
+    moved = tracks.displacement_px
+    quick = motions.of_all(moved)
+    if _third(_length(moved - quick)[used]) > HOPELESS * CAMERA_LEAVES * _third(_length(quick)[used]):
+        return None
+    camera = motions.of_most(moved, used)
+    reach, left = _third(_length(camera)[used]), _third(_length(moved - camera)[used])
+    found = replace(alike, reach_px=reach, residual_px=left, leaves=CAMERA_LEAVES, camera_px=camera)
+    return found if found.kind is MotionKind.MOUNTING else None
+
+
+def _length(moved_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.hypot(moved_px[:, 0], moved_px[:, 1])
+
+
+def _third(values: NDArray[np.float64]) -> float:
+    """The third largest."""
+    return float(np.partition(values, -3)[-3])
 
 
 class MountingWatch:
     """Says that camera or lens have moved since the reference, once a picture without a touch has shown it.
 
-    A touch hides it, so the last picture without one counts until the next.
+    A touch hides it, so the last picture without one counts until the next. The dots are those of one reference.
+
+    Args:
+        params: the design; None takes the released.
     """
 
-    def __init__(self) -> None:
-        self.reason = ""
+    def __init__(self, params: EndcapParams | None = None) -> None:
+        self.reason, self._params = "", params
+        self._motions: CameraMotions | None = None
 
     def update(self, tracks: DotTracks) -> None:
         """The dots of one more picture."""
-        motion = common_motion(tracks)
+        if self._motions is None:
+            self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
+        motion = common_motion(tracks, motions=self._motions)
         if motion is None or motion.kind is MotionKind.CONTACT:
             return
         self.reason = ""
@@ -100,7 +153,9 @@ class MountingWatch:
 
 
 def without_motion(tracks: DotTracks, motion: CommonMotion) -> DotTracks:
-    """Tracks with a similarity motion taken out."""
+    """Tracks with a common motion taken out."""
+    if motion.camera_px is not None:
+        return replace(tracks, position_px=tracks.position_px - motion.camera_px, stretch=None)
     centre = (np.array(tracks.size) - 1) / 2
     arm = tracks.position_px - centre - motion.shift_px
     cos, sin = np.cos(motion.turn_rad) / motion.scale, np.sin(motion.turn_rad) / motion.scale

@@ -1,9 +1,9 @@
 """The undeformed reference: taken from an interval without contact, stored, watched, and renewed.
 
 A touch deforms part of the skin; a lamp that ages or a camera that settles in its mount changes the whole picture at
-once. So drift is classified by what the dots do: a change that one similarity motion (shift, turn, scale) explains for
-all dots alike is the mounting (:mod:`sensing.tracking.mounting`); a change of brightness without motion is the lamp;
-dots that are not seen any more while the others stand still are hidden; the rest is contact.
+once. So drift is classified by what the dots do: a change that one motion of picture or camera explains for all dots
+alike is the mounting (:mod:`sensing.tracking.mounting`); a change of brightness without motion is the lamp; dots that
+are not seen any more while the others stand still are hidden; the rest is contact.
 
 Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
 """
@@ -27,6 +27,7 @@ from cad.errors import EndcapError, FileError
 from cad.identity import Identity, recorded, require_same
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
+from sensing.camera.nominal import nominal_lens
 from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, working_reduction
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
@@ -35,7 +36,7 @@ from sensing.tracking.mounting import MotionKind, common_motion
 from sensing.tracking.tracker import DotTracker
 
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
-CONTACT_PX = 0.8  # at 480: dot motion left after the similarity fit, from which it is contact
+CONTACT_PX = 0.8  # at 480: dot motion left by the common one, from which it is contact
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
 LEAST_FRAMES = 3
 MOST_FILE_BYTES = 1 << 26  # of a reference file when unpacked
@@ -97,7 +98,7 @@ class Drift:
         shift_px: (2,) x, y of the similarity motion at the picture's centre.
         turn_rad: its rotation.
         scale: its scale.
-        residual_px: third largest dot motion that it leaves.
+        residual_px: third largest dot motion that it leaves, or that the camera's own motion does.
         brightness: gray level now over that of the reference.
         unseen: share of the reference's dots that are not seen.
     """
@@ -120,13 +121,14 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapPar
 
     Raises:
         ZeroError: fewer than three frames, sizes that differ, or dots that moved (then the offender is named).
-        NoDotsError: a frame without dots.
+        NoDotsError: a frame without dots. ParameterError: pictures that stand upright.
     """
     if len(frames) < LEAST_FRAMES:
         raise ZeroError(f"{len(frames)} frames: at least {LEAST_FRAMES} needed to separate rest from motion")
     pictures = [decode_bgr(frame) for frame in frames]
     if len({p.shape for p in pictures}) > 1:
         raise ZeroError(f"frames of different sizes {sorted({p.shape[:2] for p in pictures})}: fix the camera mode")
+    nominal_lens(pictures[0].shape[1], pictures[0].shape[0])  # refuses upright ones
     tracker = DotTracker(frames[0], params=params)
     limit = STILL_PX * min(tracker.size) / 480.0
     moved = []
@@ -232,7 +234,7 @@ def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | Non
     """
     ratio = (_brightness(frame) if gray is None else cv2.mean(gray)[0]) / max(zero.brightness, 1e-6)
     unseen, unit = float(tracks.lost.mean()), min(tracks.size) / 480.0
-    motion = common_motion(tracks)
+    motion = common_motion(tracks, zero.params)
     if motion is None:
         return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, unseen)
     if motion.residual_px > CONTACT_PX * unit or (motion.moved and motion.kind is MotionKind.CONTACT):

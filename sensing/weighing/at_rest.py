@@ -144,7 +144,8 @@ class RestWatch:
                 f"not at rest: the force moves by {least:.2f} N or more within {self._still_s:g} s; let it stand still"
             )
         raise WeighingError(
-            f"the load lasts for less than {self._still_s:g} s or {LEAST_READINGS} pictures: leave it on for longer"
+            f"the load lasts for less than {self._still_s:g} s or {LEAST_READINGS} pictures (a folder has 30 a "
+            "second): leave it on for longer"
         )
 
     def _window(self, end: int) -> list[_Row]:

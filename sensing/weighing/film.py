@@ -20,14 +20,15 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.replay import Recorded, read_config, recorded_frames
+from sensing.live.readable_frames import readable_frames
+from sensing.live.replay import Recorded, read_config
 from sensing.sources.choose import is_camera_number, open_frames
 
 RECORDING = ".mcap"
 
 
 def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterator[EndcapReading]:
-    """Readings of all pictures, in order.
+    """Readings of all pictures, in order; of a cut or damaged recording those before, with a warning.
 
     Args:
         endcap: its name, design and camera. source: file or folder. model: estimates the wrench.
@@ -42,7 +43,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     if recorded:
         require_design(Path(source), endcap)
     pipeline = EndcapPipeline(as_trained(endcap), model, zero_frames=0 if recorded else 1)
-    count, frames = -1, recorded_frames(Path(source), endcap.name) if recorded else _pictures(source)
+    count, frames = -1, readable_frames(Path(source), endcap.name) if recorded else _pictures(source)
     for count, item in enumerate(frames):
         if not count and not recorded:  # of a recording, the reference comes first
             pipeline.require_camera_of(item.frame)

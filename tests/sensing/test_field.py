@@ -65,6 +65,18 @@ def test_video_and_tracks(files):
     assert size[0] < 0.05 < size[1] < size[2]
 
 
+def test_cells_without_a_followed_dot_are_no_numbers(files, capsys):
+    folder = files / "covered"
+    folder.mkdir()
+    for index, kept in enumerate((640, 0, 300, 640)):
+        cv2.imwrite(str(folder / f"{index}.png"), np.where(np.arange(640)[:, None] < kept, IMAGE, 90))
+    assert call(files, "--reference", "@a.jpg", "--video", "@covered", "--out", "@f.npy") == 0
+    said = capsys.readouterr()
+    assert "in 2 of 4 frame(s) over 12% of the dots are not seen" in said.err and "of the last one, mean" in said.out
+    share = np.isnan(np.load(files / "f.npy")).mean(axis=(1, 2, 3))
+    assert share[[0, 1, 3]].tolist() == [0, 1, 0] and 0.2 < share[2] < 0.6
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -72,6 +84,7 @@ def test_video_and_tracks(files):
         (("--reference", "@text.jpg", "--frame", "@b.jpg", "--out", "@f.npy"), "text.jpg: no picture"),
         (("--reference", "@blank.png", "--frame", "@b.jpg", "--out", "@f.npy"), "blank.png: 0 dots found"),
         (("--reference", "@a.jpg", "--frame", "@small.png", "--out", "@f.npy"), "320x240 px, but the reference"),
+        (("--reference", "@a.jpg", "--frame", "@blank.png", "--out", "@f.npy"), "none of the reference's dots are"),
         (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@no/f.npy"), "f.npy: No such file or directory"),
         (("--reference", "@a.jpg", "--frame", "@b.jpg", "--out", "@f.csv"), "must end in .npy or .npz"),
         (("--reference", "@a.jpg", "--frame", "@b.jpg"), "nothing to write"),

@@ -106,6 +106,17 @@ def test_bad_folders_are_named(folder: Path, tmp_path_factory: pytest.TempPathFa
         LabelledSet(folder)
 
 
+@pytest.mark.parametrize(
+    "change", [{"tilt_deg": None}, {"torque_nm": np.ones((5, 3))}, {"reference": np.full(10, 3)}], ids=str
+)
+def test_columns_that_do_not_hold_a_row_are_a_corrupt_shard(folder: Path, change: dict) -> None:
+    file = folder / "shards" / "00001.npz"
+    arrays = dict(np.load(file)) | change
+    np.savez(file, **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(FileError, match=r"00001\.npz: not a whole shard \(row"):
+        list(LabelledSet(folder).frames())
+
+
 def test_reading_does_not_load_the_simulator() -> None:
     code = "import sensing.records_labelled, sys; print([m for m in sys.modules if 'simulator' in m or m == 'numba'])"
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
@@ -128,6 +139,9 @@ def test_the_authors_format_comes_back_through_its_reader(folder: Path, tmp_path
         rows = list(csv.DictReader(stream))
     assert [row["path"] for row in rows[::2]] == list("0123456789") and rows[1]["phase"] == "load"
     assert export_dataset(LabelledSet(folder), tmp_path / "few", {7}) == 2
+    with pytest.raises(FileError, match="no frame to write"):
+        export_dataset(LabelledSet(folder), tmp_path / "none", {70})
+    assert not (tmp_path / "none").exists()
 
 
 def test_an_export_that_fails_is_one_line_and_leaves_nothing(folder: Path, tmp_path: Path, capsys) -> None:
@@ -141,6 +155,8 @@ def test_an_export_that_fails_is_one_line_and_leaves_nothing(folder: Path, tmp_p
     refused(tmp_path / "none", "manifest.json: cannot read")
     (folder / "manifest.json").write_text(json.dumps({**MANIFEST, "request": {}}))
     refused(folder, "no design in it")
+    (folder / "manifest.json").write_text(json.dumps({**MANIFEST, "shards": 3}))
+    refused(folder, "not whole (2 of 3 shards)")
     (folder / "manifest.json").write_text(json.dumps(MANIFEST))
     with full_disk():
         refused(folder, "cannot be written (No space left on device)")

@@ -83,7 +83,7 @@ class Measurement:
         self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
-        self._mounting, self._count = MountingWatch(), 0
+        self._mounting, self._count = MountingWatch(endcap.params), 0
         self.contact: ContactState | None = None
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:

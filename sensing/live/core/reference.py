@@ -172,22 +172,23 @@ class ReferenceTaker:
             if last is not None and last.image.shape == zero.image.shape:
                 before = self._build(last)
                 assert isinstance(before, ModelInput)
-                _require_unpressed(press_n(before, zero, self._estimator), self._most_n)
+                _require_unpressed(press_n(before, zero, self._estimator, self._params), self._most_n)
             elif last is None:
                 _require_design(misplaced_px(zero, self._params), most_misplaced_px(self._params))
         return Reference(zero, method)
 
 
-def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator) -> float:
+def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator, params: EndcapParams | None = None) -> float:
     """Force that the picture of a new reference shows against the last, without what the mounting explains.
 
     Args:
         before: method set up with the last reference; it starts anew. new: the other. estimator: field to wrench.
+        params: the design; None takes the released.
     """
     frame = new.frame()
     gray = before.decode(frame)
     tracks = before.track(gray, frame.time_s)
-    motion = common_motion(tracks)
+    motion = common_motion(tracks, params)
     before.restart()
     if motion is None or tracks.lost.mean() > 0.5:  # another camera or endcap: nothing to compare with
         return 0.0

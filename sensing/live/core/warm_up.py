@@ -22,7 +22,9 @@ def warm_up(say: Callable[[str], object]) -> None:
     Args:
         say: is called, from another thread, when this takes long.
     """
-    notice = threading.Timer(PATIENCE_S, say, ["compiling the dot tracker, once on this computer: half a minute or so"])
+    notice = threading.Timer(
+        PATIENCE_S, say, ["loading the dot tracker: half a minute where it must be compiled, once on this computer"]
+    )
     notice.daemon = True
     notice.start()
     try:

@@ -26,7 +26,9 @@ def warm_up(robot: TensegrityRobot, say: Callable[[str], object]) -> None:
     Args:
         robot: as the run has it. say: is called, from another thread, when this takes long.
     """
-    notice = threading.Timer(PATIENCE_S, say, ["compiling the estimator, once on this computer: half a minute or so"])
+    notice = threading.Timer(
+        PATIENCE_S, say, ["loading the estimator: half a minute where it must be compiled, once on this computer"]
+    )
     notice.daemon = True
     notice.start()
     try:

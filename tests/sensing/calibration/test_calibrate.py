@@ -232,6 +232,16 @@ def test_board_photos_to_lens(tmp_path, capsys) -> None:
     assert np.abs(found.project(rays) - lens.project(rays)).max() < 1.5  # six small photos: corners to 0.1 px
 
 
+def test_a_squeezed_picture_is_not_only_called_another_design(tmp_path, capsys) -> None:
+    picture = np.full((480, 640), 200, np.uint8)
+    for x, y in nominal_mount(PARAMS).project(pattern_points(PARAMS)[0]):
+        cv2.circle(picture, (round(16 * x), round(16 * y)), 16 * 7, 40, -1, cv2.LINE_AA, 4)
+    cv2.imwrite(str(tmp_path / "a.png"), cv2.resize(picture, (640, 461), interpolation=cv2.INTER_AREA))
+    assert main(["--photo", str(tmp_path / "a.png"), "--out", str(tmp_path / "c.json")]) == 2
+    said = capsys.readouterr().err
+    assert "is the picture squeezed" in said and said.count("\n") == 1 and not (tmp_path / "c.json").exists()
+
+
 def test_bad_input_is_one_clear_line(tmp_path, capsys) -> None:
     (tmp_path / "dots.csv").write_text("u_px,v_px\n1,2\n3,x\n")
     with pytest.raises(FileError, match="line 3"):
@@ -249,8 +259,14 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys) -> None:
     with pytest.raises(CalibrationError):
         calibrate_from_board(shuffled, SIZE)
     (tmp_path / "text.jpg").write_text("no image")
+    (tmp_path / "empty.jpg").touch()
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((480, 640), np.uint8))
+    (tmp_path / "cut.png").write_bytes((tmp_path / "black.png").read_bytes()[:-30])
     out = str(tmp_path / "camera.json")
     for arguments, words in (
+        (["--photo", str(tmp_path / "black.png"), "--out", out], "gray value 0 of 255 (at least 50): more light"),
+        (["--photo", str(tmp_path / "cut.png"), "--out", out], "decoded: it is damaged or cut, copy it again"),
+        (["--photo", str(tmp_path / "empty.jpg"), "--out", out], "empty.jpg: an empty file"),
         (["--photo", "none.jpg", "--out", out], "none.jpg: cannot read"),
         (["--photo", str(tmp_path / "text.jpg"), "--out", out], "no picture"),
         (["--board", "none.csv", "--out", out], "none.csv: cannot read"),

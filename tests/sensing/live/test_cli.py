@@ -37,7 +37,7 @@ def test_a_stop_is_clean_and_says_what_was_done(address, tmp_path, number):
         process.send_signal(number)
         assert process.wait(PATIENCE_S) == 0
         reading.join(PATIENCE_S)
-        assert [line for line in process.stderr if not line.startswith("compiling the dot tracker")] == []
+        assert [line for line in process.stderr if not line.startswith("loading the dot tracker")] == []
     assert any("frames recorded" in line for line in said)
     assert any(re.search(r"page: http://127\.0\.0\.1:\d+/", line) for line in said)
     frames = [int(m[1]) for line in said if (m := re.search(r"endcap_0: (\d+) frames, \d+ dropped", line))]

@@ -5,6 +5,10 @@ import numpy as np
 import pytest
 from live_stand_in import PUSH, frames, pipeline
 
+from cad.params import EndcapParams
+from sensing.calibration.dots import pattern_points
+from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.records import DotTracks
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
@@ -77,6 +81,49 @@ def test_a_camera_that_has_moved_counts_until_an_untouched_picture_shows_otherwi
         assert bool(watch.reason) is moved
     watch.update(tracks(similarity((0.5, 0.0))))
     assert "by 0.50 px" in watch.reason or "by 0.51 px" in watch.reason or "by 0.49 px" in watch.reason
+
+
+def seen(turn_deg=(0.0, 0.0, 0.0), shift_mm=(0.0, 0.0, 0.0), pressed_mm: float = 0.0, design=(130.0, 8.0)) -> DotTracks:
+    """The design's dots, seen by its camera before and after that has moved in the endcap, or the tip was pressed."""
+    params, rng = EndcapParams(*design), np.random.default_rng(3)
+    still = nominal_mount(params)
+    inward = np.exp(-np.square(np.linalg.norm(pattern_points(params)[0][:, :2], axis=1) / 15))[:, None]
+    points = pattern_points(params)[0][still.sees(pattern_points(params)[0], 8.0)]
+    skin = points + pressed_mm * (inward * [0.3, 0.2, -1.0])[still.sees(pattern_points(params)[0], 8.0)]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(np.radians(turn_deg))[0], shift_mm
+    places = still.project(points)
+    moved = MountedCamera(still.camera, pose @ still.T_camera_endcap).project(skin) + rng.normal(0, 0.01, places.shape)
+    return DotTracks(
+        0.0, np.arange(len(places)), places, moved, np.ones(len(places)), np.zeros(len(places), bool), SIZE
+    )
+
+
+@pytest.mark.parametrize("design", [(130.0, 8.0), (99.0, 6.5), (212.0, 14.5)])
+@pytest.mark.parametrize(
+    "turn_deg, shift_mm",
+    [
+        ((0.1, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.7, -0.7, 0.0), (0.0, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (0.5, -0.8, 0.0)),
+        ((0.5, -0.3, 1.0), (-0.3, 0.2, 0.4)),
+    ],
+)
+def test_a_camera_that_tilted_or_shifted_in_its_mount_is_the_mounting_and_can_be_taken_out(turn_deg, shift_mm, design):
+    given, params = seen(turn_deg, shift_mm, design=design), EndcapParams(*design)
+    found = common_motion(given, params)
+    assert found is not None and found.kind is MotionKind.MOUNTING
+    assert np.abs(without_motion(given, found).displacement_px).max() < 0.1 + 0.02 * found.reach_px
+    watch = MountingWatch(params)
+    watch.update(given)
+    assert "camera or lens have moved" in watch.reason
+
+
+@pytest.mark.parametrize("turn_deg", [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)])
+def test_a_pressed_tip_is_a_touch_whether_or_not_the_camera_tilted(turn_deg):
+    found = common_motion(seen(turn_deg, pressed_mm=3.0))
+    assert found is not None and found.kind is MotionKind.CONTACT
 
 
 def jpegs(*pictures: np.ndarray) -> list[bytes]:

@@ -142,8 +142,13 @@ def test_a_picture_of_another_design_is_named(tmp_path, capsys):
     picture = np.full((480, 640, 3), 230, np.uint8)
     for x, y in dots:
         cv2.circle(picture, (round(16 * x), round(16 * y)), 16 * 7, (30, 30, 30), -1, cv2.LINE_AA, 4)
-    jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
-    rest = folder_of(tmp_path, "rest", [Frame(k / 30, k, "cam", jpeg=jpeg, size=(640, 480)) for k in range(4)])
+    jpegs = []
+    for _ in range(4):  # no two are equal
+        picture[0] -= 8
+        jpegs.append(cv2.imencode(".jpg", picture)[1].tobytes())
+    rest = folder_of(
+        tmp_path, "rest", [Frame(k / 30, k, "cam", jpeg=jpeg, size=(640, 480)) for k, jpeg in enumerate(jpegs)]
+    )
     take = ["take", "--source", rest, "--frames", "4", "--out", str(tmp_path / "z.npz")]
     assert main([*take, "--diameter", "130", "--wall", "8"]) == 0
     assert capsys.readouterr().err == ""
@@ -165,6 +170,12 @@ def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):
     assert load_zero(file).digest != before and "zeroed again" in capsys.readouterr().out
 
 
+def test_a_camera_that_hangs_while_its_reference_is_taken_is_named(tmp_path, capsys):
+    hung = folder_of(tmp_path, "hung", [replace(still(1)[0], sequence=number) for number in range(3)])
+    assert main(["take", "--source", hung, "--out", str(tmp_path / "z.npz")]) == 0
+    assert "all 3 pictures are one and the same" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -172,12 +183,16 @@ def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):
         (["check", "--source", "@rest", "--zero", "@none.npz"], "none.npz: No such file"),
         (["take", "--source", "@rest", "--out", "@none/z.npz"], "folder that exists"),
         (["take", "--source", "@moving", "--out", "@z.npz"], r"moved by"),
+        (["take", "--source", "@upright", "--out", "@z.npz"], "480x640 px stands upright"),
+        (["take", "--source", "@upright", "--out", "@z.npz", "--diameter", "130", "--wall", "8"], "stands upright"),
     ],
 )
 def test_bad_input_gets_one_line_and_status_2(tmp_path, capsys, arguments, words):
     folder_of(tmp_path, "rest", still(3))
     moving = [*still(3), replace(still(1, motion=TOUCH)[0], sequence=3)]
     folder_of(tmp_path, "moving", moving)
+    turned = [cv2.imencode(".jpg", cv2.rotate(decode_bgr(f), cv2.ROTATE_90_CLOCKWISE))[1].tobytes() for f in still(3)]
+    folder_of(tmp_path, "upright", [replace(f, jpeg=jpeg) for f, jpeg in zip(still(3), turned, strict=True)])
     assert main([str(tmp_path / a[1:]) if a.startswith("@") else a for a in arguments]) == 2
     message = capsys.readouterr().err
     assert words in message and message.count("\n") == 1 and not (tmp_path / "z.npz").exists()

@@ -14,6 +14,7 @@ from sensing import dwell, weigh
 from sensing.camera.nominal import nominal_mount
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.endcaps_file import load_config
+from sensing.live.mcap_records import CutError, DamagedError
 from sensing.live.outputs.recorded_config import about, parsed
 from sensing.live.outputs.recorder import Recorder
 from sensing.records import Wrench
@@ -107,6 +108,24 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
 def test_a_camera_s_device_is_no_film():
     with pytest.raises(FileError, match="give a recording, a video or a folder of pictures"):
         next(film_readings(EndcapConfig("a", "0"), "/dev/null", None))
+
+
+@pytest.mark.parametrize("error", [CutError("cut at byte 9"), DamagedError("damaged at byte 9")])
+def test_of_a_cut_recording_what_stands_before_is_weighed(monkeypatch, caplog, tmp_path, error):
+    class Pipeline:
+        def __init__(self, *_, **__):
+            self.update = int
+
+    def frames(*_):
+        yield from (SimpleNamespace(frame=number, zero=None) for number in (1, 2))
+        raise error
+
+    (tmp_path / "a.mcap").touch()
+    monkeypatch.setattr("sensing.live.readable_frames.recorded_frames", frames)
+    for name, other in (("EndcapPipeline", Pipeline), ("require_design", print)):
+        monkeypatch.setattr(f"sensing.weighing.film.{name}", other)
+    assert list(film_readings(EndcapConfig("a", "0"), str(tmp_path / "a.mcap"), None)) == [1, 2]
+    assert str(error) in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ class RobotRecorder:
         path: must not exist. robot: whose samples. description: bytes of its file.
 
     Attributes:
-        samples, reports: written. failed: why no more is written; empty while all is.
+        samples, reports: written, until it failed. failed: why no more is written; empty while all is.
 
     Raises:
         FileError: the file exists or cannot be made.
@@ -68,7 +68,7 @@ class RobotRecorder:
         else:
             topic = LENGTHS if isinstance(sample, LengthSample) else f"/{sample.endcap}/wrench/with_covariance"
         self._add(topic, kind, data)
-        self.samples += 1
+        self.samples += not self.failed
 
     def report(self, report: Report) -> None:
         """An estimate, and the truth where it is known."""
@@ -81,7 +81,7 @@ class RobotRecorder:
         self._add("/tf", TRANSFORMS, messages.bar_transforms(estimate, stamp))
         if report.truth is not None:
             self._add("/robot/truth", messages.POSES, messages.pose_array(report.truth, stamp))
-        self.reports += 1
+        self.reports += not self.failed
 
     @property
     def note(self) -> str:

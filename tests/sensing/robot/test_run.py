@@ -1,8 +1,12 @@
 """The running estimator: samples in, lines, JSON and a recording out, and the recording's bits again."""
 
+import errno
 import json
 import shutil
+import socket
+import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +15,10 @@ from standing_robot import standing_samples
 from cad.errors import FileError
 from sensing.live.mcap_records import read_records
 from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.lines import ROOM, Lines
 from sensing.robot.estimator import RobotEstimator
-from sensing.robot.node import messages
-from sensing.robot.node.cli import main
+from sensing.robot.node import cli, messages
+from sensing.robot.node.cli import JsonOutput, main
 from sensing.robot.node.record import Report, estimate_record, report_text
 from sensing.robot.node.recorder import RobotRecorder
 from sensing.robot.node.replay import Recording
@@ -24,6 +29,7 @@ from sensing.tensegrity.robot_file import SHIPPED, load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 ROBOT = load_robot()
+PATIENCE_S = 60.0
 WALL_NS = 1_700_000_000_123_456_789
 
 
@@ -193,3 +199,44 @@ def test_bad_input_gets_one_line(words, said, run, tmp_path, monkeypatch, capsys
 def test_a_file_that_is_there_stays(run):
     with pytest.raises(FileError, match="is there already"):
         RobotRecorder(run[0], ROBOT, b"")
+
+
+def test_where_the_page_cannot_begin_no_recording_is_left(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cli, "_source", lambda *_: Standing())
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        words = ["--record", str(tmp_path / "run.mcap"), "--port", str(taken.getsockname()[1])]
+        assert main(words) == 2
+    assert "choose another port" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_a_reader_that_takes_no_line_does_not_keep_the_run_from_its_end(run, monkeypatch):
+    """Ctrl-C is a request that the loop looks at between two samples: an output that waits for ever would hide it."""
+    reads, asked = threading.Event(), threading.Event()
+    stream = SimpleNamespace(isatty=lambda: False, write=lambda _: reads.wait(PATIENCE_S), flush=lambda: None)
+    lines = Lines(stream)
+    output = JsonOutput(lines, ROBOT, asked.is_set)
+    writer = threading.Thread(target=lambda: [output.report(run[1][0]) for _ in range(ROOM + 3)], daemon=True)
+    writer.start()
+    writer.join(0.5)
+    assert writer.is_alive()  # nothing is left out for one that reads
+    asked.set()
+    writer.join(PATIENCE_S)
+    assert not writer.is_alive()
+    reads.set()
+    lines.close()
+
+
+def test_a_full_disk_ends_the_count_of_what_is_recorded(run, tmp_path, monkeypatch):
+    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    samples = Standing(seconds=0.1).samples
+    recorder.sample(samples[0])
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(recorder._writer, "add_message", full)
+    for sample in samples[1:]:
+        recorder.sample(sample)
+    recorder.report(run[1][0])
+    recorder.close()
+    assert (recorder.samples, recorder.reports) == (1, 0) and "1 samples and 0 estimates" in recorder.note

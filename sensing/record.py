@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from sensing.arguments import number, whole
 from sensing.frames import ACTION, REACTION, FtMount
+from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.recording.folder import Recording
 from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
@@ -66,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )  # fmt: skip
         params = design_of(options)
         mount = read_mount(options.mount)
+        if options.netft:
+            warm_up(LOG.info)  # or frames and samples would be lost meanwhile
         with (
             Recording(options.out, params, mount, options.silicone) as recording,
             open_frames(options.source) as frames,
@@ -117,11 +121,10 @@ def record(
     rest: list[Frame] = []
     readings: list[Any] = []
     with stream, Progress(rest_frames) as progress:
+        read = _Reader(stream, synchroniser).read
         try:
             for frame in islice(frames, most):
-                for sample in stream.arrived():
-                    synchroniser.add(sample)
-                    progress.samples += 1
+                progress.samples += read()
                 waiting.append(frame)
                 progress.frames += 1
                 while waiting and (synchroniser.covers(waiting[0].time_s) or len(waiting) > MOST_WAITING):
@@ -142,6 +145,23 @@ def record(
         finally:
             recording.flush()
     return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty)
+
+
+class _Reader:
+    """Reads a stream between frames; gaps of what was lost while nothing was read are no jumps of its clock."""
+
+    def __init__(self, stream: NetFt | CsvFt, synchroniser: Synchroniser) -> None:
+        self._stream, self._synchroniser = stream, synchroniser
+        self._looks_s = deque([time.monotonic()] * 2, maxlen=2)  # a gap may show at the second look only
+
+    def read(self) -> int:
+        """Take what has come; returns how many samples."""
+        unread_s, count = time.monotonic() - self._looks_s[0], 0
+        for sample in self._stream.arrived():
+            self._synchroniser.add(sample, unread_s)
+            count += 1
+        self._looks_s.append(time.monotonic())
+        return count
 
 
 def _check_counts(rest_frames: int, most: int | None) -> None:

@@ -28,6 +28,7 @@ from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.outputs.recording import OTHERS_S
+from sensing.sources.newest import Health
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, verify
@@ -77,6 +78,24 @@ def test_a_file_has_ended_when_its_last_frame_is_worked_on_and_not_when_it_is_re
         assert endcap.health.status != "ended", done
         assert endcap.process(item) is not None
     assert endcap.take() is None and endcap.health.status == "ended"
+
+
+def test_a_last_frame_that_is_taken_while_somebody_looks_has_not_ended_the_file():
+    class Feed:
+        health = Health("ended")
+        waiting = frames(film([0]))
+
+        @property
+        def ended(self):  # the loop takes it while page or terminal ask
+            if self.waiting:
+                endcap.take()
+            return not self.waiting
+
+        def take(self):
+            return self.waiting.pop(), 0.0
+
+    endcap = LiveEndcap(Feed(), pipeline())
+    assert endcap.health.status != "ended"
 
 
 def test_an_end_while_zeroing_is_clean(address):

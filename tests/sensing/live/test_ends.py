@@ -28,12 +28,12 @@ from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.outputs.recording import OTHERS_S
-from sensing.sources.newest import Health
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, verify
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame
+from sensing.sources.newest import Health
 from sensing.tracking.zero import ZeroError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "bench"))

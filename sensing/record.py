@@ -21,7 +21,7 @@ import argparse
 import json
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -35,6 +35,7 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from sensing.arguments import number, whole
+from sensing.decode import FrameError, decode_gray
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
@@ -52,11 +53,12 @@ MOST_WAITING = 300  # frames that wait for their force; more means that the stre
 
 @dataclass(frozen=True)
 class RecordResult:
-    """What a recording gave: frames written, frames without a force near enough, bad packets."""
+    """What a recording gave: frames written, frames without a force near enough, bad packets, damaged pictures."""
 
     written: int
     unpaired: int
     faulty: int
+    damaged: int = 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -84,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     show(
         f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "
         f"without a force within {options.slop:g} s, {result.faulty} faulty packets"
+        + (f", {result.damaged} damaged pictures left out" if result.damaged else "")
     )
     if stream.note:
         show(stream.note)
@@ -123,10 +126,9 @@ def record(
     with stream, Progress(rest_frames) as progress:
         read = _Reader(stream, synchroniser).read
         try:
-            for frame in islice(frames, most):
+            for frame in _whole(islice(frames, most), progress):
                 progress.samples += read()
                 waiting.append(frame)
-                progress.frames += 1
                 while waiting and (synchroniser.covers(waiting[0].time_s) or len(waiting) > MOST_WAITING):
                     frame = waiting.popleft()
                     reading = synchroniser.at(frame.time_s)
@@ -144,7 +146,19 @@ def record(
                 progress.waiting = len(waiting)
         finally:
             recording.flush()
-    return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty)
+    return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty, progress.damaged)
+
+
+def _whole(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
+    """Pictures that can be decoded, all counted; one that cannot would stop the training on all others."""
+    for frame in frames:
+        progress.frames += 1
+        try:
+            decode_gray(frame, 8)
+        except FrameError:
+            progress.damaged += 1
+        else:
+            yield frame
 
 
 class _Reader:

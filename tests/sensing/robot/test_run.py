@@ -1,15 +1,19 @@
 """The running estimator: samples in, lines, JSON and a recording out, and the recording's bits again."""
 
 import errno
+import gc
 import json
 import shutil
 import socket
+import tempfile
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex, Message
 from standing_robot import standing_samples
 
 from cad.errors import FileError
@@ -18,6 +22,7 @@ from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.lines import ROOM, Lines
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import cli, messages
+from sensing.robot.node import recorder as recorder_module
 from sensing.robot.node.cli import JsonOutput, main
 from sensing.robot.node.record import Report, estimate_record, report_text
 from sensing.robot.node.recorder import RobotRecorder
@@ -240,3 +245,27 @@ def test_a_full_disk_ends_the_count_of_what_is_recorded(run, tmp_path, monkeypat
     recorder.report(run[1][0])
     recorder.close()
     assert (recorder.samples, recorder.reports) == (1, 0) and "1 samples and 0 estimates" in recorder.note
+
+
+def test_the_index_of_a_recording_does_not_grow_in_memory(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    for sample in Standing(seconds=0.2).samples:
+        recorder.sample(sample)
+    assert not [each for each in gc.get_objects() if type(each) is ChunkIndex]
+    recorder.report(run[1][0])
+    recorder.close()
+    assert recorder.failed == "" and sum(isinstance(each, Message) for each in read_records(recorder.path)) > 50
+    with recorder.path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert len(summary.chunk_indexes) == summary.statistics.chunk_count > 50
+
+
+def test_where_the_index_cannot_be_kept_no_recording_is_left(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    with pytest.raises(FileError, match="No space left on device"):
+        RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    assert not list(tmp_path.iterdir())

@@ -93,6 +93,7 @@ def _run(options: argparse.Namespace) -> int:
     terminal, stop = RobotTerminal(lines, robot, quiet=options.json), Stop()
     outputs: list[Output] = [terminal]
     recorder: RobotRecorder | None = None
+    losses = _Losses()
     shown: list[RobotPage | RobotTopics] = []
     try:
         if options.json:
@@ -105,7 +106,7 @@ def _run(options: argparse.Namespace) -> int:
             outputs.append(recorder)
         _start_page(shown, lines)
         with stop:
-            run_robot(source, estimator, [*outputs, *shown], lambda: stop.asked.is_set() or out.gone)
+            run_robot(source, estimator, [*outputs, *shown], lambda: stop.asked.is_set() or out.gone, losses.add)
     finally:
         for each in shown:
             each.close()
@@ -116,7 +117,19 @@ def _run(options: argparse.Namespace) -> int:
             stream.close(5.0)
     if terminal.last is None and not out.gone and not stop.asked.is_set():
         raise ParameterError("no estimate: the robot must stand still for a second first, and cables report lengths")
-    return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+    return LOST if losses.lines or (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+
+
+class _Losses:
+    """Outputs that stopped: a line of each, said at once."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def add(self, line: str) -> None:
+        """One more."""
+        self.lines.append(line)
+        LOG.error(f"sensing.robot: {line}")
 
 
 def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:

@@ -24,6 +24,7 @@ from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import cli, messages
 from sensing.robot.node import recorder as recorder_module
 from sensing.robot.node.cli import JsonOutput, main
+from sensing.robot.node.page import RobotPage
 from sensing.robot.node.record import Report, estimate_record, report_text
 from sensing.robot.node.recorder import RobotRecorder
 from sensing.robot.node.replay import Recording
@@ -269,3 +270,17 @@ def test_where_the_index_cannot_be_kept_no_recording_is_left(tmp_path, monkeypat
     with pytest.raises(FileError, match="No space left on device"):
         RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
     assert not list(tmp_path.iterdir())
+
+
+def test_an_output_that_raises_is_named_and_the_estimate_goes_on(tmp_path, monkeypatch, capsys):
+    def broken(*_):
+        raise RuntimeError("out of\nresources")
+
+    monkeypatch.setattr(cli, "_source", lambda *_: Standing())
+    monkeypatch.setattr(RobotPage, "report", broken)
+    assert main(["--record", str(tmp_path / "run.mcap"), "--json"]) == 1
+    said = capsys.readouterr()
+    assert "sensing.robot: RobotPage: stopped (RuntimeError: out of" in said.err and said.err.count("stopped (") == 1
+    assert len(said.out.splitlines()) > 10
+    replayed = Recording(tmp_path / "run.mcap").replay()
+    assert replayed.compared > 10 and replayed.different == 0 and replayed.end is None

@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -34,7 +35,9 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from sensing.arguments import number, whole
+from sensing.decode import FrameError, decode_gray
 from sensing.frames import ACTION, REACTION, FtMount
+from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.recording.folder import Recording
 from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
@@ -50,11 +53,12 @@ MOST_WAITING = 300  # frames that wait for their force; more means that the stre
 
 @dataclass(frozen=True)
 class RecordResult:
-    """What a recording gave: frames written, frames without a force near enough, bad packets."""
+    """What a recording gave: frames written, frames without a force near enough, bad packets, damaged pictures."""
 
     written: int
     unpaired: int
     faulty: int
+    damaged: int = 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,6 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )  # fmt: skip
         params = design_of(options)
         mount = read_mount(options.mount)
+        if options.netft:
+            warm_up(LOG.info)  # or frames and samples would be lost meanwhile
         with (
             Recording(options.out, params, mount, options.silicone) as recording,
             open_frames(options.source) as frames,
@@ -80,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     show(
         f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "
         f"without a force within {options.slop:g} s, {result.faulty} faulty packets"
+        + (f", {result.damaged} damaged pictures left out" if result.damaged else "")
     )
     if stream.note:
         show(stream.note)
@@ -117,13 +124,11 @@ def record(
     rest: list[Frame] = []
     readings: list[Any] = []
     with stream, Progress(rest_frames) as progress:
+        read = _Reader(stream, synchroniser).read
         try:
-            for frame in islice(frames, most):
-                for sample in stream.arrived():
-                    synchroniser.add(sample)
-                    progress.samples += 1
+            for frame in _whole(islice(frames, most), progress):
+                progress.samples += read()
                 waiting.append(frame)
-                progress.frames += 1
                 while waiting and (synchroniser.covers(waiting[0].time_s) or len(waiting) > MOST_WAITING):
                     frame = waiting.popleft()
                     reading = synchroniser.at(frame.time_s)
@@ -141,7 +146,36 @@ def record(
                 progress.waiting = len(waiting)
         finally:
             recording.flush()
-    return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty)
+    return RecordResult(progress.written, progress.unpaired + len(waiting), stream.faulty, progress.damaged)
+
+
+def _whole(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
+    """Pictures that can be decoded, all counted; one that cannot would stop the training on all others."""
+    for frame in frames:
+        progress.frames += 1
+        try:
+            decode_gray(frame, 8)
+        except FrameError:
+            progress.damaged += 1
+        else:
+            yield frame
+
+
+class _Reader:
+    """Reads a stream between frames; gaps of what was lost while nothing was read are no jumps of its clock."""
+
+    def __init__(self, stream: NetFt | CsvFt, synchroniser: Synchroniser) -> None:
+        self._stream, self._synchroniser = stream, synchroniser
+        self._looks_s = deque([time.monotonic()] * 2, maxlen=2)  # a gap may show at the second look only
+
+    def read(self) -> int:
+        """Take what has come; returns how many samples."""
+        unread_s, count = time.monotonic() - self._looks_s[0], 0
+        for sample in self._stream.arrived():
+            self._synchroniser.add(sample, unread_s)
+            count += 1
+        self._looks_s.append(time.monotonic())
+        return count
 
 
 def _check_counts(rest_frames: int, most: int | None) -> None:

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import hashlib
 import io
+import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -259,7 +261,7 @@ def _cached(path: Path, digest: str) -> dict[str, Any] | None:
     try:
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in ROW_ARRAYS} if str(archive["digest"]) == digest else None
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return None  # absent or damaged: made again
 
 

@@ -40,6 +40,7 @@ PORT, MOST_PORT = 49152, 65535
 REQUEST, REPLY = struct.Struct(">HHI"), struct.Struct(">III6i")
 MAGIC, STREAM, STOP = 0x1234, 2, 0
 COUNTS = 1e6  # per N and per N m
+READ_S = 0.02  # E: longest that samples are read which came after reading began
 BUFFER_BYTES = 1 << 22  # a slow frame must not cost samples
 CSV_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 MOST_N, MOST_NM = 2000.0, 200.0  # E: beyond what any endcap survives; counts per N that are wrong give such numbers
@@ -135,12 +136,16 @@ class NetFt:
     def arrived(self) -> Iterator[FtSample]:
         """The samples that have arrived since the last call; packets of another size are counted and dropped.
 
+        It ends with what came :data:`READ_S` after it began: a unit that sends faster than this computer reads must
+        not hold it for ever.
+
         Raises:
             StreamError: nothing, or nothing but errors, for ``timeout_s``; a force that cannot be.
             RateError: the rate that was given is not that of the unit.
         """
         assert self._socket is not None
-        while (packet := self._receive()) is not None:
+        end_s = (came_s := self._clock()) + READ_S
+        while came_s <= end_s and (packet := self._receive()) is not None:
             data, came_s = packet
             if len(data) != REPLY.size:
                 self.faulty += 1

@@ -14,13 +14,13 @@ class Progress:
     """A context; its thread writes also while the camera or the sensor lets everything wait.
 
     Attributes:
-        frames, rest, written, unpaired, waiting: counts so far. rest_wanted: untouched frames that are needed.
+        frames, rest, written, unpaired, damaged, waiting: counts so far. rest_wanted: untouched frames that are needed.
         force_n: norm of the last force written. samples: of the force sensor.
     """
 
     def __init__(self, rest_wanted: int, stream: TextIO | None = None) -> None:
         self.rest_wanted = rest_wanted
-        self.frames = self.rest = self.written = self.unpaired = self.waiting = self.samples = 0
+        self.frames = self.rest = self.written = self.unpaired = self.damaged = self.waiting = self.samples = 0
         self.force_n = float("nan")
         self._stream = sys.stderr if stream is None else stream
         self._begin_s = time.monotonic()

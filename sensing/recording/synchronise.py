@@ -1,7 +1,8 @@
 """Pairs frames with a force/torque stream by capture time: both neighbours within a slop, interpolated between them.
 
 Times are seconds of one monotonic clock. A clock that jumps would pair pictures with the wrong forces without a sign,
-so it is refused: times that go backwards, or that leap forward.
+so it is refused: times that go backwards, or that leap forward. Samples that were lost while nobody read the stream
+leave a gap that is no jump.
 
 Notes:
     Approximate synchronisation as robots know it, with a slop of 50 ms (P, NET23: labels synchronised
@@ -45,14 +46,19 @@ class Synchroniser:
         self._wrenches: list[NDArray[np.float64]] = []
         self._frame_s: float | None = None
 
-    def add(self, sample: FtSample) -> None:
+    def add(self, sample: FtSample, unread_s: float = 0.0) -> None:
         """Take a sample; one of equal time replaces the last.
 
+        Args:
+            sample: the next that came. unread_s: for so long nobody read the stream, which keeps only some of what
+                comes meanwhile.
+
         Raises:
-            ClockError: earlier than the last by more than the slop, later by over a second, or not finite.
+            ClockError: earlier than the last by more than the slop, later by over ``unread_s`` and a second, or not
+                finite.
         """
         last = self._times[-1] if self._times else None
-        self._check("force/torque sample", sample.time_s, last)
+        self._check("force/torque sample", sample.time_s, last, leap_s=LEAP_S + unread_s)
         if last is not None and sample.time_s <= last:
             place = bisect_left(self._times, sample.time_s)  # out of order within the slop: UDP does that
             if place < len(self._times) and self._times[place] == sample.time_s:

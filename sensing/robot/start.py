@@ -75,7 +75,7 @@ class Gathered:
         other = copy(self)
         for entry in fields(self):
             value = getattr(self, entry.name)
-            setattr(other, entry.name, value if isinstance(value, float) else value.copy())
+            setattr(other, entry.name, value.copy() if isinstance(value, np.ndarray | dict) else value)
         return other
 
 

@@ -103,8 +103,16 @@ def split_jpegs(stream: BinaryIO) -> Iterator[bytes]:
 
 
 def _read_to_end(start: bytes, stream: BinaryIO) -> bytes:
-    data = bytearray(start)
-    while b"\xff\xd9" not in data[-65600:]:
+    """A picture without a stated length; its head is skipped, where a thumbnail may have an end of its own."""
+    data, place = bytearray(start), 2
+    looked, scan = 0, False  # bytes of the scan that hold no end; whether it has begun
+    while True:
+        if not scan:
+            place, scan = _scan_begin(data, place)
+            looked = place
+        if scan and data.find(b"\xff\xd9", looked) >= 0:
+            break
+        looked = max(looked, len(data) - 1)  # of an end that is cut in two, the first byte
         if len(data) > LARGEST_FRAME:
             raise ValueError(f"no end of picture within {LARGEST_FRAME} bytes")
         line = stream.readline(65536)
@@ -112,3 +120,17 @@ def _read_to_end(start: bytes, stream: BinaryIO) -> bytes:
             break
         data += line
     return bytes(data)
+
+
+def _scan_begin(data: bytearray, place: int) -> tuple[int, bool]:
+    """(byte, whether the pixels begin there) behind the segments from ``place`` on (ITU T.81, B.1)."""
+    while place + 2 <= len(data):
+        if data[place] != 0xFF or data[place + 1] in (0xDA, 0xD9):  # no segment, start of scan, end of picture
+            return place, True
+        if data[place + 1] == 0xFF:  # fill byte
+            place += 1
+        elif place + 4 <= len(data):
+            place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
+        else:
+            break
+    return place, False

@@ -125,10 +125,8 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapPar
     """
     if len(frames) < LEAST_FRAMES:
         raise ZeroError(f"{len(frames)} frames: at least {LEAST_FRAMES} needed to separate rest from motion")
-    pictures = [decode_bgr(frame) for frame in frames]
-    if len({p.shape for p in pictures}) > 1:
-        raise ZeroError(f"frames of different sizes {sorted({p.shape[:2] for p in pictures})}: fix the camera mode")
-    nominal_lens(pictures[0].shape[1], pictures[0].shape[0])  # refuses upright ones
+    image = _averaged(frames)
+    nominal_lens(image.shape[1], image.shape[0])  # refuses upright ones
     tracker = DotTracker(frames[0], params=params)
     limit = STILL_PX * min(tracker.size) / 480.0
     moved = []
@@ -145,13 +143,28 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapPar
                 "keep the sensor untouched and still, and zero again"
             )
         moved.append(tracks.displacement_px)
-    mean = np.mean(np.stack(pictures).astype(np.float32), axis=0)
-    image = np.rint(mean).astype(np.uint8)
     noise = np.sqrt(np.mean((np.stack(moved) - np.mean(moved, axis=0)) ** 2, axis=(0, 2)))
     known = [f.exposure for f in frames if f.exposure is not None]
     date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     exposure = float(np.mean(known)) if known else float("nan")
     return Zero(image, sensor, date, len(frames), noise, _brightness(Frame(0.0, 0, sensor, image=image)), exposure)
+
+
+def _averaged(frames: Sequence[Frame]) -> Image:
+    """(H, W, 3) mean of pictures, of which no more than one is held at a time.
+
+    Raises:
+        ZeroError: sizes that differ.
+    """
+    total, shapes = np.zeros(0), set()
+    for frame in frames:
+        picture = decode_bgr(frame)
+        shapes.add(picture.shape)
+        if len(shapes) == 1:
+            total = total + picture if total.size else picture.astype(np.int64)
+    if len(shapes) > 1:
+        raise ZeroError(f"frames of different sizes {sorted(shape[:2] for shape in shapes)}: fix the camera mode")
+    return np.rint(total.astype(np.float32) / np.float32(len(frames))).astype(np.uint8)
 
 
 def single_zero(frame: Frame, sensor: str = "endcap") -> Zero:

@@ -34,6 +34,7 @@ MODEL_SD = 0.01  # E: of a load, by which the model is off beside its covariance
 ATTITUDE_RAD = math.radians(1.0)  # E: how well a table is level and a tilt is set
 CONTRADICTION = 1e-3  # probability with which consistent weights are refused
 ALIKE_DEG = 3.0  # E: verticals of poses that differ by less are those of one table
+SAME_DEG = 1e-6  # verticals that were given as one differ by rounding
 LEAST_POSES = 2
 LEAST_RATIO = 1.2  # of the largest load over the smallest: equal loads cannot contradict one another
 SOFTEST, STIFFEST = 0.04, 5.0  # E: gains that silicones of cad/materials.csv and harder ones have
@@ -201,7 +202,8 @@ def _leaning(poses: Sequence[Pose], gain: float, beyond: str) -> str:
     given = np.array([-pose.load_n / pose.weight_n for pose in found])
     mean = shown.mean(axis=0) / np.linalg.norm(shown.mean(axis=0))
     alike = [
-        _angle_deg(v, mean) < ALIKE_DEG and _angle_deg(up, given[0]) == 0 for v, up in zip(shown, given, strict=True)
+        _angle_deg(v, mean) < ALIKE_DEG and _angle_deg(up, given[0]) < SAME_DEG
+        for v, up in zip(shown, given, strict=True)
     ]
     if all(alike) and len(found) == len(poses):
         said = f"the force leans by {_angle_deg(mean, given[0]):.1f} degrees from the vertical given"

@@ -58,7 +58,7 @@ class LiveEndcap:
         """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
         source = self.feed.health
         event = _SOURCE_EVENTS.get(source.status)
-        if event is Event.ENDED and (self._busy or not self.feed.ended):
+        if event is Event.ENDED and (not self.feed.ended or self._busy):  # in this order: a frame being taken is either
             event = None  # the file has been read, but not all of its frames have been worked on
         if event is not None:
             self.machine.happened(event, source.message, time.monotonic())

@@ -186,10 +186,7 @@ class EndcapPipeline:
     def restart(self) -> None:
         """Forget the frames before, not the reference."""
         if self._used is not None:
-            if isinstance(self._used.method, ModelInput):
-                self._used.method.restart()
-            else:
-                self._used = Reference(self._used.zero, self._build(self._used.zero))
+            self._used = self._anew(self._used)
         self._begin()
 
     def require_camera_of(self, frame: Frame) -> None:
@@ -221,6 +218,13 @@ class EndcapPipeline:
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
+    def _anew(self, reference: Reference) -> Reference:
+        """The reference with a method that has seen nothing; dots need not be set up again, which takes a second."""
+        if isinstance(reference.method, ModelInput):
+            reference.method.restart()
+            return reference
+        return Reference(reference.zero, self._build(reference.zero))
+
     def _rest_camera(self, zero: Zero, tracker: DotTracker) -> RestCamera:
         """Looked for once a picture: a reference is set up again to be compared with the next."""
         digest = zero.digest
@@ -250,7 +254,7 @@ class EndcapPipeline:
         elif self._undo_wanted and self._before is not None:
             self._undo_wanted, before = False, self._before
             self._before = None
-            self._use(Reference(before.zero, self._build(before.zero)))
+            self._use(self._anew(before))
             self._say("back to the reference before")
         elif self._restart_wanted and self._used is not None:
             self.restart()

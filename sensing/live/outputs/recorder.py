@@ -10,15 +10,13 @@ own clock lies beside every picture.
 
 from __future__ import annotations
 
-import tempfile
+import contextlib
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from cad.errors import FileError
@@ -29,6 +27,7 @@ from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.diagnosis import diagnosis
+from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
 from sensing.live.outputs.recorded_tracks import (
     NOTES,
@@ -101,7 +100,7 @@ class Recorder(QueuedSink):
         self._writer = Writer(
             self._stream, chunk_size=1 << 62, compression=compression, enable_data_crcs=True
         )  # chunks are ended here, so that it is known what is in the file
-        self._index = _keep_index_on_disk(self._writer, path.parent)
+        self._made, self._index = stream is None, IndexOnDisk()
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
 
@@ -120,6 +119,7 @@ class Recorder(QueuedSink):
             FileError: not even that could be written.
         """
         try:
+            self._index.take_over(self._writer, self.path.parent)
             self._writer.start(profile="ros2", library="endcap-toolkit")
             self._writer.add_metadata(METADATA, about(self._config, self._files, self.pictures))
             for file in self._files:
@@ -131,6 +131,7 @@ class Recorder(QueuedSink):
             self._channel(NOTES, ros.STRING)
             self._stream.flush()
         except OSError as error:
+            self._discard()
             raise FileError(f"{self.path}: {error.strerror}: choose another place") from None
         super().start()
 
@@ -208,6 +209,13 @@ class Recorder(QueuedSink):
             self._index.close()
             self._stream.close()
 
+    def _discard(self) -> None:
+        """Leave no file behind of a recording that cannot begin."""
+        for let_go in (self._index.close, self._stream.close, self.path.unlink if self._made else None):
+            with contextlib.suppress(OSError):
+                if let_go is not None:
+                    let_go()
+
     def _add_picture(self, reading: EndcapReading, stamp: int) -> None:
         """What a replay begins with: the picture, or the dots seen in it."""
         if self.pictures is Pictures.FULL:
@@ -249,38 +257,6 @@ class Recorder(QueuedSink):
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", ros.definition(kind).encode())
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-
-
-class _IndexOnDisk:
-    """In place of the writer's list of chunks, which grows by 5 MB a minute with six endcaps: records in a file."""
-
-    def __init__(self, folder: Path) -> None:
-        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (open until the recording ends)
-
-    def append(self, index: ChunkIndex) -> None:
-        """Write one."""
-        record = RecordBuilder()
-        index.write(record)
-        self._file.write(record.end())
-
-    def __iter__(self) -> Iterator[_IndexOnDisk]:
-        return iter((self,))  # all of them as one
-
-    def write(self, builder: RecordBuilder) -> None:
-        """Copy all records."""
-        self._file.seek(0)
-        builder.write(self._file.read())
-
-    def close(self) -> None:
-        """Let the file go."""
-        self._file.close()
-
-
-def _keep_index_on_disk(writer: Any, folder: Path) -> _IndexOnDisk:
-    """The library has no setting for it."""
-    index = _IndexOnDisk(folder)
-    writer._Writer__chunk_indices = index
-    return index
 
 
 def _create(path: Path) -> BinaryIO:

@@ -197,6 +197,8 @@ def _steer(playback: Playback, press: Press) -> None:
 
 def picture(frame: Frame) -> bytes:
     """JPEG of a frame: as it came, or made for those that came raw; empty for one that cannot be shown."""
+    if frame.fault:  # its bytes say why
+        return b""
     if frame.jpeg is not None:
         return frame.jpeg
     if frame.image is None:  # a recording of dots alone

@@ -169,9 +169,9 @@ def build_app(run: Link, port: int) -> Starlette:
         if refusal(websocket, run.token, cookie) or not same_origin(websocket) or viewers.count >= MOST_VIEWERS:
             await websocket.close(1008)
             return
-        await websocket.accept()
-        viewers.count += 1
+        viewers.count += 1  # before anything is waited for: others are asked in meanwhile
         try:
+            await websocket.accept()
             await _answer(websocket, run)
         except (WebSocketDisconnect, RuntimeError):  # RuntimeError: it went away while being answered
             pass

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from sensing.tensegrity.samples import Sample
 
 if TYPE_CHECKING:
     from sensing.robot.node.page import RobotPage
+    from sensing.robot.node.recorder import RobotRecorder
     from sensing.robot.node.ros_topics import RobotTopics
 
 DESCRIPTION = """\
@@ -63,18 +64,19 @@ class JsonOutput:
     """One line of JSON a report, on standard output.
 
     Args:
-        lines: where. robot: of the reports.
+        lines: where. robot: of the reports. stopped: whether somebody has asked for the end.
     """
 
-    def __init__(self, lines: Lines, robot: TensegrityRobot) -> None:
-        self._lines, self._robot = lines, robot
+    def __init__(self, lines: Lines, robot: TensegrityRobot, stopped: Callable[[], bool] = lambda: False) -> None:
+        self._lines, self._robot, self._stopped = lines, robot, stopped
 
     def sample(self, sample: Sample) -> None:
         """Nothing."""
 
     def report(self, report: Report) -> None:
-        """A line."""
-        while not self._lines.write(report_text(report, self._robot) + "\n") and not self._lines.failed:
+        """A line; waits for a slow reader, but not beyond the end of the run."""
+        text = report_text(report, self._robot) + "\n"
+        while not self._lines.write(text) and not self._lines.failed and not self._stopped():
             time.sleep(0.01)  # nothing is left out for a program that reads
 
 
@@ -88,21 +90,23 @@ def _run(options: argparse.Namespace) -> int:
     estimator = RobotEstimator(robot)
     out = Lines(sys.stdout)
     lines = Lines(sys.stderr) if options.json else out
-    terminal = RobotTerminal(lines, robot, quiet=options.json)
+    terminal, stop = RobotTerminal(lines, robot, quiet=options.json), Stop()
     outputs: list[Output] = [terminal]
-    recorder = None
-    if options.json:
-        outputs.append(JsonOutput(out, robot))
-    if options.record is not None:
-        from sensing.robot.node.recorder import RobotRecorder
-
-        recorder = RobotRecorder(options.record, robot, description)
-        outputs.append(recorder)
-    shown = _shown(options, robot, lines)
-    outputs += shown
+    recorder: RobotRecorder | None = None
+    losses = _Losses()
+    shown: list[RobotPage | RobotTopics] = []
     try:
-        with Stop() as stop:
-            run_robot(source, estimator, outputs, lambda: stop.asked.is_set() or out.gone)
+        if options.json:
+            outputs.append(JsonOutput(out, robot, stop.asked.is_set))
+        shown = _shown(options, robot)
+        if options.record is not None:  # after all others: where one of them cannot begin, no file is left
+            from sensing.robot.node.recorder import RobotRecorder
+
+            recorder = RobotRecorder(options.record, robot, description)
+            outputs.append(recorder)
+        _start_page(shown, lines)
+        with stop:
+            run_robot(source, estimator, [*outputs, *shown], lambda: stop.asked.is_set() or out.gone, losses.add)
     finally:
         for each in shown:
             each.close()
@@ -113,7 +117,19 @@ def _run(options: argparse.Namespace) -> int:
             stream.close(5.0)
     if terminal.last is None and not out.gone and not stop.asked.is_set():
         raise ParameterError("no estimate: the robot must stand still for a second first, and cables report lengths")
-    return LOST if (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+    return LOST if losses.lines or (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+
+
+class _Losses:
+    """Outputs that stopped: a line of each, said at once."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def add(self, line: str) -> None:
+        """One more."""
+        self.lines.append(line)
+        LOG.error(f"sensing.robot: {line}")
 
 
 def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
@@ -151,17 +167,22 @@ def _wrench_sd(options: argparse.Namespace) -> tuple[float, float] | None:
     return force, torque
 
 
-def _shown(options: argparse.Namespace, robot: TensegrityRobot, lines: Lines) -> list[RobotPage | RobotTopics]:
-    """Page and topics, as far as they are asked for."""
+def _shown(options: argparse.Namespace, robot: TensegrityRobot) -> list[RobotPage | RobotTopics]:
+    """Page and topics, as far as they are asked for; the page is not started yet."""
     from sensing.robot.node.page import RobotPage
     from sensing.robot.node.ros_topics import RobotTopics
 
     shown: list[RobotPage | RobotTopics] = [RobotTopics(robot)] if options.ros else []
-    if not options.no_page:
-        shown.append(page := RobotPage(robot, options.port))
-        page.start()
-        lines.write(f"page: {page.url}\n")
-    return shown
+    return shown if options.no_page else [*shown, RobotPage(robot, options.port)]
+
+
+def _start_page(shown: Sequence[RobotPage | RobotTopics], lines: Lines) -> None:
+    from sensing.robot.node.page import RobotPage
+
+    for page in shown:
+        if isinstance(page, RobotPage):
+            page.start()
+            lines.write(f"page: {page.url}\n")
 
 
 def _replay(options: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@
 A plain wrench has no covariance and no contact bit: standard deviations are stated (``wrench_sd``) or those of
 :mod:`sensing.robot.contact`, and the force says whether it touches. It counts only while none with covariance comes.
 Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic clock, on which
-pictures are captured. Topics are reliable and volatile.
+pictures are captured; a topic whose stamps are of another clock is named. Topics are reliable and volatile.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.node import messages
+from sensing.robot.node.clock_watch import ClockWatch
 from sensing.robot.node.recorder import LENGTHS
 from sensing.robot.node.ros_topics import ros_name
 from sensing.tensegrity.description import Array, TensegrityRobot
-from sensing.tensegrity.samples import FootSample, LengthSample, Sample
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
 if TYPE_CHECKING:
     from sensing.robot.node.endcaps_here import EndcapsHere
@@ -70,6 +71,7 @@ class LiveRobot:
             topics += [(f"{topic}/with_covariance", ros.ENDCAP_WRENCH, endcap.name), (topic, ros.WRENCH, endcap.name)]
         self._readers = [(topic, kind, name, _reader(self._participant, topic, kind)) for topic, kind, name in topics]
         self._silent = [topic for topic, _, _ in topics]
+        self._clocks = ClockWatch(LOG.warning)
 
     def arrivals(self) -> Iterator[tuple[float, Sample] | None]:
         """(time of arrival, sample); None while none comes, or while endcaps here have given no wrench yet."""
@@ -115,11 +117,14 @@ class LiveRobot:
                     self._silent.remove(topic)
                 sample = self._sample(kind, name, message)
                 if sample is not None:
+                    self._clocks.take(topic, sample.time_s, time.monotonic())
                     waiting.append(sample)
         return sorted(waiting, key=lambda sample: sample.time_s if math.isfinite(sample.time_s) else math.inf)
 
     def _sample(self, kind: str, name: str, message: Any) -> Sample | None:
         """The sample of a message; None for a plain wrench beside one with covariance.
+
+        The topic says whose it is: ``frame_id`` is what the sensor's driver calls its axes.
 
         Args:
             kind: type of the message. name: of the sensor or endcap, as the topic has it. message: taken from it.
@@ -128,15 +133,17 @@ class LiveRobot:
         if isinstance(sample, LengthSample) and message.name:  # in the order of the description, whatever theirs is
             by_name = dict(zip(message.name, message.position, strict=False))
             return replace(sample, lengths_m=np.array([by_name.get(cable, np.nan) for cable in self._cables], float))
+        if isinstance(sample, InertialSample):
+            return replace(sample, sensor=name)
         if not isinstance(sample, FootSample):
             return sample
         if kind == ros.ENDCAP_WRENCH:
             self._with_covariance.add(name)
-            return sample
+            return replace(sample, endcap=name)
         if name in self._with_covariance:
             return None
         covariance = sample.covariance if self._covariance is None else self._covariance
-        return replace(sample, endcap=name, covariance=covariance)  # frame_id is that of whoever made the sensor
+        return replace(sample, endcap=name, covariance=covariance)
 
 
 def _endcaps_here(path: Path, robot: TensegrityRobot) -> EndcapsHere:

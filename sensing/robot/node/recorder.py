@@ -14,6 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from cad.errors import FileError
 from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.robot.node import messages
 from sensing.robot.node.record import Report, estimate_text
@@ -33,7 +34,7 @@ class RobotRecorder:
         path: must not exist. robot: whose samples. description: bytes of its file.
 
     Attributes:
-        samples, reports: written. failed: why no more is written; empty while all is.
+        samples, reports: written, until it failed. failed: why no more is written; empty while all is.
 
     Raises:
         FileError: the file exists or cannot be made.
@@ -51,6 +52,7 @@ class RobotRecorder:
         except OSError as error:
             raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
         self._writer = Writer(self._stream, chunk_size=1 << 18, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._index = self._indexed()
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._flushed_s = time.monotonic()
@@ -68,7 +70,7 @@ class RobotRecorder:
         else:
             topic = LENGTHS if isinstance(sample, LengthSample) else f"/{sample.endcap}/wrench/with_covariance"
         self._add(topic, kind, data)
-        self.samples += 1
+        self.samples += not self.failed
 
     def report(self, report: Report) -> None:
         """An estimate, and the truth where it is known."""
@@ -81,7 +83,7 @@ class RobotRecorder:
         self._add("/tf", TRANSFORMS, messages.bar_transforms(estimate, stamp))
         if report.truth is not None:
             self._add("/robot/truth", messages.POSES, messages.pose_array(report.truth, stamp))
-        self.reports += 1
+        self.reports += not self.failed
 
     @property
     def note(self) -> str:
@@ -97,6 +99,23 @@ class RobotRecorder:
             self._stream.close()
         except OSError as error:
             self.failed = self.failed or str(error.strerror)
+        finally:
+            self._index.close()
+
+    def _indexed(self) -> IndexOnDisk:
+        """The index of the chunks, which would grow in memory for as long as the robot runs.
+
+        Raises:
+            FileError: it cannot be kept beside the file, which is then left out, too.
+        """
+        index = IndexOnDisk()
+        try:
+            index.take_over(self._writer, self.path.parent)
+        except OSError as error:
+            self._stream.close()
+            self.path.unlink()
+            raise FileError(f"{self.path}: {error.strerror}: give a folder with room in it") from None
+        return index
 
     def _add(self, topic: str, kind: str, data: bytes) -> None:
         if self.failed:

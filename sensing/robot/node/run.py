@@ -13,6 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
+from cad.errors import printable
+from cad.messages import LOG
+from sensing.live.core.sink import reason_of
 from sensing.robot.estimate import RobotEstimate
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node.record import Report
@@ -98,18 +101,19 @@ class Way:
 
 
 def run_robot(
-    source: RobotSource, estimator: RobotEstimator, outputs: Sequence[Output], stopped: Callable[[], bool]
-) -> int:
+    source: RobotSource, estimator: RobotEstimator, outputs: Sequence[Output], stopped: Callable[[], bool],
+    lost: Callable[[str], object] = LOG.error,
+) -> int:  # fmt: skip
     """Until the source ends or somebody stops it; returns the number of reports.
 
     Args:
-        source: of samples. estimator: of the same robot. outputs: take samples and reports.
-        stopped: asked all the time.
+        source: of samples. estimator: of the same robot. outputs: take samples and reports; one that raises gets no
+            more. stopped: asked all the time. lost: takes a line for every output that raised.
 
     Raises:
         ParameterError: a sample that is not of this robot, or of another clock.
     """
-    way, count, next_s = Way(source.robot), 0, -math.inf
+    way, count, next_s, working = Way(source.robot), 0, -math.inf, list(outputs)
     for arrival in source.arrivals():
         if stopped():
             break
@@ -117,8 +121,7 @@ def run_robot(
             continue
         at_s, sample = arrival
         sample = replace(sample, time_s=whole_ns(sample.time_s) / NS) if math.isfinite(sample.time_s) else sample
-        for output in outputs:
-            output.sample(sample)
+        _hand_out(working, lambda output: output.sample(sample), lost)  # noqa: B023 (called at once)
         give(estimator, sample)
         if at_s < next_s:
             continue
@@ -127,9 +130,18 @@ def run_robot(
         if estimate is not None:
             report = way.report(estimate, source.truth(estimate.time_s))
             count += 1
-            for output in outputs:
-                output.report(report)
+            _hand_out(working, lambda output: output.report(report), lost)  # noqa: B023 (called at once)
     return count
+
+
+def _hand_out(working: list[Output], take: Callable[[Output], None], lost: Callable[[str], object]) -> None:
+    """To every output that works; a walking robot's estimate must not end with one of them."""
+    for output in tuple(working):
+        try:
+            take(output)
+        except Exception as error:
+            working.remove(output)
+            lost(printable(f"{type(output).__name__}: stopped ({reason_of(error)})"))
 
 
 def _alignment(estimated: Array, true: Array) -> Array:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+import zipfile
+import zlib
 from pathlib import Path
 
 import cv2
@@ -111,7 +113,7 @@ def _load(path: str) -> tuple[Array, Array]:
             return np.asarray(archive["surface_mm"]), np.asarray(archive["displacement_mm"])
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error})") from error
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"{path}: need arrays surface_mm and displacement_mm ({error})") from error
 
 

@@ -33,6 +33,7 @@ from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, verify
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame
+from sensing.sources.newest import Health
 from sensing.tracking.zero import ZeroError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "bench"))
@@ -77,6 +78,24 @@ def test_a_file_has_ended_when_its_last_frame_is_worked_on_and_not_when_it_is_re
         assert endcap.health.status != "ended", done
         assert endcap.process(item) is not None
     assert endcap.take() is None and endcap.health.status == "ended"
+
+
+def test_a_last_frame_that_is_taken_while_somebody_looks_has_not_ended_the_file():
+    class Feed:
+        health = Health("ended")
+        waiting = frames(film([0]))
+
+        @property
+        def ended(self):  # the loop takes it while page or terminal ask
+            if self.waiting:
+                endcap.take()
+            return not self.waiting
+
+        def take(self):
+            return self.waiting.pop(), 0.0
+
+    endcap = LiveEndcap(Feed(), pipeline())
+    assert endcap.health.status != "ended"
 
 
 def test_an_end_while_zeroing_is_clean(address):

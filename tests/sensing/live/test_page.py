@@ -20,7 +20,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from cad.errors import ParameterError
 from sensing.live.web.link import LONGEST_LINE, Press, is_fresh, parse_line, parse_request
-from sensing.live.web.page import PageServer
+from sensing.live.web.page import PageServer, picture
+from sensing.records import Frame
 
 ROOT = Path(__file__).resolve().parents[3]
 STATIC = ROOT / "sensing/live/web/static"
@@ -75,6 +76,11 @@ def test_the_page_needs_nothing_but_this_server():
 
 
 # --- fuzz ------------------------------------------------------------------------------------------------------
+def test_a_picture_that_cannot_be_read_is_not_shown_as_one():
+    assert picture(Frame(0.0, 0, "a", jpeg=b"a.jpg: no picture", fault="a.jpg: no picture")) == b""
+    assert picture(Frame(0.0, 0, "a", image=np.zeros((4, 4, 3), np.uint8)))[:2] == b"\xff\xd8"
+
+
 def test_what_is_no_request_is_none():
     good = {("show", 0, 0), ("zero", 2, 7), ("record_start", 0, 1), ("zero_all", 1, 2), ("undo", 1, 3)}
     assert {parse_request(json.dumps({"do": d, "endcap": c, "seen": s}), 3) for d, c, s in good} == {

@@ -1,11 +1,13 @@
 """Who may see the page and what it gives away: loopback, token, other pages, paths."""
 
+import asyncio
 import json
 import os
 import re
 import urllib.error
 import urllib.parse
 import urllib.request
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -14,6 +16,7 @@ from live_site import Site, fetch, talk
 from websockets.exceptions import InvalidStatus
 
 from sensing.live.web.access import page_address, page_token, qr_code
+from sensing.live.web.process import MOST_VIEWERS, build_app
 
 
 @pytest.fixture(scope="module")
@@ -125,3 +128,35 @@ def test_no_path_reaches_a_file(site):
         status, body = fetch(site.url + path)
         assert status in (400, 403, 404) or (path.startswith("?") and b"<title>Endcaps" in body), path
         assert b"root:" not in body and b"def build_app" not in body
+
+
+def test_viewers_who_come_at_once_are_counted_before_one_waits():
+    """Accepting is waited for: whoever came meanwhile found the same count."""
+    run = SimpleNamespace(token="", endcaps=1, hello="{}")
+    app, accepted, go_on = build_app(run, 8008), [], asyncio.Event()
+    scope = {
+        "type": "websocket", "path": "/ws", "headers": [(b"host", b"127.0.0.1:8008")], "query_string": b"",
+        "subprotocols": [], "state": {}, "app": app,
+    }  # fmt: skip
+
+    async def viewer():
+        events = iter(("websocket.connect", "websocket.disconnect"))
+
+        async def receive():
+            return {"type": next(events), "code": 1001}
+
+        async def send(message):
+            if message["type"] == "websocket.accept":
+                accepted.append(1)
+                await go_on.wait()
+
+        await app(scope, receive, send)
+
+    async def all_at_once():
+        come = [asyncio.create_task(viewer()) for _ in range(MOST_VIEWERS + 4)]
+        await asyncio.sleep(0.1)
+        go_on.set()
+        await asyncio.gather(*come)
+
+    asyncio.run(all_at_once())
+    assert len(accepted) == MOST_VIEWERS

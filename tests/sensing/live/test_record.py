@@ -4,12 +4,14 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, endless, film, frames, pipeline, stand_in, wait_for
+from mcap.writer import Writer
 
 from cad.errors import FileError
 from sensing.live.core.config import EndcapConfig, LiveConfig
@@ -166,6 +168,18 @@ def test_a_recording_never_replaces_a_file(tmp_path, press):
     assert path.read_bytes() == b"mine"
 
 
+@pytest.mark.parametrize("part", ["index", "head"])
+def test_a_recording_that_cannot_begin_leaves_no_file(part, tmp_path, press, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    where = tempfile if part == "index" else Writer
+    monkeypatch.setattr(where, "TemporaryFile" if part == "index" else "add_metadata", full)
+    recording = Recording(a_run(press), tmp_path)
+    assert "No space left on device: choose another place" in recording.switch(True)
+    assert not recording.on and not list(tmp_path.iterdir())
+
+
 class FullDisk(io.BytesIO):
     """A disk with room for so many bytes."""
 
@@ -203,6 +217,7 @@ def test_a_full_disk_ends_the_recording_not_the_run(press, tmp_path):
 
 KILLED = """
 import sys
+import tempfile
 from live_stand_in import endless, film, pipeline
 from pathlib import Path
 from sensing.live.core.config import EndcapConfig, LiveConfig

@@ -5,12 +5,13 @@ import socket
 import struct
 import threading
 import time
+from itertools import islice
 
 import numpy as np
 import pytest
 
 from cad.errors import FileError, ParameterError
-from sensing.recording.ft_streams import CSV_COLUMNS, CsvFt, NetFt, StreamError
+from sensing.recording.ft_streams import CSV_COLUMNS, REPLY, CsvFt, NetFt, StreamError
 from sensing.recording.sequence_clock import RateError, SequenceClock
 
 PATIENCE_S = 60.0
@@ -119,6 +120,19 @@ def test_half_the_answer_time_is_taken_for_the_delay_unless_it_is_known():
     assert stream._times.delay_s == 0.01
     with pytest.raises(ParameterError, match="delay_s=3"):
         NetFt("127.0.0.1", delay_s=3)
+
+
+def test_a_unit_that_sends_faster_than_it_is_read_does_not_hold_the_reader(monkeypatch):
+    now = [10.0]
+    stream = NetFt("127.0.0.1", 49152, clock=lambda: now[0])
+    with stream:
+
+        def packet():
+            now[0] += 1e-3  # one comes while the one before is read
+            return REPLY.pack(0, round(1e3 * now[0]), 0, 0, 0, 0, 0, 0, 0), now[0]
+
+        monkeypatch.setattr(stream, "_receive", packet)
+        assert 20 <= len(list(islice(stream.arrived(), 100))) <= 22
 
 
 def test_samples_with_an_error_are_dropped_and_the_error_named():

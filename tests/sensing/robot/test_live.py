@@ -22,6 +22,7 @@ from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import endcaps_here, live, messages
 from sensing.robot.node.cli import main
+from sensing.robot.node.clock_watch import ClockWatch
 from sensing.robot.node.live import LiveRobot
 from sensing.robot.node.replay import Recording
 from sensing.robot.node.run import run_robot
@@ -278,6 +279,30 @@ def test_lengths_are_put_in_the_order_of_the_description():
     message = SimpleNamespace(header=SimpleNamespace(stamp=stamp), name=CABLES[:0:-1], position=list(range(1, 9)))
     sample = LiveRobot(ROBOT, domain=DOMAIN)._sample(messages.JOINTS, "", message)
     assert np.array_equal(sample.lengths_m, [np.nan, 8, 7, 6, 5, 4, 3, 2, 1], equal_nan=True)
+
+
+def test_the_topic_says_whose_a_sample_is_whatever_its_driver_calls_the_axes():
+    source = LiveRobot(ROBOT, domain=DOMAIN)
+    for sample in standing_samples(ROBOT, 0.1)[1][:12]:
+        if isinstance(sample, LengthSample):
+            continue
+        kind, cdr = messages.sample_message(sample, CABLES, 0)
+        message = ros.decode(kind, cdr)
+        name = sample.sensor if isinstance(sample, InertialSample) else sample.endcap
+        other = replace(message, header=replace(message.header, frame_id="imu_link"))
+        again = source._sample(kind, name, other)
+        assert name in (getattr(again, "sensor", None), getattr(again, "endcap", None))
+
+
+@pytest.mark.parametrize(
+    ("age_s", "said"), [(0.03, ""), (-5.0, "5.00 s ahead of"), (-0.2, "0.20 s ahead"), (2.0, "behind")]
+)
+def test_a_topic_of_another_clock_is_named_once(age_s, said):
+    lines = []
+    watch = ClockWatch(lines.append)
+    for k in range(300):  # some are held up on their way
+        watch.take("cable_lengths", 0.01 * k, 0.01 * k + age_s + (0.4 if k % 7 else 0.0))
+    assert len(lines) == bool(said) and all(said in line and line.startswith("/cable_lengths") for line in lines)
 
 
 def test_clocks_that_disagree_are_named():

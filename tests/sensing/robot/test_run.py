@@ -1,19 +1,30 @@
 """The running estimator: samples in, lines, JSON and a recording out, and the recording's bits again."""
 
+import errno
+import gc
 import json
 import shutil
+import socket
+import tempfile
+import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex, Message
 from standing_robot import standing_samples
 
 from cad.errors import FileError
 from sensing.live.mcap_records import read_records
 from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.lines import ROOM, Lines
 from sensing.robot.estimator import RobotEstimator
-from sensing.robot.node import messages
-from sensing.robot.node.cli import main
+from sensing.robot.node import cli, messages
+from sensing.robot.node import recorder as recorder_module
+from sensing.robot.node.cli import JsonOutput, main
+from sensing.robot.node.page import RobotPage
 from sensing.robot.node.record import Report, estimate_record, report_text
 from sensing.robot.node.recorder import RobotRecorder
 from sensing.robot.node.replay import Recording
@@ -24,6 +35,7 @@ from sensing.tensegrity.robot_file import SHIPPED, load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 ROBOT = load_robot()
+PATIENCE_S = 60.0
 WALL_NS = 1_700_000_000_123_456_789
 
 
@@ -193,3 +205,82 @@ def test_bad_input_gets_one_line(words, said, run, tmp_path, monkeypatch, capsys
 def test_a_file_that_is_there_stays(run):
     with pytest.raises(FileError, match="is there already"):
         RobotRecorder(run[0], ROBOT, b"")
+
+
+def test_where_the_page_cannot_begin_no_recording_is_left(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cli, "_source", lambda *_: Standing())
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        words = ["--record", str(tmp_path / "run.mcap"), "--port", str(taken.getsockname()[1])]
+        assert main(words) == 2
+    assert "choose another port" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_a_reader_that_takes_no_line_does_not_keep_the_run_from_its_end(run, monkeypatch):
+    """Ctrl-C is a request that the loop looks at between two samples: an output that waits for ever would hide it."""
+    reads, asked = threading.Event(), threading.Event()
+    stream = SimpleNamespace(isatty=lambda: False, write=lambda _: reads.wait(PATIENCE_S), flush=lambda: None)
+    lines = Lines(stream)
+    output = JsonOutput(lines, ROBOT, asked.is_set)
+    writer = threading.Thread(target=lambda: [output.report(run[1][0]) for _ in range(ROOM + 3)], daemon=True)
+    writer.start()
+    writer.join(0.5)
+    assert writer.is_alive()  # nothing is left out for one that reads
+    asked.set()
+    writer.join(PATIENCE_S)
+    assert not writer.is_alive()
+    reads.set()
+    lines.close()
+
+
+def test_a_full_disk_ends_the_count_of_what_is_recorded(run, tmp_path, monkeypatch):
+    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    samples = Standing(seconds=0.1).samples
+    recorder.sample(samples[0])
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(recorder._writer, "add_message", full)
+    for sample in samples[1:]:
+        recorder.sample(sample)
+    recorder.report(run[1][0])
+    recorder.close()
+    assert (recorder.samples, recorder.reports) == (1, 0) and "1 samples and 0 estimates" in recorder.note
+
+
+def test_the_index_of_a_recording_does_not_grow_in_memory(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
+    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    for sample in Standing(seconds=0.2).samples:
+        recorder.sample(sample)
+    assert not [each for each in gc.get_objects() if type(each) is ChunkIndex]
+    recorder.report(run[1][0])
+    recorder.close()
+    assert recorder.failed == "" and sum(isinstance(each, Message) for each in read_records(recorder.path)) > 50
+    with recorder.path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert len(summary.chunk_indexes) == summary.statistics.chunk_count > 50
+
+
+def test_where_the_index_cannot_be_kept_no_recording_is_left(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    with pytest.raises(FileError, match="No space left on device"):
+        RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_output_that_raises_is_named_and_the_estimate_goes_on(tmp_path, monkeypatch, capsys):
+    def broken(*_):
+        raise RuntimeError("out of\nresources")
+
+    monkeypatch.setattr(cli, "_source", lambda *_: Standing())
+    monkeypatch.setattr(RobotPage, "report", broken)
+    assert main(["--record", str(tmp_path / "run.mcap"), "--json"]) == 1
+    said = capsys.readouterr()
+    assert "sensing.robot: RobotPage: stopped (RuntimeError: out of" in said.err and said.err.count("stopped (") == 1
+    assert len(said.out.splitlines()) > 10
+    replayed = Recording(tmp_path / "run.mcap").replay()
+    assert replayed.compared > 10 and replayed.different == 0 and replayed.end is None

@@ -193,3 +193,8 @@ def test_a_long_time_of_standing():
     assert np.linalg.norm(moved) < 0.02
     assert moved @ np.linalg.solve(last.centre_of_mass_covariance + first.centre_of_mass_covariance, moved) < 16
     assert len(estimator._history._samples) < 600  # the past is bounded
+
+
+def test_a_time_may_be_a_whole_number():
+    first = [replace(s, time_s=0) if s.time_s == 0 else s for s in SAMPLES]
+    assert bits(after(first)) == bits(after(SAMPLES))

@@ -3,8 +3,10 @@
 import base64
 import hashlib
 import http.server
+import io
 import re
 import threading
+import time
 
 import cv2
 import numpy as np
@@ -93,6 +95,28 @@ def test_user_and_password_open_a_camera_and_are_never_shown(scheme):
     finally:
         server.shutdown()
         server.server_close()
+
+
+def parts(*pictures):
+    """A stream of pictures without their lengths."""
+    return io.BytesIO(b"".join(b"--b\r\nContent-Type: image/jpeg\r\n\r\n" + data + b"\r\n" for data in pictures))
+
+
+def test_a_thumbnail_in_a_picture_does_not_end_it():
+    whole = jpeg(90)
+    segment = b"Exif\0\0" + jpeg(10) + b"\n" * 300  # of more than one line, as all of a JPEG may be
+    data = whole[:2] + b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big") + segment + whole[2:]
+    assert [found[: len(data)] for found in split_jpegs(parts(data, data))] == [data, data]
+    assert [found[:4] for found in split_jpegs(parts(b"\xff\xd8\xff\xd9", whole))] == [b"\xff\xd8\xff\xd9", whole[:4]]
+
+
+def test_a_large_picture_without_a_length_is_searched_once():
+    """Searched anew from its last 64 kB with every line, one of 640 x 480 took longer than its 33 ms."""
+    head = jpeg(90)[:-2]
+    data = head + b"\x10" * 60 + b"\n" * 20_000 + (b"\x11" * 250 + b"\n") * 4000 + b"\xff\xd9"
+    begin_s = time.thread_time()
+    (found,) = split_jpegs(parts(data))
+    assert found[: len(data)] == data and time.thread_time() - begin_s < 0.3
 
 
 def test_stream_that_never_ends_a_picture_is_refused():

@@ -100,6 +100,12 @@ def test_a_force_that_leans_is_no_wrong_weight_and_the_attitude_said_makes_it_ri
     assert again.gain == pytest.approx(0.73, abs=1e-4) and again.chi_square < 0.1
 
 
+def test_one_tilted_table_is_named_once_whatever_the_weights():
+    """Verticals come from loads of another size each, and are one to rounding only."""
+    with pytest.raises(WeighingError, match=r"leans by 1\d\.\d degrees from the vertical given, .*give tilt=30\.0,"):
+        fit_gain([leaning(weight, 30.0, 50.0, (20.0, 30.0)) for weight in (500.0, 1200.0, 1900.0)])
+
+
 def test_the_azimuth_is_opposite_to_the_lateral_force():
     pressed = PoseRequest(1000.0, 20.0, 70.0).load_n()
     assert np.degrees(np.arctan2(-pressed[1], -pressed[0])) == pytest.approx(70.0)

@@ -44,10 +44,13 @@ from sensing.simulator.solid.own_weight import nodal_mass_kg, own_weight_displac
 from sensing.simulator.solid.shell import ShellModel, shell_model
 from sensing.simulator.solid.surface import dot_directions, inner_surface, surface_sampler
 from sensing.tracking import own_weight as estimate
+from sensing.tracking.camera_motions import CameraMotions
 
 HERE = Path(__file__).parent
 G = 9.81
-POSES = {"tip up": (0.0, 0.0, -G), "sideways": (G, 0.0, 0.0), "tip down": (0.0, 0.0, G)}
+POSES = {
+    "tip up": (0.0, 0.0, -G), "sideways": (G, 0.0, 0.0), "sideways along y": (0.0, -G, 0.0), "tip down": (0.0, 0.0, G),
+}  # fmt: skip
 ENDCAPS = (
     (130.0, 8.0, "Smooth-Sil 950"), (130.0, 8.0, "Dragon Skin 30"), (99.0, 6.5, "Smooth-Sil 950"),
     (180.0, 10.0, "Smooth-Sil 950"), (250.0, 12.0, "Smooth-Sil 950"),
@@ -92,7 +95,7 @@ def _turns(shipped: ShellModel, sags: dict[str, Any]) -> Iterator[dict[str, Any]
     for endcap in ENDCAPS:
         model, density = _model(endcap), silicone(endcap[2]).density_g_cm3
         own = {pose: own_weight_displacement(model, density, g) for pose, g in POSES.items()}
-        for before, after in (("tip up", "sideways"), ("tip up", "tip down")):
+        for before, after in (("tip up", pose) for pose in POSES if pose != "tip up"):
             row = _moved(model, endcap, own[after] - own[before]) | {"zeroed": before, "turned": after}
             if endcap != SHIPPED:
                 yield row
@@ -198,7 +201,8 @@ def _leaves() -> Iterator[dict[str, Any]]:
         pairs = every[rng.integers(len(every), size=1000)] + every[rng.integers(len(every), size=1000)]
         for what, motions in (
             ("press", map(view.pixels, every)), ("two presses", map(view.pixels, pairs)),
-            ("camera", (view.similarity(rng) for _ in range(300))),
+            ("picture", (view.similarity(rng) for _ in range(300))),
+            ("camera", view.camera(rng, 1500)),
             ("own weight", map(view.pixels, view.sags([rng.normal(size=3) for _ in range(5)]))),
         ):  # fmt: skip
             left = np.array([_left(motion, view.modes) for motion in motions])
@@ -220,6 +224,7 @@ class View:
 
     def __init__(self, params: EndcapParams, silicone_name: str) -> None:
         self._camera, self._material, points = nominal_mount(params), silicone(silicone_name), pattern_points(params)[0]
+        self._params = params
         self._geometry, seen = shell_geometry(params.diameter_mm, params.wall_mm), self._camera.sees(points)
         self.points_mm, self._directions = points[seen], dot_directions(self._geometry)[seen]
         self.rest_px = self._camera.project(self.points_mm)
@@ -247,6 +252,16 @@ class View:
         sampler = surface_sampler(model, self._directions)
         density = self._material.density_g_cm3
         return [sampler.sample(own_weight_displacement(model, density, G * gravity)) for gravity in gravities_g]
+
+    def camera(self, rng: np.random.Generator, count: int) -> list[Any]:
+        """(n, 2) motions of all dots by turns and shifts of the camera and a zoom, mixed at random."""
+        by_motion = CameraMotions.of(self.rest_px, (640, 480), self._params).by_motion
+        found = []
+        for _ in range(count):
+            share = rng.normal(size=7)
+            share[rng.permutation(7)[rng.integers(1, 8) :]] = 0.0  # one to seven of the motions
+            found.append(by_motion @ share)
+        return found
 
     def similarity(self, rng: np.random.Generator) -> Any:
         """(n, 2) motion of all dots by a shift, a turn and a zoom of the camera, about a pixel of each."""

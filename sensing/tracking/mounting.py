@@ -7,7 +7,8 @@ but 0.6 to 0.8 of a camera that tilted or shifted sideways: its lens is a fishey
 camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts of 0.1 to 1 mm. A touch moves the dots
 near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two sizes), the
 camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D = 99). The
-skin's own weight in another pose may look like either (docs/live.md, "Own weight").
+skin's own weight in another pose may look like the camera's, but its own fit leaves less of it
+(:mod:`sensing.tracking.own_weight`); of a camera's motion that one leaves 0.26 and more.
 
 Units: full-size pixels, radians.
 """
@@ -137,15 +138,21 @@ class MountingWatch:
         self.reason, self._params = "", params
         self._motions: CameraMotions | None = None
 
-    def update(self, tracks: DotTracks) -> None:
-        """The dots of one more picture."""
+    def update(self, tracks: DotTracks, sag_leaves_px: float = float("nan")) -> None:
+        """The dots of one more picture.
+
+        Args:
+            tracks: its dots. sag_leaves_px: what the skin's own weight leaves of their motion
+                (:attr:`sensing.tracking.own_weight.OwnWeight.left_px`): where that is less than the mounting leaves,
+                the endcap was turned; NaN where none is looked for.
+        """
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
         motion = common_motion(tracks, motions=self._motions)
         if motion is None or motion.kind is MotionKind.CONTACT:
             return
         self.reason = ""
-        if motion.kind is MotionKind.MOUNTING:
+        if motion.kind is MotionKind.MOUNTING and not sag_leaves_px <= motion.residual_px:
             self.reason = (
                 f"camera or lens have moved since the reference (all dots as one, by {motion.reach_px:.2f} px): "
                 "zero again when untouched"

@@ -53,29 +53,30 @@ class OwnWeight:
     Attributes:
         change_g: (3,) gravity in the skin's pose less that at the reference, as the dots have it, in units of 9.81
             m/s^2 and as far as the silicone is as stiff as its table says; zero until a turn is seen.
+        left_px: third largest of what the fit leaves of the last motions; NaN where too few dots are seen.
     """
 
     def __init__(self, seen: ModelInput, params: EndcapParams, silicone: Silicone) -> None:
         self._seen, self._scale = seen, min(seen.tracker.size) / 480.0
         self._modes = own_weight_motion(seen, params, silicone)
         self.change_g: Array = np.zeros(3)
+        self.left_px = float("nan")
 
     def motion(self, tracks: DotTracks) -> Array | None:
         """(n, 2) what own weight moves the known dots by, px of the nominal view; None before a turn is seen."""
         moved = self._seen.motion(tracks)
         live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
-        if live.sum() >= LEAST_DOTS:
-            self._look(moved[live], self._modes[live])
+        self.left_px = self._look(moved[live], self._modes[live]) if live.sum() >= LEAST_DOTS else float("nan")
         return self._modes @ self.change_g if self.change_g.any() else None
 
-    def _look(self, moved: Array, modes: Array) -> None:
-        news = third_largest(moved - modes @ self.change_g)
-        if news < NEWS_PX * self._scale:
-            return
+    def _look(self, moved: Array, modes: Array) -> float:
+        """Sets the change anew where the motions (n, 2) show one; returns what the fit leaves of them."""
         change = np.linalg.lstsq(modes.reshape(-1, 3), moved.ravel(), rcond=None)[0]
         left = third_largest(moved - modes @ change)
-        if left <= LEAVES * news and float(change @ change) <= MOST_G**2:
+        news = third_largest(moved - modes @ self.change_g)
+        if news >= NEWS_PX * self._scale and left <= LEAVES * news and float(change @ change) <= MOST_G**2:
             self.change_g = np.asarray(change, dtype=np.float64)
+        return left
 
 
 def third_largest(moved: Array) -> float:

@@ -84,7 +84,11 @@ class Gate:
             return Verdict(Event.UNSEEN, blind)
         worst = 1.0 if tracks is None else float(np.where(tracks.lost, 0.0, tracks.quality).min())
         torn = 0.0 if tracks is None else torn_row(tracks)
-        held = not torn and worst < SURE and self._is_step(estimate.force_n, predict())
+        expected = predict() if torn or worst < SURE else None
+        if torn and expected is None:
+            self._held_n = None
+            return Verdict(Event.UNSEEN, f"{_torn(torn)}; no picture before it says what it would show")
+        held = not torn and worst < SURE and self._is_step(estimate.force_n, expected)
         self._held_n = np.array(estimate.force_n) if held else None
         clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N * float(np.linalg.norm(estimate.force_n)))
         flags = estimate.flags
@@ -97,7 +101,7 @@ class Gate:
             )
         if torn:
             flags |= {DISTURBED}
-            reasons.append(f"the picture is torn at row {torn:.0f}: check cable and USB load")
+            reasons.append(_torn(torn))
         if held:
             flags |= {UNCONFIRMED}
             reasons.append("the force stepped within one frame: waiting for the next to confirm it")
@@ -122,6 +126,10 @@ def torn_row(tracks: DotTracks) -> float:
     row, explained, step_x, step_y = best_tear(tracks.reference_px, tracks.position_px, tracks.lost, TORN_SIDE)
     torn = explained > TORN and step_x > TORN_PX * tracks.size[1] / 480 and step_y < 0.1 * step_x
     return float(row) if torn else 0.0
+
+
+def _torn(row: float) -> str:
+    return f"the picture is torn at row {row:.0f}: check cable and USB load"
 
 
 def small_picture(gray: Image) -> NDArray[np.float32]:

@@ -146,7 +146,8 @@ class Measurement:
     def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:
         """The verdict with what is doubtful about the reference and its camera, and whether that has moved since."""
         if tracks is not None:
-            self._mounting.update(tracks)
+            own = self._own_weight
+            self._mounting.update(tracks, float("nan") if own is None else own.left_px)
         if verdict.event not in MEASURED:
             return verdict
         check = self._check

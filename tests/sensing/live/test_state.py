@@ -229,11 +229,16 @@ def test_a_tear_that_leaves_every_dot_whole_is_flagged_for_as_long_as_it_lasts(p
     for k in range(4):
         torn[-4:, : k + 1] ^= 8
         jpegs.append(encoded(torn))
-    found = [pipe.update(f) for f in frames([*jpegs, *press[8:18]], 200.0)]
+    found = [pipe.update(f) for f in frames([*jpegs, *press[8:18]], good[-1].frame.time_s + 1 / 30)]
     for reading in found[:4]:
         assert DISTURBED in reading.wrench.flags and "torn at row" in reading.reason
         assert np.linalg.norm(reading.estimate.force_n) > 0.5 > 5 * np.linalg.norm(reading.wrench.force_n)
     assert all(r.event is Event.GOOD for r in found[4:])  # nor is any press
+    first = [pipe.update(f) for f in frames([*jpegs[:2], press[0]], 900.0)]  # after a gap nothing stands in for it
+    for reading in first[:2]:
+        assert reading.event is Event.UNSEEN and "torn at row" in reading.reason
+        assert np.isnan(reading.wrench.force_n).all() and not reading.contact.known
+    assert first[2].event is Event.GOOD
 
 
 def test_png_and_cut_pictures_are_named_and_no_camera_hangs(press):

@@ -93,6 +93,13 @@ def test_a_configuration_that_is_there_is_kept(tmp_path):
     assert setup.main(["--out", str(tmp_path / "endcaps.toml"), "--camera", "0"]) == 2
 
 
+def test_references_of_another_configuration_are_kept(tmp_path):
+    (tmp_path / "endcap_1.npz").write_text("of yesterday's endcaps.toml")
+    with pytest.raises(FileError, match=r"endcap_1\.npz: is there already, and another configuration may use it"):
+        setup.set_up(config(2), tmp_path / "other.toml", pytest.fail)
+    assert (tmp_path / "endcap_1.npz").read_text() == "of yesterday's endcaps.toml"
+
+
 def test_a_place_that_cannot_be_written_is_named_before_anything_is_asked(tmp_path):
     with pytest.raises(FileError, match=r"nodir/s\.toml: No such file or directory"):
         setup.set_up(config(1), tmp_path / "nodir" / "s.toml", pytest.fail)

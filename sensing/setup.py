@@ -84,12 +84,10 @@ def set_up(
     say = say or _say
     if out.exists():
         raise FileError(f"{out}: is there already: move it away, or choose another name with --out")
-    for number in range(len(config.endcaps)):
-        if (taken := _reference_file(out, f"endcap_{number}")).exists():
-            raise FileError(
-                f"{taken}: is there already, and another configuration may use it: move it away, or give --out in "
-                "another folder"
-            )
+    for taken in (out.with_name(f"endcap_{k}.npz") for k in range(len(config.endcaps))):
+        if taken.exists():
+            why = "is there already, and another configuration may use it"
+            raise FileError(f"{taken}: {why}: move it away, or give --out in another folder")
     require_place(out)
     ask(f"{len(config.endcaps)} camera(s): leave all endcaps untouched, then press Enter ")
     endcaps, watch = open_endcaps(config, models=models or configured_models(config)), Watch()
@@ -201,16 +199,11 @@ def _touched(
     )
 
 
-def _reference_file(out: Path, name: str) -> Path:
-    """Where an endcap's reference goes: beside the configuration."""
-    return out.parent / f"{name}.npz"
-
-
 def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, say: Ask) -> EndcapConfig:
     """The endcap's entry: reference saved, threshold measured."""
     zero = endcap.pipeline.zero
     assert zero is not None
-    path = _reference_file(out, name)
+    path = out.with_name(f"{name}.npz")
     made_of = endcap.pipeline.endcap.identity.without("camera", "silicone")
     save_zero(replace(zero, sensor=name, made_of=made_of), path)
     threshold = threshold_from_rest(np.array(rest), FALSE_RATE)

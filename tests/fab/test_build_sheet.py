@@ -63,17 +63,6 @@ def test_the_wells_are_said_to_hold_no_more_than_is_poured():
     assert poured == pytest.approx((MIX.poured_g - MIX.expected_g) / MIX.silicone.density_g_cm3, abs=0.05)
 
 
-@pytest.mark.parametrize(("material", "degassed"), [("Smooth-Sil 950", True), ("Ecoflex 00-50", False)])
-def test_the_step_degasses_where_the_clock_does(material, degassed):
-    layout = MoldLayout(PARAMS, silicone=material)
-    mix = recipe(2e5, overflow_of(layout), material)
-    data = SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {})
-    step = next(step for step in cast_steps(layout, dict.fromkeys(REMOVAL_ORDER, ())) if step.key == "mix")
-    words = " ".join(filled(data, step.lines))
-    assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
-    assert ("do not degas" in words) != degassed
-
-
 def test_the_commands_of_a_sheet_carry_dots_of_ones_own():
     params = EndcapParams(130.0, 8.0, dot_mm=3.5)
     data = SheetData(MoldLayout(params), {}, None, MIX, [], [], [], [], 0.0, {})

@@ -206,8 +206,7 @@ def test_a_single_picture_with_a_false_step_is_held_back_and_a_press_is_not_dela
 
 def test_a_step_that_lasts_is_confirmed_by_the_next_frame(press):
     half = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
-    half[:, 330:] = np.roll(half[:, 330:], 16, axis=0)
-    jpegs = []
+    half[:, 330:], jpegs = np.roll(half[:, 330:], 16, axis=0), []
     for k in range(3):
         half[-4:, : k + 1] ^= 8
         jpegs.append(encoded(half))
@@ -221,9 +220,8 @@ def test_a_tear_that_leaves_every_dot_whole_is_flagged_for_as_long_as_it_lasts(p
     torn = cv2.imdecode(np.frombuffer(press[0], np.uint8), 1)
     pipe = pipeline()
     good = [pipe.update(f) for f in frames(press[:8])]
-    rows = np.sort(good[-1].tracks.reference_px[:, 1])
-    gap = 20 + int(np.argmax(np.diff(rows[20:-20])))  # no dot is cut there
-    row = round((rows[gap] + rows[gap + 1]) / 2)
+    rows = np.sort(good[-1].tracks.reference_px[:, 1])[20:-20]
+    row = round(rows[np.argmax(np.diff(rows)) :][:2].mean())  # no dot is cut there
     torn[row:] = np.roll(torn[row:], 2, axis=1)
     jpegs = []
     for k in range(4):
@@ -234,11 +232,8 @@ def test_a_tear_that_leaves_every_dot_whole_is_flagged_for_as_long_as_it_lasts(p
         assert DISTURBED in reading.wrench.flags and "torn at row" in reading.reason
         assert np.linalg.norm(reading.estimate.force_n) > 0.5 > 5 * np.linalg.norm(reading.wrench.force_n)
     assert all(r.event is Event.GOOD for r in found[4:])  # nor is any press
-    first = [pipe.update(f) for f in frames([*jpegs[:2], press[0]], 900.0)]  # after a gap nothing stands in for it
-    for reading in first[:2]:
-        assert reading.event is Event.UNSEEN and "torn at row" in reading.reason
-        assert np.isnan(reading.wrench.force_n).all() and not reading.contact.known
-    assert first[2].event is Event.GOOD
+    first = pipe.update(frames(jpegs[:1], 900.0)[0])  # after a gap nothing stands in for it
+    assert first.event is Event.UNSEEN and "torn at row" in first.reason
 
 
 def test_png_and_cut_pictures_are_named_and_no_camera_hangs(press):

@@ -1,0 +1,61 @@
+"""Endcaps of this computer beside the robot: when they are ready, and what happens to readings that nobody takes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from live_program import camera
+from live_stand_in import a_reading, stand_in
+
+from sensing.robot.node import endcaps_here
+from sensing.tensegrity.robot_file import load_robot
+
+ROBOT, NAMES = load_robot(), ("endcap_0", "endcap_3")
+
+
+@pytest.fixture
+def here_of(tmp_path, monkeypatch):
+    """Endcaps of this computer by their names, started without a thread: a test puts the readings."""
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
+
+    def opened(names):
+        file = tmp_path / "endcaps.toml"
+        with camera() as address:
+            file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{address}"\n' for name in names))
+            here = endcaps_here.EndcapsHere(file, ROBOT)
+            monkeypatch.setattr(here._engine, "start", lambda: None)
+            here.start()
+        return here
+
+    return opened
+
+
+def test_two_endcaps_that_fill_the_last_place_at_once_stop_nothing(here_of, monkeypatch):
+    here, (_, reading) = here_of(NAMES), a_reading()
+    monkeypatch.setattr(here._readings, "full", lambda: False)  # as each thread sees it before the other puts its own
+    for _ in range(endcaps_here.ROOM + 1):
+        here.put(replace(reading, endcap=NAMES[0]))
+    assert len(list(here.samples())) == endcaps_here.ROOM
+
+
+def test_readings_that_can_no_longer_be_taken_are_named_once(here_of, capsys, monkeypatch):
+    monkeypatch.setattr(endcaps_here, "NEWS_S", 0.0)
+    here = here_of(NAMES)
+    here._engine.sink_failed(here, RuntimeError("a fault"))
+    assert not here.ready() and not here.ready()
+    said = capsys.readouterr().err
+    assert said.count("no more readings") == 1 and "a fault" in said
+
+
+@pytest.mark.parametrize("patient", [True, False])
+def test_it_begins_when_every_endcap_here_has_given_a_wrench_or_too_long_none(patient, here_of, monkeypatch, capsys):
+    monkeypatch.setattr(endcaps_here, "FIRST_S", 1e4 if patient else 0.0)
+    here, (_, reading) = here_of(NAMES), a_reading()
+    lost = replace(reading, endcap=NAMES[0], wrench=replace(reading.wrench, force_n=np.full(3, np.nan)))
+    here.put(lost)
+    assert here.ready() is not patient
+    assert ("no wrench of endcap_0, endcap_3" in capsys.readouterr().err) is not patient
+    here.put(replace(reading, endcap=NAMES[0]))
+    assert here.ready() is not patient
+    here.put(replace(reading, endcap=NAMES[1]))
+    assert here.ready() and [sample.endcap for sample in here.samples()] == [NAMES[0], *NAMES]

@@ -167,14 +167,6 @@ class FisheyeCamera:
             theta = np.clip(theta - (value - r) / slope, nodes[cell], nodes[cell + 1])
         return np.where(inside, theta, np.nan)
 
-    def cropped(self, left_px: int, top_px: int, width_px: int, height_px: int) -> FisheyeCamera:
-        """The camera of a sub-image.
-
-        Args:
-            left_px, top_px: column and row where the sub-image starts. width_px, height_px: its size.
-        """
-        return self._replace(width_px, height_px, cx_px=self.cx_px - left_px, cy_px=self.cy_px - top_px)
-
     def resized(self, width_px: int, height_px: int) -> FisheyeCamera:
         """The camera of the image resampled to a new size (pixel edges stay edges, as in area averaging)."""
         sx, sy = width_px / self.width_px, height_px / self.height_px

@@ -68,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _take(options: argparse.Namespace) -> None:
+    if options.out.suffix != ".npz":
+        raise ParameterError(f"--out {options.out}: give a name that ends in .npz, by which it is read", name="out")
     with open_frames(options.source) as frames:
         interval = list(itertools.islice(frames, options.frames))
     made_of = _made_of(options)

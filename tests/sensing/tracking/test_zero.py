@@ -265,3 +265,8 @@ def test_a_number_that_no_field_holds_is_a_damaged_file(zero, tmp_path, change):
     np.savez(tmp_path / "z.npz", **held)
     with pytest.raises(FileError, match="no reference file"):
         load_zero(tmp_path / "z.npz")
+
+
+def test_a_reference_has_a_name_by_which_it_is_read(tmp_path, capsys):
+    assert main(["take", "--source", str(tmp_path), "--out", str(tmp_path / "zero.txt")]) == 2
+    assert "give a name that ends in .npz" in capsys.readouterr().err and list(tmp_path.iterdir()) == []

@@ -28,6 +28,7 @@ import numpy as np
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.calibration.dots import pattern_points
+from sensing.camera.mount import rotation_matrix
 from sensing.camera.nominal import nominal_mount
 from sensing.live.core.config import OWN_WEIGHT, EndcapConfig, LiveConfig
 from sensing.live.core.reading import EndcapReading
@@ -61,6 +62,7 @@ APPROACH = (0.15, 0.3, 0.5, 0.75)  # of a path's first state
 PATHS = (1, 5, 8, 12, 16, 19)  # of the library's: one at each tilt
 NOISE = 1.5  # gray values
 MOST_N = 36.0  # largest press of the training data
+PIVOTS_MM, TURN_RAD = (-40, -20, -10, -5, 0, 5, 10, 20, 40, 80), 0.003
 AZIMUTHS_DEG = (0.0, 37.0, 90.0)
 
 
@@ -202,7 +204,8 @@ def _leaves() -> Iterator[dict[str, Any]]:
         for what, motions in (
             ("press", map(view.pixels, every)), ("two presses", map(view.pixels, pairs)),
             ("picture", (view.similarity(rng) for _ in range(300))),
-            ("camera", view.camera(rng, 1500)),
+            ("camera, pivoting", view.pivots()),
+            ("camera, any mix", view.camera(rng, 1500)),
             ("own weight", map(view.pixels, view.sags([rng.normal(size=3) for _ in range(5)]))),
         ):  # fmt: skip
             left = np.array([_left(motion, view.modes) for motion in motions])
@@ -261,6 +264,18 @@ class View:
             share = rng.normal(size=7)
             share[rng.permutation(7)[rng.integers(1, 8) :]] = 0.0  # one to seven of the motions
             found.append(by_motion @ share)
+        return found
+
+    def pivots(self) -> list[Any]:
+        """(n, 2) motions of all dots by small turns of the camera about points from above to far below its pupil."""
+        pupil = np.array(self._camera.pupil_endcap_mm)
+        found = []
+        for below_mm in PIVOTS_MM:
+            for azimuth in range(0, 180, 30):
+                axis = np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth)), 0.0])
+                turn = rotation_matrix(TURN_RAD * axis)
+                place = pupil - [0.0, 0.0, below_mm]
+                found.append(self._camera.project((self.points_mm - place) @ turn + place) - self.rest_px)
         return found
 
     def similarity(self, rng: np.random.Generator) -> Any:

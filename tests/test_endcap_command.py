@@ -20,6 +20,7 @@ INTERNAL = {  # of the checkout, started by other commands, or by who maintains 
     "sensing.simulator.robot.scene",
     "sensing.simulator.reduced.library_fit",
     "sensing.simulator.similarity.solve",
+    "sensing.simulator.solid.own_weight_table",
 }
 
 

@@ -8,7 +8,8 @@ camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts 
 near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two sizes), the
 camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D = 99). The
 skin's own weight in another pose may look like the camera's, but its own fit leaves less of it
-(:mod:`sensing.tracking.own_weight`); of a camera's motion that one leaves 0.26 and more.
+(:mod:`sensing.tracking.own_weight`); of a camera's motion that one leaves 0.23 and
+more (bench/own_weight_leaves.csv).
 
 Units: full-size pixels, radians.
 """
@@ -24,11 +25,13 @@ from numpy.typing import NDArray
 from cad.params import EndcapParams
 from sensing.records import DotTracks
 from sensing.tracking.camera_motions import CameraMotions
+from sensing.tracking.own_weight import OwnWeight
 
 MOVED_PX = 0.05  # at 480: motion from which it counts; ten times what the picture's noise makes, 0.2 to 0.6 N
 SIMILARITY_LEAVES = 0.35  # of the motion, at most, where the mounting moved; between 0.2 of a lens, 0.7 of a touch
 CAMERA_LEAVES = 0.25  # the same of the camera's own motions; between 0.12 and 0.34
 HOPELESS = 1.5  # so many times that, left by a quick fit to all dots: no robust fit brings it down
+ALIKE = 1.25  # a sag's three numbers follow the noise less than a camera's seven
 STILL_PX = 0.15  # at 480: left of no common motion, from which it is a touch; three times what noise makes
 LEAST_DOTS = 4  # for a similarity
 LEAST_DOTS_OF_CAMERA = 20  # for seven motions
@@ -138,13 +141,12 @@ class MountingWatch:
         self.reason, self._params = "", params
         self._motions: CameraMotions | None = None
 
-    def update(self, tracks: DotTracks, sag_leaves_px: float = float("nan")) -> None:
+    def update(self, tracks: DotTracks, own_weight: OwnWeight | None = None) -> None:
         """The dots of one more picture.
 
         Args:
-            tracks: its dots. sag_leaves_px: what the skin's own weight leaves of their motion
-                (:attr:`sensing.tracking.own_weight.OwnWeight.left_px`): where that is less than the mounting leaves,
-                the endcap was turned; NaN where none is looked for.
+            tracks: its dots. own_weight: looked for in the same dots: where it explains them, or leaves no more of
+                their motion than the mounting does, the endcap was turned; None where it is not looked for.
         """
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
@@ -152,7 +154,8 @@ class MountingWatch:
         if motion is None or motion.kind is MotionKind.CONTACT:
             return
         self.reason = ""
-        if motion.kind is MotionKind.MOUNTING and not sag_leaves_px <= motion.residual_px:
+        turned = own_weight is not None and (own_weight.explains or own_weight.left_px <= ALIKE * motion.residual_px)
+        if motion.kind is MotionKind.MOUNTING and not turned:
             self.reason = (
                 f"camera or lens have moved since the reference (all dots as one, by {motion.reach_px:.2f} px): "
                 "zero again when untouched"

@@ -23,7 +23,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, RBFInterpolator
 
 from cad import scaling
 from cad.materials import Silicone
@@ -38,7 +37,7 @@ G_M_S2 = 9.81
 KG_PER_MM3 = 1e-6  # of 1 g/cm3
 WALL_SCALE = 0.3  # M: of log T / R against clamp / R; where a shell is left out, its shape is met to 2 to 6 %
 NEWS_PX = 0.25  # at 480: motion from which c is looked for anew; five times what the picture's noise leaves
-LEAVES = 0.2  # of that motion, left by the fit at most: between 0.13 of a sag and 0.22 of two presses at once
+LEAVES = 0.2  # of that motion, left by the fit at most: between 0.14 of a sag and 0.22 of two presses at once
 MOST_G = 4.0  # turned over is 2; a silicone half as stiff as its table says doubles that
 LEAST_DOTS = 12
 STEP_MM = 0.05
@@ -54,29 +53,32 @@ class OwnWeight:
         change_g: (3,) gravity in the skin's pose less that at the reference, as the dots have it, in units of 9.81
             m/s^2 and as far as the silicone is as stiff as its table says; zero until a turn is seen.
         left_px: third largest of what the fit leaves of the last motions; NaN where too few dots are seen.
+        explains: whether that is as little of them as a sag leaves.
     """
 
     def __init__(self, seen: ModelInput, params: EndcapParams, silicone: Silicone) -> None:
         self._seen, self._scale = seen, min(seen.tracker.size) / 480.0
         self._modes = own_weight_motion(seen, params, silicone)
         self.change_g: Array = np.zeros(3)
-        self.left_px = float("nan")
+        self.left_px, self.explains = float("nan"), False
 
     def motion(self, tracks: DotTracks) -> Array | None:
         """(n, 2) what own weight moves the known dots by, px of the nominal view; None before a turn is seen."""
         moved = self._seen.motion(tracks)
         live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
-        self.left_px = self._look(moved[live], self._modes[live]) if live.sum() >= LEAST_DOTS else float("nan")
+        self.left_px, self.explains = float("nan"), False
+        if live.sum() >= LEAST_DOTS:
+            self._look(moved[live], self._modes[live])
         return self._modes @ self.change_g if self.change_g.any() else None
 
-    def _look(self, moved: Array, modes: Array) -> float:
-        """Sets the change anew where the motions (n, 2) show one; returns what the fit leaves of them."""
+    def _look(self, moved: Array, modes: Array) -> None:
+        """Sets the change anew where the motions (n, 2) show one."""
         change = np.linalg.lstsq(modes.reshape(-1, 3), moved.ravel(), rcond=None)[0]
         left = third_largest(moved - modes @ change)
-        news = third_largest(moved - modes @ self.change_g)
+        news, most = third_largest(moved - modes @ self.change_g), third_largest(moved)
         if news >= NEWS_PX * self._scale and left <= LEAVES * news and float(change @ change) <= MOST_G**2:
             self.change_g = np.asarray(change, dtype=np.float64)
-        return left
+        self.left_px, self.explains = left, most >= NEWS_PX * self._scale and left <= LEAVES * most
 
 
 def third_largest(moved: Array) -> float:
@@ -111,7 +113,8 @@ def own_weight_displacement(arm_mm: Array, params: EndcapParams, silicone: Silic
     unit_mm = silicone.density_g_cm3 * KG_PER_MM3 * G_M_S2 * radius_mm**2 / silicone.neo_hooke().shear_mpa
     out = arm_mm / np.linalg.norm(arm_mm, axis=1, keepdims=True)
     polar, azimuth = np.arccos(np.clip(out[:, 2], -1, 1)), np.arctan2(out[:, 1], out[:, 0])
-    f = unit_mm * _profiles(*ratios)(np.degrees(polar)).T
+    polar_deg, profiles = _profiles(*ratios)
+    f = [unit_mm * np.interp(np.degrees(polar), polar_deg, profile) for profile in profiles.T]
     cos_p, sin_p, cos_a, sin_a = np.cos(polar), np.sin(polar), np.cos(azimuth), np.sin(azimuth)
     along_polar = np.stack([cos_p * cos_a, cos_p * sin_a, -sin_p], axis=1)
     along_azimuth = np.stack([-sin_a, cos_a, np.zeros_like(azimuth)], axis=1)
@@ -124,12 +127,18 @@ def own_weight_displacement(arm_mm: Array, params: EndcapParams, silicone: Silic
 
 
 @lru_cache(maxsize=32)
-def _profiles(wall: float, clamp: float) -> CubicSpline:
-    """The five profiles over the polar angle in degrees, of a shell of these ratios to R."""
+def _profiles(wall: float, clamp: float) -> tuple[Array, Array]:
+    """(P,) polar angles in degrees, and (P, 5) the profiles there, of a shell of these ratios to R.
+
+    Between the table's shells each value is interpolated by a polyharmonic spline r^3 with a linear part (Duchon 1977).
+    """
     ratios, polar_deg, values = _table()
-    place = _place(np.array([[wall, clamp]]))
-    found = RBFInterpolator(_place(ratios), values.reshape(len(ratios), -1), kernel="cubic", degree=1)(place)
-    return CubicSpline(polar_deg, found.reshape(len(polar_deg), len(PROFILES)))
+    places, wanted = _place(ratios), _place(np.array([[wall, clamp]]))
+    linear, here = np.c_[np.ones(len(places)), places], np.r_[1.0, wanted[0]]
+    cubes = np.linalg.norm(places[:, None] - places, axis=2) ** 3
+    matrix = np.block([[cubes, linear], [linear.T, np.zeros((3, 3))]])
+    weights = np.linalg.solve(matrix, np.r_[np.linalg.norm(wanted - places, axis=1) ** 3, here])[: len(places)]
+    return polar_deg, np.tensordot(weights, values, axes=1)
 
 
 def _place(ratios: Array) -> Array:

@@ -146,8 +146,7 @@ class Measurement:
     def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:
         """The verdict with what is doubtful about the reference and its camera, and whether that has moved since."""
         if tracks is not None:
-            own = self._own_weight
-            self._mounting.update(tracks, float("nan") if own is None else own.left_px)
+            self._mounting.update(tracks, self._own_weight)
         if verdict.event not in MEASURED:
             return verdict
         check = self._check

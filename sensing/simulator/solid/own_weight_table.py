@@ -19,6 +19,7 @@ import numpy as np
 
 from cad.extras import program
 from cad.materials import silicone
+from cad.messages import LOG
 from cad.whole_file import replace_file
 from sensing.simulator.similarity.nodes import NODES
 from sensing.simulator.similarity.ratios import ShellRatios
@@ -42,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for number, (diameter_mm, wall_mm) in enumerate(NODES):
-        print(f"D={diameter_mm:g} T={wall_mm:g} ({number + 1} of {len(NODES)})", file=sys.stderr)
+        LOG.info(f"D={diameter_mm:g} T={wall_mm:g} ({number + 1} of {len(NODES)})")
         table.writerows([f"{round(float(value), 6):.7g}" for value in row] for row in rows_of(diameter_mm, wall_mm))
     replace_file(options.out, text.getvalue().encode())
     return 0

@@ -144,13 +144,13 @@ def test_a_turned_skin_is_no_camera_that_moved_and_the_other_way_round(seen, wat
     tracks = placed(seen, sag(seen, *gravity_g))
     watch.motion(tracks)
     alone.update(tracks)
-    asked.update(tracks, watch.left_px)
+    asked.update(tracks, watch)
     assert alone.reason != "" or gravity_g == (1, 0, 0)
     assert asked.reason == ""
     (motion,) = seen.view.camera(np.random.default_rng(2), 1)
     tracks = placed(seen, 3 * motion)
     watch.motion(tracks)
-    asked.update(tracks, watch.left_px)
+    asked.update(tracks, watch)
     assert "have moved" in asked.reason
 
 

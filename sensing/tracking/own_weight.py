@@ -73,7 +73,10 @@ class OwnWeight:
 
     def _look(self, moved: Array, modes: Array) -> None:
         """Sets the change anew where the motions (n, 2) show one."""
-        change = np.linalg.lstsq(modes.reshape(-1, 3), moved.ravel(), rcond=None)[0]
+        rows = modes.reshape(-1, 3)
+        change = np.linalg.solve(
+            rows.T @ rows, rows.T @ moved.ravel()
+        )  # along the axis a sixth as sensitive: well posed
         left = third_largest(moved - modes @ change)
         news, most = third_largest(moved - modes @ self.change_g), third_largest(moved)
         if news >= NEWS_PX * self._scale and left <= LEAVES * news and float(change @ change) <= MOST_G**2:

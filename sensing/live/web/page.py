@@ -226,5 +226,5 @@ def listen(host: str, port: int | None) -> socket.socket:
         if port is None:
             return listen(host, 0)
         raise ParameterError(
-            f"port {port} of {host}: {error}: choose another --port, or leave it out", name="port", value=port
+            f"port {port} of {host}: {error}: choose another port, or leave --port out", name="port", value=port
         ) from None

@@ -31,6 +31,19 @@ def point_stiffness_n_mm(geometry: ShellGeometry, law: HyperelasticLaw) -> float
     return reissner_stiffness_n_mm(law.young_mpa, law.poisson, geometry.mid_radius_mm, geometry.wall_mm)
 
 
+def hertz_force_n(young_mpa: float, poisson: float, radius_mm: float, depth_mm: float) -> float:
+    """Force on a solid elastic sphere (or of a rigid sphere on a half-space) at a depth.
+
+    Args:
+        young_mpa, poisson: E and nu of what is elastic. radius_mm: R of the sphere. depth_mm: d, approach.
+
+    Notes:
+        F = 4/3 E* sqrt(R) d^(3/2), E* = E / (1 - nu^2), contact radius a = sqrt(R d) (Johnson 1985, Contact Mechanics,
+        eq. 4.22-4.24). Valid for a < R/10; for a shell only while a is under about T/4, that is the first touch.
+    """
+    return 4 / 3 * young_mpa / (1 - poisson**2) * math.sqrt(radius_mm) * depth_mm**1.5
+
+
 def hertz_radius_mm(radius_mm: float, depth_mm: float) -> float:
     """Contact radius of Hertz, a = sqrt(R d)."""
     return math.sqrt(radius_mm * depth_mm)
@@ -46,6 +59,20 @@ def mindlin_stick_radius_mm(contact_radius_mm: float, tangential_n: float, norma
         c = a (1 - Q / (mu P))^(1/3) (Cattaneo 1938, Mindlin 1949; Johnson 1985, eq. 7.40). Zero once Q >= mu P.
     """
     return contact_radius_mm * max(0.0, 1 - tangential_n / (friction * normal_n)) ** (1 / 3)
+
+
+def flattening_force_n(geometry: ShellGeometry, law: HyperelasticLaw, depth_mm: float) -> float:
+    """Force of a rigid plane that flattens a thin shell: Reissner's line, F = k d.
+
+    Args:
+        geometry, law: the shell. depth_mm: d, approach of the plane.
+
+    Notes:
+        A plane flattens the dome first (Updike, Kalnins 1970, doi:10.1115/1.3408580): the ring of contact grows and the
+        force stays nearly linear in the depth until the flattened part inverts, at a depth of about 2 T. Beyond it the
+        full model answers.
+    """
+    return point_stiffness_n_mm(geometry, law) * depth_mm
 
 
 def inflated_sphere_pressure_mpa(shear_mpa: float, inner_stretch: float, outer_stretch: float) -> float:

@@ -130,6 +130,14 @@ def test_bad_constants_and_geometry_are_refused() -> None:
         HexMesh(-box.points, box.cells, box.outer, box.inner)
 
 
+def test_a_flattened_dome_takes_a_force_in_proportion_and_a_first_touch_that_of_hertz() -> None:
+    """F = k d of Reissner's k; F = 4/3 E* sqrt(R) d^1.5, by hand for E* = 4 MPa, R = 64 mm, d = 1 mm: 128/3 N."""
+    geometry, law = shell_geometry(130, 8), silicone().neo_hooke()
+    force = closed_forms.flattening_force_n(geometry, law, 2.5)
+    assert force == pytest.approx(2.5 * closed_forms.point_stiffness_n_mm(geometry, law))
+    assert closed_forms.hertz_force_n(3.0, 0.5, 64.0, 1.0) == pytest.approx(128 / 3)
+
+
 def test_lames_sphere_is_a_membrane_where_it_is_thin() -> None:
     """u = p R^2 (1 - nu) / (2 E t)."""
     thin = closed_forms.lame_displacement_mm(1e-3, 2.0, 0.49, 99.95, 100.05, 100.0)

@@ -6,16 +6,15 @@ python scripts/design_picture.py [--out docs/design_page.png]
 from __future__ import annotations
 
 import argparse
-import io
 import json
 import sys
 import tempfile
 import threading
 from pathlib import Path
 
-from live_picture import CHROMIUM, COLOURS, Browser
-from PIL import Image
+from live_picture import CHROMIUM, Browser, keep
 
+from fab.command import EXPORTS
 from fab.design_page.jobs import Jobs
 from fab.design_page.server import DesignServer
 
@@ -36,17 +35,14 @@ def main() -> int:
         print("no Chromium on this computer: install the package chromium", file=sys.stderr)
         return 2
     with tempfile.TemporaryDirectory() as folder:
-        exports = Path(folder) / "exports"
-        exports.mkdir()
+        exports = Path(EXPORTS)  # the usual one, which the page's commands need not name; nothing is made
         jobs = Jobs(exports)
         with DesignServer(exports, jobs, 0) as server:
             threading.Thread(target=server.serve_forever, daemon=True).start()
             png = _picture(server.url, Path(folder))
             jobs.close()
             server.shutdown()
-    picture = Image.open(io.BytesIO(png)).convert("RGB").quantize(COLOURS)
-    picture.save(options.out, optimize=True)
-    print(f"{options.out}: {options.out.stat().st_size} bytes")
+    keep(png, options.out)
     return 0
 
 

@@ -153,6 +153,12 @@ class Browser:
         self.process.wait(PATIENCE_S)
 
 
+def keep(png: bytes, path: Path) -> None:
+    """Write a picture in few colours, and say how large it is."""
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+    print(f"{path}: {path.stat().st_size} bytes")
+
+
 def main() -> int:
     """Start the live command, wait until three endcaps touch, take the picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -179,9 +185,7 @@ def main() -> int:
             browser.close()
             live.send_signal(signal.SIGINT)
             live.wait(20)
-    picture = Image.open(io.BytesIO(png)).convert("RGB").quantize(COLOURS)
-    picture.save(options.out, optimize=True)
-    print(f"{options.out}: {options.out.stat().st_size} bytes")
+    keep(png, options.out)
     return 0
 
 

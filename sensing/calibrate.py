@@ -126,12 +126,8 @@ def _from_dots(options: argparse.Namespace) -> int:
 def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, options: argparse.Namespace) -> None:
     """Say what is doubtful about the picture, a line each: dots of a pressed dome, hidden ones, light, alike turns."""
     doubts = [] if options.dots else [*picture_doubts(image, result.found_px, params, result.mounted).values()]
-    away_px, most_px = result.misplaced_px, most_misplaced_px(params)
-    if away_px > most_px:
-        doubts.append(
-            f"the dots lie up to {away_px:.1f} px from the design's (at most {most_px:.1f} of an untouched dome): "
-            "is it pressed? take the picture again; with a wrong camera forces are wrong"
-        )
+    if misplaced := _misplaced(result, params):
+        doubts.append(f"{misplaced}: is it pressed? take the picture again; with a wrong camera forces are wrong")
     for doubt in doubts:
         LOG.warning(f"sensing.calibrate: {doubt}")
     found = result.found_px
@@ -146,13 +142,20 @@ def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, o
 
 def _with_misplaced(error: OtherDesignError, result: Calibration, params: EndcapParams) -> CalibrationError:
     """The error that another design fits better, or that none may fit."""
-    away_px, most_px = result.misplaced_px, most_misplaced_px(params)
-    if away_px <= most_px:
+    misplaced = _misplaced(result, params)
+    if not misplaced:
         return error
     return CalibrationError(
-        f"the dots lie up to {away_px:.1f} px from the design's (at most {most_px:.1f} of an untouched dome): is the "
-        f"picture squeezed (a camera mode of another shape), is the dome pressed? Else {error}"
+        f"{misplaced}: is the picture squeezed (a camera mode of another shape), is the dome pressed? Else {error}"
     )
+
+
+def _misplaced(result: Calibration, params: EndcapParams) -> str:
+    """How far the dots lie from the design's, in words; empty where an untouched dome's may lie as far."""
+    away_px, most_px = result.misplaced_px, most_misplaced_px(params)
+    if away_px <= most_px:
+        return ""
+    return f"the dots lie up to {away_px:.1f} px from the design's (at most {most_px:.1f} of an untouched dome)"
 
 
 def _rest_picture(options: argparse.Namespace) -> tuple[NDArray[np.uint8], EndcapParams]:

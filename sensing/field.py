@@ -239,12 +239,7 @@ def _parser() -> argparse.ArgumentParser:
     add_design_arguments(parser, with_defaults=False)
     parser.add_argument("--shape", type=pair, default=(30, 30), metavar="HxW", help="cells (default 30x30)")
     parser.add_argument("--channels", default="u,v", help=f"comma-separated, of {', '.join(CHANNELS)} (default u,v)")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help=".npy (channels) or .npz (with mask, times, tracks)",
-    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help=".npy (channels) or .npz (with mask, times, tracks)")
     parser.add_argument("--picture", type=Path, metavar="FILE", help=".png or .jpg: image, dots, arrows, quality")
     return parser
 

@@ -8,8 +8,8 @@ camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts 
 near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two sizes), the
 camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D = 99). The
 skin's own weight in another pose may look like the camera's, but its own fit leaves less of it
-(:mod:`sensing.tracking.own_weight`); of a camera's motion that one leaves 0.23 and
-more (bench/own_weight_leaves.csv).
+(:mod:`sensing.tracking.own_weight`); of a camera that turns about a point that one leaves 0.23 and more
+(bench/own_weight_leaves.csv).
 
 Units: full-size pixels, radians.
 """
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from cad.params import EndcapParams
 from sensing.records import DotTracks
 from sensing.tracking.camera_motions import CameraMotions
-from sensing.tracking.own_weight import OwnWeight
+from sensing.tracking.own_weight import OwnWeight, third_largest
 
 MOVED_PX = 0.05  # at 480: motion from which it counts; ten times what the picture's noise makes, 0.2 to 0.6 N
 SIMILARITY_LEAVES = 0.35  # of the motion, at most, where the mounting moved; between 0.2 of a lens, 0.7 of a touch
@@ -95,7 +95,9 @@ def common_motion(
         return None
     shift, turn, scale, residual = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
     reach = float(np.linalg.norm(shift)) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
-    alike = CommonMotion(shift, turn, scale, reach, _third(residual), SIMILARITY_LEAVES, tracks.size)
+    alike = CommonMotion(
+        shift, turn, scale, reach, float(np.partition(residual, -3)[-3]), SIMILARITY_LEAVES, tracks.size
+    )
     if alike.kind is MotionKind.NONE:
         return alike
     moved = _moved_camera(tracks, alike, motions or CameraMotions.of(tracks.reference_px, tracks.size, params))
@@ -111,21 +113,12 @@ def _moved_camera(tracks: DotTracks, alike: CommonMotion, motions: CameraMotions
         return None
     moved = tracks.displacement_px
     quick = motions.of_all(moved)
-    if _third(_length(moved - quick)[used]) > HOPELESS * CAMERA_LEAVES * _third(_length(quick)[used]):
+    if third_largest((moved - quick)[used]) > HOPELESS * CAMERA_LEAVES * third_largest(quick[used]):
         return None
     camera = motions.of_most(moved, used)
-    reach, left = _third(_length(camera)[used]), _third(_length(moved - camera)[used])
+    reach, left = third_largest(camera[used]), third_largest((moved - camera)[used])
     found = replace(alike, reach_px=reach, residual_px=left, leaves=CAMERA_LEAVES, camera_px=camera)
     return found if found.kind is MotionKind.MOUNTING else None
-
-
-def _length(moved_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.hypot(moved_px[:, 0], moved_px[:, 1])
-
-
-def _third(values: NDArray[np.float64]) -> float:
-    """The third largest."""
-    return float(np.partition(values, -3)[-3])
 
 
 class MountingWatch:

@@ -86,7 +86,7 @@ class OwnWeight:
 
 def third_largest(moved: Array) -> float:
     """Of the lengths of (n, 2) motions: one or two dots may be off for other reasons."""
-    return float(np.sort(np.hypot(moved[:, 0], moved[:, 1]))[-3])
+    return float(np.partition(np.hypot(moved[:, 0], moved[:, 1]), -3)[-3])
 
 
 def own_weight_motion(seen: ModelInput, params: EndcapParams, silicone: Silicone) -> Array:
@@ -99,9 +99,10 @@ def own_weight_motion(seen: ModelInput, params: EndcapParams, silicone: Silicone
     moved = own_weight_displacement(points - [0.0, 0.0, params.centre_height_mm], params, silicone)
     slopes = []
     for axis in range(3):
-        step = STEP_MM / np.abs(moved[:, :, axis]).max() * moved[:, :, axis]
-        apart = seen.nominal.project(points + step) - seen.nominal.project(points - step)
-        slopes.append(apart * np.abs(moved[:, :, axis]).max() / (2 * STEP_MM))
+        by_g = moved[:, :, axis]
+        step_g = STEP_MM / np.abs(by_g).max()
+        ahead, behind = (seen.nominal.project(points + sign * step_g * by_g) for sign in (1, -1))
+        slopes.append((ahead - behind) / (2 * step_g))
     return np.stack(slopes, axis=2)
 
 

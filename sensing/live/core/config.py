@@ -53,9 +53,9 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MODELS = ("default", "paper")
 MOST_ENDCAPS = 32
 GAINS = (0.01, 100.0)  # no silicone is so much softer or harder than that of the training
-OWN_WEIGHT = ("subtracted", "kept")
+SUBTRACTED, KEPT = OWN_WEIGHT = ("subtracted", "kept")
 OF_BEFORE = {  # a file without these
-    "silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED, "own_weight": "kept",
+    "silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED, "own_weight": KEPT,
 }  # fmt: skip
 RINGS = "-"  # joins the counts of dots of one's own, as in 1-6-10-12
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
@@ -115,7 +115,7 @@ class EndcapConfig:
     dots: str = ""
     lens: str = ""
     dot_mm: float = RELEASED_DOT_MM
-    own_weight: str = OWN_WEIGHT[0]
+    own_weight: str = SUBTRACTED
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):

@@ -19,7 +19,7 @@ from cad.materials import silicone
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
-from sensing.live.core.config import OWN_WEIGHT, EndcapConfig
+from sensing.live.core.config import SUBTRACTED, EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, without_numbers
@@ -77,7 +77,7 @@ class Measurement:
         self._alike_to = small_picture(decode_gray(reference.zero.frame()))
         self._own_weight = (
             OwnWeight(reference.method, endcap.params, silicone(endcap.silicone))
-            if isinstance(reference.method, ModelInput) and endcap.own_weight == OWN_WEIGHT[0]
+            if isinstance(reference.method, ModelInput) and endcap.own_weight == SUBTRACTED
             else None
         )
         self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()

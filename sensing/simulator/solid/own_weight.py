@@ -40,25 +40,22 @@ def own_weight_displacement(model: ShellModel, density_g_cm3: float, gravity_m_s
     return solid.spread(stiffness.solve(solid.gather(force)))
 
 
-def own_weight_profiles(model: ShellModel, density_g_cm3: float, gravity_m_s2: float, polar_deg: Array) -> Array:
-    """(P, 5) displacement of the inner surface over the polar angle, mm.
+def own_weight_profiles(model: ShellModel, density_g_cm3: float, polar_deg: Array) -> Array:
+    """(P, 5) displacement of the inner surface over the polar angle, mm by a gravity of 1 m/s^2.
 
     Of gravity along x: outward and along the polar angle at azimuth 0, and along x at azimuth 90 degrees (where the
     azimuth runs along -x). Of gravity along the axis: outward, and along the polar angle.
 
     Args:
-        model: the whole shell. density_g_cm3: of the silicone. gravity_m_s2: acceleration.
-        polar_deg: (P,) from the tip.
+        model: the whole shell. density_g_cm3: of the silicone. polar_deg: (P,) from the tip.
     """
     polar = np.radians(polar_deg)
     zero = np.zeros_like(polar)
     front = np.stack([np.sin(polar), zero, np.cos(polar)], axis=1)
     downward = np.stack([np.cos(polar), zero, -np.sin(polar)], axis=1)
     aside = np.stack([zero, np.sin(polar), np.cos(polar)], axis=1)
-    side = own_weight_displacement(model, density_g_cm3, (gravity_m_s2, 0.0, 0.0))
-    along = surface_sampler(model, front).sample(
-        own_weight_displacement(model, density_g_cm3, (0.0, 0.0, gravity_m_s2))
-    )
+    side = own_weight_displacement(model, density_g_cm3, (1.0, 0.0, 0.0))
+    along = surface_sampler(model, front).sample(own_weight_displacement(model, density_g_cm3, (0.0, 0.0, 1.0)))
     at_front = surface_sampler(model, front).sample(side)
     at_side = surface_sampler(model, aside).sample(side)
     columns = [(at_front * front).sum(1), (at_front * downward).sum(1), at_side[:, 0]]

@@ -27,7 +27,6 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.own_weight import KG_PER_MM3, own_weight_profiles
 from sensing.simulator.solid.shell import shell_model
 
-G_M_S2 = 9.81
 POLAR_DEG = np.arange(0.0, 91.0, 5.0)
 COLUMNS = ("wall", "clamp", "polar_deg", "side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
 
@@ -57,8 +56,8 @@ def rows_of(diameter_mm: float, wall_mm: float) -> list[list[float]]:
     """
     material, geometry = silicone(), shell_geometry(diameter_mm, wall_mm)
     law, ratios = material.neo_hooke(), ShellRatios.of(geometry)
-    found = own_weight_profiles(shell_model(geometry, law, "data"), material.density_g_cm3, G_M_S2, POLAR_DEG)
-    unit_mm = material.density_g_cm3 * KG_PER_MM3 * G_M_S2 * geometry.outer_radius_mm**2 / law.shear_mpa
+    found = own_weight_profiles(shell_model(geometry, law, "data"), material.density_g_cm3, POLAR_DEG)
+    unit_mm = material.density_g_cm3 * KG_PER_MM3 * geometry.outer_radius_mm**2 / law.shear_mpa
     return [[ratios.wall, ratios.clamp, polar, *row] for polar, row in zip(POLAR_DEG, found / unit_mm, strict=True)]
 
 

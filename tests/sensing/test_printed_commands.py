@@ -79,7 +79,7 @@ def test_live_names_no_option_that_it_lacks():
     """``--trust-design`` is of ``sensing.calibrate``, and live has to say so."""
     error = OtherDesignError("another design fits this photo better")
     said = advice(RestCamera(None, BAD, doubt=error.found, other_design=True))
-    command = said[said.index("python -m ") : said.index(" and name that file")]
+    command = command_in(said[: said.index(" and name that file")])
     assert refusal(command) == "" and command == calibrate_command(OWN, "endcap_0.json", SPACED, trusted=True)
     assert "--trust-design" not in said.replace(command, "") and "--trust-design" in str(error)
 

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ def test_the_simulated_robot_without_weights_names_their_command(home, capsys):
 def test_the_command_that_makes_weights_runs_as_it_stands(monkeypatch, tmp_path):
     own = EndcapParams(150, 12, parse_rings("1-6-10-12-16"), 3.5)
     python, *words = shlex.split(command_for(own, "Dragon Skin 30"))
-    assert shutil.which(python) == sys.executable and words[:2] == ["-m", "sensing.train"]
+    assert Path.cwd() / shutil.which(python) == Path(sys.executable) and words[:2] == ["-m", "sensing.train"]
     options = train._parser().parse_args(words[2:])
     options.diameter, options.wall = options.design
     assert design_of(options) == own and options.silicone == "Dragon Skin 30"

@@ -23,6 +23,7 @@ CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degas
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
 SPARE = 1.1  # E: skirts, brims, and a part that fails
 LEAST_CHAMBER_L = 5
+DEGAS_USE = "degas"  # of what no cast needs whose pot life leaves no time for it
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
 PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
 
@@ -80,7 +81,7 @@ def supply_lines(mix: Recipe) -> list[BomLine]:
             row.order_as.format(**blanks), row.kind, spool_usd(row.name),
         )
         for row in supplies().values()
-        if row.kind != "silicone"
+        if row.kind != "silicone" and (row.use != DEGAS_USE or mix.is_degassed)
     ]  # fmt: skip
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cad.errors import FileError, ParameterError
 from cad.materials import silicones
 from cad.messages import show
 from fab.checks.check import require_passed
@@ -86,6 +84,7 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
     from fab.build_sheet.content import build_document
     from fab.build_sheet.html import write_html
     from fab.build_sheet.pdf import write_pdf
+    from fab.build_sheet.sliced import read_slices, require_sliced_for
     from fab.slice.projects import read_export
 
     export = read_export(variant, exports)
@@ -97,60 +96,16 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
         tempfile.TemporaryDirectory(prefix="sheet-") as scratch,
     ):
         data, own = _collect(export, sliced, Path(scratch), progress)
-        data = replace(data, asked_printer=asked_printer)
+        data = replace(data, asked_printer=asked_printer, exports_option=exports_words(exports))
         document = build_document(data)
         progress("HTML and PDF")
         write_html(document, folder / "build_sheet.html")
         write_pdf(document, folder / "build_sheet.pdf")
         (folder / "bom.csv").write_text(bom_csv(data.lines), encoding="utf-8")
         write_record(folder, RECORD, own)
-    slicing = make_command("slice", data) + exports_words(exports)
-    note = "" if sliced else f" (without print times: run {slicing})"
+    note = "" if sliced else f" (without print times: run {make_command('slice', data)})"
     show(f"{export.folder / FOLDER}: build_sheet.html, build_sheet.pdf, bom.csv, all gates held{note}")
     return 0
-
-
-def read_slices(export: Export) -> dict[str, Any] | None:
-    """What ``make slice`` wrote for this export; ``None`` where it has not run since ``make molds`` did.
-
-    Raises:
-        FileError: it is there but cannot be read, or belongs to another design.
-    """
-    path = export.folder / "slice" / "slice.json"
-    if not path.exists():
-        return None
-    again = f"run `make slice {export.words}` again"
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        matches = record["digest"] == export.params.digest
-        [(project["time_s"], project["pieces"]) for project in record["projects"]]
-        _ = record["printer"]["name"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{path}: not what make slice writes ({error}): {again}") from error
-    if not matches:
-        raise FileError(f"{path}: belongs to another design: {again}")
-    return dict(record) if record.get("manifest_sha256") == export.manifest_sha256 else None
-
-
-def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, words: str) -> None:
-    """Refuse slices of another printer than the sheet was asked for.
-
-    Args:
-        asked_printer: name in the printers' table; empty where none was asked for.
-        sliced: ``slice.json``; None where it has not been sliced.
-        words: options that name the export.
-
-    Raises:
-        ParameterError: names both, and the command that slices for the one that was asked for.
-    """
-    found = sliced["printer"]["name"] if sliced else ""
-    if asked_printer and found and found != asked_printer:
-        raise ParameterError(
-            f"printer={asked_printer}: it was sliced for {found}, and the sheet prints those plates: run `make slice "
-            f"{words} printer={asked_printer}` first, or leave printer= out",
-            name="printer",
-            value=asked_printer,
-        )
 
 
 def _collect(

@@ -29,12 +29,20 @@ def make_command(target: str, data: SheetData, printer: str | None = None) -> st
         printer: that is named; by default the sheet's own, where it is not the one that make takes by itself.
     """
     named = printer_words(printer or (data.molds_printer if target == "molds" else data.printer))
-    return f"{camera_setting()}make {target} {Variant(data.layout, data.robot).words}{named}"
+    return f"{camera_setting()}make {target} {Variant(data.layout, data.robot).words}{named}{data.exports_option}"
 
 
-def ring_command(params: EndcapParams) -> str:
+def ring_command(data: SheetData) -> str:
     """The command that makes the LED ring's files; clearance and silicone play no part in it."""
-    return f"{camera_setting()}make ring D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
+    params = data.layout.params
+    design = f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
+    return f"{camera_setting()}make ring {design}{data.exports_option}"
+
+
+def coupons_command(data: SheetData) -> str:
+    """The command that makes the coupons, with the trays of this silicone's bond specimens."""
+    name = data.layout.silicone
+    return f"make coupons{'' if name == DEFAULT_SILICONE else f' material={shlex.quote(name)}'}{data.exports_option}"
 
 
 def program_command(module: str, params: EndcapParams, *words: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cad.dots import dot_pattern
+from cad.plain_numbers import plain
 from cad.robot_sides import fixing_words, robot_words
 from fab.build_sheet.blocks import Block, Document, Heading, Paragraph, Picture, Table
 from fab.build_sheet.casting import casting, demolding, silicone
@@ -30,20 +31,20 @@ def build_document(data: SheetData) -> Document:
         *casting(data),
         *demolding(data),
         *painting(data),
-        *led_ring(data.layout.params, data.pictures["ring_light"]),
+        *led_ring(data),
         *assembling(data),
         *light_check(data),
         *_gates(data),
     ]
     subtitle = f"digest of the parameters {params.digest[:12]}; lengths in mm unless marked"
-    return Document(f"Endcap D = {params.diameter_mm:g}, T = {params.wall_mm:g} mm", subtitle, tuple(blocks))
+    return Document(f"Endcap D = {plain(params.diameter_mm)}, T = {plain(params.wall_mm)} mm", subtitle, tuple(blocks))
 
 
 def _cover(data: SheetData) -> list[Block]:
     params, recipe = data.layout.params, data.recipe
     facts = [
         ("made by", f"{make_command('molds', data)} (joint clearance {data.layout.joint_clearance_mm:g})"),
-        ("silicone dome", f"{params.diameter_mm:g} outside, wall {params.wall_mm:g}, {height_words(params)}"),
+        ("silicone dome", f"{plain(params.diameter_mm)} outside, wall {plain(params.wall_mm)}, {height_words(params)}"),
         ("dots", f"{len(dot_pattern(params))} dents of {params.dot_mm:g} diameter, {params.dent_depth_mm:.3g} deep"),
         ("silicone", f"{recipe.silicone.name}: {recipe.part_a_g:.1f} g A + {recipe.part_b_g:.1f} g B"),
         ("cast weighs", f"{recipe.expected_g:.0f} g of silicone"),

@@ -34,6 +34,7 @@ class SheetData:
         beds: size of every printed part in its printing pose, x, y, z in mm.
         fitting_printers: those of the table that take every part, in words, smallest bed first.
         asked_printer: name in the printers' table that the sheet was asked for; empty where it was not.
+        exports_option: names the folder of exports in commands of make (:func:`fab.command.exports_words`).
     """
 
     layout: MoldLayout
@@ -49,6 +50,7 @@ class SheetData:
     beds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     fitting_printers: tuple[str, ...] = ()
     asked_printer: str = ""
+    exports_option: str = ""
 
     @property
     def robot(self) -> str:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE
 from cad.params import EndcapParams
+from cad.plain_numbers import plain
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.commands import ring_command
+from fab.build_sheet.data import SheetData
 from fab.checks.check import Check
 from fab.led_ring.bom import ring_bom
 from fab.led_ring.budget import CAMERA_A, RING_A, USB_A, driver_checks, warmest_room_c
@@ -25,7 +27,7 @@ def draw_ring_light(params: EndcapParams, folder: Path) -> Path:
     from fab.led_ring.picture import draw_light
 
     path = folder / "ring_light.png"
-    draw_light(dome_light(params), f"D={params.diameter_mm:g} T={params.wall_mm:g}, {LED_COUNT} LEDs", path)
+    draw_light(dome_light(params), f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}, {LED_COUNT} LEDs", path)
     return path
 
 
@@ -69,8 +71,9 @@ def steps_of_wiring() -> list[Block]:
     ]
 
 
-def led_ring(params: EndcapParams, picture: Path) -> list[Block]:
+def led_ring(data: SheetData) -> list[Block]:
     """What a person needs to know of the ring before ordering it."""
+    params = data.layout.params
     driver = fitted_driver()
     rows = []
     for count in range(LED_RANGE[0], LED_RANGE[1] + 1):
@@ -79,7 +82,7 @@ def led_ring(params: EndcapParams, picture: Path) -> list[Block]:
     return [
         Heading("LED ring", 1),
         Paragraph(
-            f"{ring_command(params)} writes the board's files (Gerber, drills, bill, "
+            f"{ring_command(data)} writes the board's files (Gerber, drills, bill, "
             f"placement) and its own checks. With {LED_COUNT} LEDs and R_set = {driver.r_set_ohm:g} ohm it draws "
             f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V (at most {1e3 * RING_A:.0f}), efficiency "
             f"{100 * driver.efficiency:.0f} %. The spacer is PETG, which keeps its shape in rooms up to "
@@ -99,5 +102,5 @@ def led_ring(params: EndcapParams, picture: Path) -> list[Block]:
             "part that the camera sees. Computed from the places of the LEDs, one reflectance for the silicone."
         ),
         Table(("LEDs", "half swing", "darkest", "brightest"), tuple(rows), (1, 1, 1, 1)),
-        Picture(picture, f"relative irradiance with {LED_COUNT} LEDs"),
+        Picture(data.pictures["ring_light"], f"relative irradiance with {LED_COUNT} LEDs"),
     ]

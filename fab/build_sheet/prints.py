@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import make_command
+from fab.build_sheet.commands import coupons_command, make_command
 from fab.build_sheet.data import SheetData
 from fab.slice.result import hours, is_mold
 
@@ -43,8 +43,9 @@ def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
             f"grams were measured on the G-code of {sliced['slicer']}."
         ),
         Paragraph(
-            "First the fit coupon: make coupons, print fit_plate, fit_tab in PLA and fit_nuts in TPU; if another step "
-            f"than {data.layout.joint_clearance_mm:g} mm fits, make the molds again with it (joint_clearance=)."
+            f"First the fit coupon: {coupons_command(data)}, print fit_plate, fit_tab in PLA and fit_nuts in TPU; if "
+            f"another step than {data.layout.joint_clearance_mm:g} mm fits, make the molds again with it "
+            "(joint_clearance=)."
         ),
     ]
 

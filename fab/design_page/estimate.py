@@ -18,6 +18,7 @@ from fab.design_page.outline import Profile, parts, shell_volume_mm3
 from fab.slice.filaments import filament
 from fab.slice.footprints import footprints
 from fab.slice.printers import printer
+from fab.supplies import supplies
 
 MOLD = {  # part: skin (mm), infill, cut faces, each the size of the profile
     "bowl": (1.43, 0.10, 6),
@@ -30,7 +31,8 @@ HARDWARE = {"base": 0.60, "arm_adapter": 0.20}  # E: of the outline's volume tha
 CAMERA_AND_RING_G = 35.0  # E
 SPACER_G = 12.0
 BOUGHT_USD = 75.0  # E: camera, ring, screws, inserts, cable
-SILICONE_USD_KG = 80.0  # E: of the smallest kits
+SILICONE_USD_KG = 80.0  # E: of a silicone whose kit is not in fab/supplies.csv
+POURED = 1.15  # E: of the dome: sprues, cup
 
 
 @dataclass(frozen=True)
@@ -75,9 +77,15 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
         silicone_g + tpu_g + base_g + CAMERA_AND_RING_G,
         mold_g,
         (mold_g + hardware_g + tpu_g + SPACER_G) / RATE_G_H,
-        plastic_usd + 1.15 * silicone_g / 1000 * SILICONE_USD_KG + BOUGHT_USD,
+        plastic_usd + POURED * silicone_g / 1000 * _silicone_usd_kg(row.name) + BOUGHT_USD,
         _bed(layout, printer_name),
     )
+
+
+def _silicone_usd_kg(name: str) -> float:
+    """Price of a kilogram in the kit that the build sheet lists."""
+    kit = supplies().get(name)
+    return 1000.0 * kit.price_usd / kit.amount if kit and kit.price_usd else SILICONE_USD_KG
 
 
 def _bed(layout: MoldLayout, printer_name: str) -> str:

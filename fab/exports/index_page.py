@@ -11,6 +11,7 @@ from typing import Any
 
 from cad.dots import dot_pattern
 from cad.materials import silicone
+from cad.plain_numbers import plain
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import Check
 from fab.part_words import height_words
@@ -59,7 +60,7 @@ def write_index(
 
 
 def _page(variant: Variant, manifest: Mapping[str, Any], checks: Sequence[Check], preview: bytes, folder: Path) -> str:
-    title = f"Endcap D = {variant.params.diameter_mm:g} mm, T = {variant.params.wall_mm:g} mm"
+    title = f"Endcap D = {plain(variant.params.diameter_mm)} mm, T = {plain(variant.params.wall_mm)} mm"
     static = files("fab.exports")
     script = "".join(static.joinpath(name).read_text("utf-8") for name in ("viewer.js", "index_page.js"))
     style = static.joinpath("index_page.css").read_text("utf-8")
@@ -97,7 +98,10 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
     row = silicone(variant.silicone)
     volume = next(p["volume_mm3"]["mesh"] for p in manifest["parts"] if p["name"] == "shell")
     facts = (
-        ("dome", f"{params.diameter_mm:g} mm outside, wall {params.wall_mm:g} mm, {height_words(params, ' mm')}"),
+        (
+            "dome",
+            f"{plain(params.diameter_mm)} mm outside, wall {plain(params.wall_mm)} mm, {height_words(params, ' mm')}",
+        ),
         (
             "dots",
             f"{len(dot_pattern(params))} dents of {params.dot_mm:g} mm, {params.dent_depth_mm:.3g} mm deep, inside",
@@ -125,6 +129,7 @@ def _next_steps(variant: Variant, manifest: Mapping[str, Any]) -> str:
     return (
         "<h2>What to do next</h2>\n<p>In the toolkit's folder, in this order. Print the fit coupon first "
         "(<code>make coupons</code>) and give what fits as joint_clearance=. "
+        "Where this folder lies elsewhere than in the toolkit's exports/, add exports= with the folder that holds it. "
         f"Without the toolkit: slice the STL or 3MF files by hand.</p>\n<pre>{lines}</pre>\n"
         '<p>Made by them, once they have run: <a href="sheet/build_sheet.html">build sheet</a>, '
         '<a href="slice/">slicer projects</a>.</p>'

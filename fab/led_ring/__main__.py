@@ -10,6 +10,7 @@ from cad.led_placement import LED_COUNT, LED_RANGE, placements
 from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
+from cad.plain_numbers import plain
 from fab.checks.check import Check, require_passed
 from fab.command import EXPORTS, Command
 from fab.exports.whole_folder import whole_folder, write_record
@@ -100,13 +101,17 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callab
         (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))
         (folder / "led_ring-placement.csv").write_text(placement_csv(count))
         draw_board(layers, holes, places, folder / "led_ring.png")
-        draw_light(light, f"D={params.diameter_mm:g} T={params.wall_mm:g}, {count} LEDs", folder / "led_ring-light.png")
+        draw_light(light, f"{_size_words(params)}, {count} LEDs", folder / "led_ring-light.png")
         write_record(folder, RECORD, ring_report(driver, params, checks))
     show(
         f"{final}: {count} LEDs, {1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency "
         f"{driver.efficiency:.0%}, all {len(checks)} checks passed"
     )
     return 0
+
+
+def _size_words(params: EndcapParams) -> str:
+    return f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
 
 
 def folder_name(params: EndcapParams, led_count: int) -> str:

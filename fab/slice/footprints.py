@@ -28,6 +28,7 @@ from cad.mold_layout import (
     rotated,
 )
 from cad.params import EndcapParams
+from cad.plain_numbers import plain
 from fab.slice.printers import MARGIN_MM, Printer, fitting_printers
 
 STEP_DEG = 3.0
@@ -73,9 +74,11 @@ def require_printer(layout: MoldLayout, where: Printer) -> None:
     largest = largest_diameter_mm(layout, where)
     remedies = [f"the largest D of this printer is {largest:g}"] if largest else ["it prints no size of the region"]
     if larger:
-        remedies.append(f"D={layout.params.diameter_mm:g} needs printer={larger.name} ({larger.title}) or a larger one")
+        remedies.append(
+            f"D={plain(layout.params.diameter_mm)} needs printer={larger.name} ({larger.title}) or a larger one"
+        )
     raise ParameterError(
-        f"printer={where.name}: {', '.join(too_large)} of D={layout.params.diameter_mm:g} do not fit its "
+        f"printer={where.name}: {', '.join(too_large)} of D={plain(layout.params.diameter_mm)} do not fit its "
         f"{where.size} with {MARGIN_MM:g} mm round each part; {'; '.join(remedies)}",
         name="printer",
         value=where.name,

@@ -23,7 +23,7 @@ from sensing.design.prints import mold_usd
 
 Progress = Callable[[int, int], None]
 DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike
-SILICONE_USD_KG = 40.0  # E: as in the bill of materials, for all silicones
+SILICONE_USD_KG = 40.0  # E: of a large kit, for all silicones; the build sheet lists the smallest
 
 
 @dataclass(frozen=True)

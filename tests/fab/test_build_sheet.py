@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from dataclasses import replace
@@ -12,7 +11,6 @@ import pytest
 from PIL import Image
 
 from cad.dots import dot_pattern
-from cad.errors import FileError, ParameterError
 from cad.lens import camera_module
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
@@ -35,9 +33,7 @@ from fab.build_sheet.steps import filled
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
 from fab.recipe import overflow_of, recipe
-from fab.slice.projects import Export
 from fab.steps.cast import cast_steps
-from fab.variant import Variant
 from sensing.wrench.weight_files import find_weights
 
 PARAMS = EndcapParams(130.0, 8.0)
@@ -48,7 +44,9 @@ MIX = recipe(2e5, overflow_of(MoldLayout(PARAMS)))
 def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, count):
     data = SheetData(MoldLayout(PARAMS), {"robot": robot}, None, MIX, [], [], [], [], 0.0, {})
     words = filled(data, ("{robot}: {robot_fixing}",))[0]
-    assert words.startswith(f"{robot_words(robot)}: ") and ("drill it" in words) == (count == 0)
+    assert words.startswith(f"{robot_words(robot) if count else 'your own robot'}: ") and ("drill it" in words) == (
+        count == 0
+    )
     lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
     assert sum(line.quantity for line in lines if line.owner == "robot") == count
 
@@ -177,34 +175,12 @@ def test_bad_input_gets_one_line_status_2_and_no_files(words, expected, tmp_path
     assert len(err.splitlines()) == 1 and expected.format(exports=tmp_path) in err and list(tmp_path.iterdir()) == []
 
 
-def test_slices_of_another_design_are_refused(tmp_path):
-    export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
-    (tmp_path / "manifest.json").write_text("{}")
-    assert command.read_slices(export) is None
-    (tmp_path / "slice").mkdir()
-    file = tmp_path / "slice" / "slice.json"
-    file.write_text("{")
-    with pytest.raises(FileError, match="not what make slice writes"):
-        command.read_slices(export)
-    file.write_text(json.dumps({"digest": "other", "projects": [], "printer": {"name": "mk4"}}))
-    with pytest.raises(FileError, match="another design"):
-        command.read_slices(export)
+def ring_data(params):
+    return SheetData(MoldLayout(params), {}, None, MIX, [], [], [], [], 0.0, {"ring_light": Path("none.png")})
 
 
-def test_slices_of_an_earlier_export_are_left_out(tmp_path):
-    export = Export(tmp_path, Variant(MoldLayout(PARAMS)), {})
-    (tmp_path / "manifest.json").write_text("{}")
-    (tmp_path / "slice").mkdir()
-    own = {"digest": PARAMS.digest, "manifest_sha256": export.manifest_sha256}
-    record = own | {"projects": [], "printer": {"name": "mk4"}}
-    (tmp_path / "slice" / "slice.json").write_text(json.dumps(record))
-    assert command.read_slices(export) == record
-    (tmp_path / "manifest.json").write_text('{"another": "run"}')
-    assert command.read_slices(export) is None
-
-
-def test_the_ring_of_the_sheet_is_the_ring_that_is_made(tmp_path):
-    blocks = led_ring(PARAMS, tmp_path / "none.png")
+def test_the_ring_of_the_sheet_is_the_ring_that_is_made():
+    blocks = led_ring(ring_data(PARAMS))
     text = next(block.text for block in blocks if isinstance(block, Paragraph))
     driver = fitted_driver()
     assert f"R_set = {driver.r_set_ohm:g} ohm" in text and f"draws {1e3 * driver.input_a:.0f} mA" in text
@@ -261,15 +237,6 @@ def test_the_filling_of_the_zone_is_compared_with_that_of_this_endcap(gyroid, wa
     assert f"{100 * gyroid:.2f} % of the zone is printed (wanted {wanted}), 95.0 % of its boundary is open" in text
 
 
-def test_a_sheet_for_another_printer_than_the_slices_is_refused():
-    words = Variant(MoldLayout(PARAMS)).words
-    command.require_sliced_for("", SLICED, words)
-    command.require_sliced_for("a1_mini", SLICED, words)
-    command.require_sliced_for("mk4", None, words)
-    with pytest.raises(ParameterError, match=r"printer=mk4: it was sliced for a1_mini.*printer=mk4` first"):
-        command.require_sliced_for("mk4", SLICED, words)
-
-
 def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     params = EndcapParams(150.0, 9.0)
     material = "Dragon Skin 30"
@@ -283,15 +250,16 @@ def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
         [],
         [],
         0.0,
-        {},
+        {"ring_light": Path("none.png")},
+        exports_option=" exports='my endcaps'",
     )
-    blocks = [*prints(data), *light_check(data), *led_ring(params, Path("none.png"))]
+    blocks = [*prints(data), *light_check(data), *led_ring(data)]
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
-    variant = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30' robot=blank"
+    variant = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30' robot=blank exports='my endcaps'"
     commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)
     assert len(commands) == 8
     assert "make train D=150 T=9 material='Dragon Skin 30'" in text
     assert "-m sensing.setup --diameter 150 --wall 9 --silicone 'Dragon Skin 30' takes" in text
     assert f"make slice {variant}, then make sheet {variant} again" in text
-    assert "make ring D=150 T=9 writes" in text
+    assert "make ring D=150 T=9 exports='my endcaps' writes" in text
     assert ".venv/bin/python -m sensing.calibrate --diameter 150 --wall 9 --photo a.jpg" in text

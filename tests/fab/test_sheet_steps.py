@@ -11,6 +11,7 @@ from fab.build_sheet.data import SheetData
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
 from fab.steps.cast import cast_steps
+from fab.supplies import supply_lines
 
 PARAMS = EndcapParams(150.0, 9.0)
 
@@ -24,3 +25,4 @@ def test_the_step_degasses_where_the_clock_does(material, degassed):
     words = " ".join(filled(data, step.lines))
     assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
     assert ("do not degas" in words) != degassed
+    assert any(line.item == "vacuum chamber and pump" for line in supply_lines(mix)) == degassed

@@ -65,7 +65,7 @@ class MoldLayout:
             raise ParameterError(
                 f"joint_clearance={plain(self.joint_clearance_mm)} outside {low:g}..{high:g} mm a side at {where} "
                 f"({row.viscosity_pa_s:g} Pa s): tighter joints fuse in print, looser ones leak more than 1 % of the "
-                f"silicone; nearest valid choice joint_clearance={min(max(self.joint_clearance_mm, low), high):g}; "
+                f"silicone; nearest valid choice joint_clearance={min(max(low, self.joint_clearance_mm), high):g}; "
                 "measure yours with the fit coupon (make coupons); where it needs a wider one, correct the slicer's "
                 "horizontal expansion and print the coupon again",
                 name="joint_clearance",

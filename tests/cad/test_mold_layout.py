@@ -85,6 +85,13 @@ def test_a_refused_clearance_has_every_digit_that_was_given():
         MoldLayout(EndcapParams(130.00001, 8.0), 0.2170001)
 
 
+def test_a_clearance_that_is_no_number_is_refused_with_one_that_is():
+    with pytest.raises(
+        ParameterError, match=r"joint_clearance=nan outside .* nearest valid choice joint_clearance=0\.05;"
+    ):
+        MoldLayout(EndcapParams(130.0, 8.0), math.nan)
+
+
 def test_a_silicone_that_no_joint_holds_is_refused_with_those_that_hold(monkeypatch):
     water = replace(silicone("Ecoflex 00-30"), name="water", viscosity_pa_s=1e-3)
     monkeypatch.setitem(silicones(), "water", water)

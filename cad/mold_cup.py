@@ -17,6 +17,7 @@ from cad.mold_layout import (
     FLANGE_TAB_OFFSET_MM,
     FLANGE_TAB_RADIUS_MM,
     PIN_DEPTH_MM,
+    PIN_SOCKET_RADIUS_MM,
     MoldLayout,
     rotated,
 )
@@ -27,7 +28,6 @@ from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
 SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
 PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
-PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
 # Rise over run of the cone under the bowl's skirt. 1 prints without support, as steeper ones do; at some sizes
 # (D=150..160 T=8) the kernel cannot cut that very cone near its axis and gives no shape at all: then the next.
@@ -104,7 +104,7 @@ def collar_body(layout: MoldLayout) -> Solid:
         for a in layout.bolt_azimuths_deg
     ]
     sockets = [
-        drill(rotated((layout.collar_screw_circle_radius_mm, 0), a), PIN_SOCKET_RADIUS_MM, -1.0, PIN_DEPTH_MM)
+        drill(rotated((layout.pin_circle_radius_mm, 0), a), PIN_SOCKET_RADIUS_MM, -1.0, PIN_DEPTH_MM)
         for a in layout.bowl_seams_deg
     ]
     spots = [

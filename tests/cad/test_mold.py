@@ -169,6 +169,19 @@ def test_bowl_and_collar_leave_the_outer_sphere_and_nothing_else(layout):
     assert collar.volume == pytest.approx(20 / 360 * slab_mm3(outer, -seam, 0.0), rel=KERNEL_RATIO)
 
 
+@pytest.mark.parametrize("size", [(98.86, 6.5), (99.3, 9.9), (102.0, 7.0)])
+def test_the_sockets_of_the_hangers_pins_have_a_wall_all_round(size):
+    layout = MoldLayout(EndcapParams(*size))
+    ends = [face.center() for face in hanger_part(layout).solid.faces() if face.bounding_box().min.Z > 3.9]
+    collar, wall, depth = collar_body(layout), 1.1, 4.4
+    assert len(ends) == 3
+    for place in ((end.X, end.Y) for end in ends):
+        ring = drill(place, 3.0 + wall, 0.0, depth).intersect(collar)
+        assert sum(solid.volume for solid in ring.solids()) == pytest.approx(
+            math.pi * ((3.0 + wall) ** 2 - 3.0**2) * depth, rel=1e-6
+        )
+
+
 @pytest.mark.parametrize("size", CUT, ids=lambda c: f"D{c[0]:g}_T{c[1]:g}")
 def test_pieces_are_single_valid_solids_that_add_up_to_the_body_less_the_joints(size):
     layout = MoldLayout(EndcapParams(*size))

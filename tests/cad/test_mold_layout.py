@@ -101,6 +101,18 @@ def test_a_silicone_that_no_joint_holds_is_refused_with_those_that_hold(monkeypa
         MoldLayout(EndcapParams(130.0, 8.0), 0.05, "water")
 
 
+def test_pins_keep_off_cavity_vents_and_bolts_at_every_size():
+    for params in REGION:
+        layout = MoldLayout(params)
+        inside = layout.pin_circle_radius_mm - 3.0
+        assert inside - params.outer_radius_at(4.5) >= 1.2 - 1e-9  # the socket broke into the cavity below D=100
+        assert inside > layout.vent_circle_radius_mm + 1.75  # a vent cut the pins on its meridian
+        assert layout.hanger_radius_mm < layout.bolt_circle_radius_mm - 5.5  # spot faces of the bolts
+        assert layout.pin_circle_radius_mm + 3.0 + 1.2 < layout.flange_radius_mm - layout.collar_flange_top_mm or (
+            layout.pin_circle_radius_mm == layout.collar_screw_circle_radius_mm
+        )
+
+
 def test_volume_of_the_cast_by_slices():
     params = EndcapParams(99.0, 7.0)
     z = np.linspace(params.flange_thickness_mm, params.tip_height_mm, 400_001)

@@ -48,6 +48,7 @@ def _joint(anchor: str, places: tuple[tuple[float, float], ...]) -> ScrewJoint:
         through=("hanger",),
         anchor=anchor,
         holder="captured nut" if anchor == "interface" else "plastic",
+        beyond=tuple(f"cup_bowl_{k}" for k in (1, 2, 3)) if anchor.startswith("cup_") else (),
     )
 
 

@@ -30,6 +30,7 @@ class ScrewJoint:
         anchor: part that holds the thread or the nut.
         holder: a nut captured in the anchor, the anchor's own plastic, a nut under the anchor, or an insert.
         washers: under the head, and as many under a loose nut.
+        beyond: parts that lie beyond the anchor when it is in use, and that no tip may reach.
     """
 
     name: str
@@ -44,6 +45,7 @@ class ScrewJoint:
     anchor: str
     holder: Holder
     washers: int = 0
+    beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

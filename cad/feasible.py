@@ -32,6 +32,7 @@ RING_OPENING_MM = scaling.RING_ENVELOPE_RADIUS_MM + scaling.RING_CLEARANCE_MM
 BOLT_FLANGE_MM = 6.0  # E: PLA under an M4 head
 DAM_MARGIN_MM = 1.5  # E: on top of the closing stroke
 INCH_MM = 25.4
+DECIMALS = 9  # of a limit that has few: 179.2 / 10 comes out one bit below the 17.92 that is typed and proposed
 
 
 def real_number(name: str, value: object, example: str = "millimetres, for example D=130 T=8") -> float:
@@ -96,7 +97,7 @@ def wall_limits(diameter_mm: float) -> tuple[dict[str, float], dict[str, float]]
     flange_offset = centre - scaling.FLANGE_THICKNESS_MM
     lower = {"a thinner wall leaves the gyroid no room that silicone can fill": MIN_WALL_MM}
     upper = {
-        "a wall over R/5 no longer bends like a shell": outer * MAX_WALL_RATIO,
+        "a wall over R/5 no longer bends like a shell": round(outer * MAX_WALL_RATIO, DECIMALS),
         "the LED ring (radius 39.3 mm with clearance) must pass the opening": outer
         - math.hypot(RING_OPENING_MM, flange_offset),
         "the mold's dam and bolt flange must fit between equator and rim": _collar_wall_limit(outer, centre),

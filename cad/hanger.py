@@ -7,8 +7,7 @@ ring of ten wet wells that the mold is full. Millimetres, endcap frame, casting 
 from __future__ import annotations
 
 from cad.fasteners import ScrewJoint
-from cad.mold_cup import PIN_SOCKET_RADIUS_MM
-from cad.mold_layout import PIN_DEPTH_MM, PIN_PLAY_MM, MoldLayout, rotated
+from cad.mold_layout import PIN_DEPTH_MM, PIN_PLAY_MM, PIN_SOCKET_RADIUS_MM, MoldLayout, rotated
 from cad.part import Part
 from cad.solids import cut_holes, drill, fused, one_solid
 
@@ -49,6 +48,7 @@ def _joint(anchor: str, places: tuple[tuple[float, float], ...]) -> ScrewJoint:
         through=("hanger",),
         anchor=anchor,
         holder="captured nut" if anchor == "interface" else "plastic",
+        beyond=tuple(f"cup_bowl_{k}" for k in (1, 2, 3)) if anchor.startswith("cup_") else (),
     )
 
 
@@ -58,7 +58,7 @@ def hanger_part(layout: MoldLayout) -> Part:
     plate = drill((0, 0), layout.hanger_radius_mm, bottom, 0.0)
     pins = [
         drill(
-            rotated((layout.collar_screw_circle_radius_mm, 0), azimuth),
+            rotated((layout.pin_circle_radius_mm, 0), azimuth),
             PIN_SOCKET_RADIUS_MM - layout.joint_clearance_mm,
             -1.0,
             PIN_DEPTH_MM - PIN_PLAY_MM,

@@ -17,6 +17,7 @@ from cad.mold_layout import (
     FLANGE_TAB_OFFSET_MM,
     FLANGE_TAB_RADIUS_MM,
     PIN_DEPTH_MM,
+    PIN_SOCKET_RADIUS_MM,
     MoldLayout,
     rotated,
 )
@@ -27,7 +28,7 @@ from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
 SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
 PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
-PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
+TIP_HOLE_RADIUS_MM = 1.6  # an M3's tip is chamfered; 0.9 mm of PLA to the cavity
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
 # Rise over run of the cone under the bowl's skirt. 1 prints without support, as steeper ones do; at some sizes
 # (D=150..160 T=8) the kernel cannot cut that very cone near its axis and gives no shape at all: then the next.
@@ -85,7 +86,7 @@ def bowl_body(layout: MoldLayout, steepness: float = SKIRT_STEEPNESS[0]) -> Soli
     socket = rectangle(0.0, layout.piston_radius_mm + layout.joint_clearance_mm, top - 1.0, seam)
     profile = common(flange, rectangle(0.0, layout.flange_radius_mm, top, stand)) + round_wall + foot
     body = revolved(upright(profile - disc((0.0, seam), outer) - socket))
-    return one_solid(cut_holes(body, _bolts(layout, below)), "bowl")
+    return one_solid(cut_holes(body, [*_bolts(layout, below), *_tip_holes(layout)]), "bowl")
 
 
 def collar_body(layout: MoldLayout) -> Solid:
@@ -104,7 +105,7 @@ def collar_body(layout: MoldLayout) -> Solid:
         for a in layout.bolt_azimuths_deg
     ]
     sockets = [
-        drill(rotated((layout.collar_screw_circle_radius_mm, 0), a), PIN_SOCKET_RADIUS_MM, -1.0, PIN_DEPTH_MM)
+        drill(rotated((layout.pin_circle_radius_mm, 0), a), PIN_SOCKET_RADIUS_MM, -1.0, PIN_DEPTH_MM)
         for a in layout.bowl_seams_deg
     ]
     spots = [
@@ -167,6 +168,13 @@ def _bolt_holes(layout: MoldLayout) -> list[Solid]:
         drill(rotated((layout.bolt_circle_radius_mm, 0), a), BOLT_HOLE_RADIUS_MM, -1.0, layout.stand_height_mm)
         for a in layout.bolt_azimuths_deg
     ]
+
+
+def _tip_holes(layout: MoldLayout) -> list[Solid]:
+    """Blind holes in the bowl's seat under the collar's screws, which come through the low collar below D = 99.12."""
+    seam, depth, circle = layout.seam_height_mm, layout.collar_tip_depth_mm, layout.collar_screw_circle_radius_mm
+    places = [rotated((circle, 0), a) for a in layout.bolt_azimuths_deg] if depth else []
+    return [drill(place, TIP_HOLE_RADIUS_MM, seam - 1.0, seam + depth) for place in places]
 
 
 def _bolts(layout: MoldLayout, below: float) -> list[Solid]:

@@ -31,6 +31,9 @@ TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies be
 CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
 FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 FLANGE_TAB_RADIUS_MM, FLANGE_TAB_BEYOND_MM = 3.5, 2.2  # the jigsaw tab in the bolt flanges of bowl and collar
+COLLAR_TIP_MM, TIP_HOLE_DEPTH_MM = 9.0, 1.0  # how far the collar's screws may reach; holes where the collar is lower
+PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
+PIN_WALL_MM = 1.2  # E: least PLA between a pin's socket and the cavity: three lines of a 0.4 mm nozzle
 PIN_DEPTH_MM = 4.5  # of the sockets in the collar for the hanger's pins
 PIN_PLAY_MM = 0.5  # a pin ends short of its socket's floor
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
@@ -65,7 +68,7 @@ class MoldLayout:
             raise ParameterError(
                 f"joint_clearance={plain(self.joint_clearance_mm)} outside {low:g}..{high:g} mm a side at {where} "
                 f"({row.viscosity_pa_s:g} Pa s): tighter joints fuse in print, looser ones leak more than 1 % of the "
-                f"silicone; nearest valid choice joint_clearance={min(max(self.joint_clearance_mm, low), high):g}; "
+                f"silicone; nearest valid choice joint_clearance={min(max(low, self.joint_clearance_mm), high):g}; "
                 "measure yours with the fit coupon (make coupons); where it needs a wider one, correct the slicer's "
                 "horizontal expansion and print the coupon again",
                 name="joint_clearance",
@@ -159,9 +162,24 @@ class MoldLayout:
         return min(self.params.outer_radius_at(self.collar_screw_depth_mm) + 3.0, self.params.outer_radius_mm + 2.5)
 
     @property
+    def collar_tip_depth_mm(self) -> float:
+        """Depth of the holes in the bowl's seat for the tips of these screws; 0 where the collar is higher than they
+        reach: an M3 x 16, the shortest that holds, at its longest ends 8.75 mm above the hanger."""
+        return TIP_HOLE_DEPTH_MM if self.seam_height_mm < COLLAR_TIP_MM else 0.0
+
+    @property
+    def pin_circle_radius_mm(self) -> float:
+        """Circle of the hanger's pins: that of the collar's screws, farther out in a low collar (below D=103.7).
+
+        There the screws' circle lies so near to the cavity that a pin's socket, which is wider, would break into it.
+        """
+        cavity = self.params.outer_radius_at(PIN_DEPTH_MM)  # widest at the socket's floor
+        return max(self.collar_screw_circle_radius_mm, cavity + PIN_WALL_MM + PIN_SOCKET_RADIUS_MM)
+
+    @property
     def hanger_radius_mm(self) -> float:
-        """Covers its screws' heads."""
-        return self.collar_screw_circle_radius_mm + 4.5
+        """Covers its screws' heads, and carries its pins."""
+        return self.pin_circle_radius_mm + 4.5
 
     @property
     def hanger_thickness_mm(self) -> float:

@@ -21,6 +21,7 @@ RELEASED_GYROID = 0.10  # P, GYR01
 DENT_DEPTH_MM = 0.6  # E: deep enough to hold ink; of dots from the released 4 mm on (flank 33 degrees)
 DOT_RANGE_MM = (2.9, 8.0)  # E: below and above, no dent holds ink
 LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; less, and ink and blobs of neighbours run together
+ROUNDING_MM = 1e-9  # a proposed pitch lies over the least by this, so that no rounding puts it below
 DOT_MM_EXAMPLE, GYROID_EXAMPLE = "millimetres, for example dot_mm=4", "a fraction, for example gyroid=0.1"
 MOST_RINGS = 12
 MOST_DIGITS = 4  # of a count: no ring takes a thousand dots
@@ -101,25 +102,37 @@ def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: floa
             name="dots",
             value=rings,
         )
+    if pitch_mm(inner_radius_mm, rings) - LEAST_BRIDGE_MM < dot_mm:
+        raise ParameterError(_too_near(inner_radius_mm, rings, dot_mm), name="dots", value=rings)
+
+
+def _too_near(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> str:
+    """What does not fit, and what does: counts as they are typed, and a smaller dot where there is one."""
     pitch = dot_mm + LEAST_BRIDGE_MM
     fitting = pitch_mm(inner_radius_mm, rings) - LEAST_BRIDGE_MM
-    if fitting >= dot_mm:
-        return
-    most = [most_dots(inner_radius_mm, rings, ring, pitch) for ring in range(1, len(rings))]
-    full = [f"ring {k} at most {n}" for k, n in enumerate(most, 1) if rings[k] > n]
-    rows = most_rings(inner_radius_mm, pitch)
-    remedy = f"at most {rows} rings" if len(rings) > rows else ", ".join(full)
+    choice = fitting_rings(inner_radius_mm, rings, dot_mm)
+    full = [f"ring {k} at most {n}" for k, n in enumerate(choice) if rings[k] > n]
+    rows = [f"at most {len(choice)} rings"] if len(choice) < len(rings) else []
     smaller, shortfall = math.floor(fitting * 10) / 10, dot_mm - fitting
     decimals = max(2, math.ceil(-math.log10(shortfall)) + 1)  # as many as show that it is too little
     apart = f"{fitting + LEAST_BRIDGE_MM:.{decimals}f}"
-    choice = f", or dot_mm={smaller:g}" if smaller >= low else ""
-    raise ParameterError(
+    or_smaller = f", or dot_mm={smaller:g}" if smaller >= DOT_RANGE_MM[0] else ""
+    return (
         f"dots={rings_text(rings)} with dot_mm={plain(dot_mm)} on an inner radius of {inner_radius_mm:g} mm: "
         f"neighbours lie {apart} mm apart, dots need {plain(round(pitch, 9))} ({LEAST_BRIDGE_MM:g} between them); "
-        f"{remedy}{choice}",
-        name="dots",
-        value=rings,
+        f"{', '.join(rows + full)}: dots={rings_text(choice)}{or_smaller}"
     )
+
+
+def fitting_rings(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> tuple[int, ...]:
+    """Counts that fit, each as near to the wanted one as it can be.
+
+    Args:
+        inner_radius_mm: of the dome. rings: the wanted counts. dot_mm: diameter of a dot.
+    """
+    pitch = dot_mm + LEAST_BRIDGE_MM + ROUNDING_MM
+    kept = rings[: most_rings(inner_radius_mm, pitch)]
+    return (1, *(min(kept[ring], most_dots(inner_radius_mm, kept, ring, pitch)) for ring in range(1, len(kept))))
 
 
 def pitch_mm(inner_radius_mm: float, rings: tuple[int, ...]) -> float:

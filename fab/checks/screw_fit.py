@@ -99,13 +99,15 @@ class ScrewLines:
         return spans
 
     def first_hit(self, place: tuple[float, float], seat_mm: float) -> float:
-        """Where the tip would hit the anchor's material on the axis; infinite where the hole goes through.
+        """Where the tip would hit the anchor's material on the axis, or what lies beyond; infinite where nothing does.
 
         Args:
             place: (x, y) of the axis, mm. seat_mm: of the head, along the screw.
         """
-        line = self._spans(self._joint.anchor, place, 0.0, np.array(place)[None, :] + 0.03)[0]
-        return min((span[0] for span in line if span[0] > seat_mm), default=math.inf)
+        axis = np.array(place)[None, :] + 0.03
+        ahead = (self._joint.anchor, *self._joint.beyond)
+        lines = [self._spans(part, place, 0.0, axis)[0] for part in ahead]
+        return min((span[0] for line in lines for span in line if span[0] > seat_mm), default=math.inf)
 
     def _spans(self, part: str, place: tuple[float, float], radius_mm: float, lines: np.ndarray) -> list[Spans]:
         key = (part, place, radius_mm)

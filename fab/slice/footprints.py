@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from cad import feasible
+from cad import feasible, pattern
 from cad.arm_adapter import THICKNESS_MM, arm_places_mm
 from cad.base import LUG_RADIUS_MM
 from cad.errors import ParameterError
@@ -25,6 +25,7 @@ from cad.mold_layout import (
     PIN_DEPTH_MM,
     PIN_PLAY_MM,
     MoldLayout,
+    joint_clearance_range_mm,
     rotated,
 )
 from cad.params import EndcapParams
@@ -72,7 +73,8 @@ def require_printer(layout: MoldLayout, where: Printer) -> None:
         return
     larger = next(iter(fitting_printers(footprints(layout))), None)
     largest = largest_diameter_mm(layout, where)
-    remedies = [f"the largest D of this printer is {largest:g}"] if largest else ["it prints no size of the region"]
+    with_it = [f"the largest D of this printer is {largest:g}{_along_with(layout, largest)}"] if largest else []
+    remedies = with_it or ["it prints no size of the region"]
     if larger:
         remedies.append(
             f"D={plain(layout.params.diameter_mm)} needs printer={larger.name} ({larger.title}) or a larger one"
@@ -106,6 +108,23 @@ def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
         middle = (first + last) // 2
         first, last = (middle, last) if fits(steps[middle]) else (first, middle)
     return float(steps[first]) / 10
+
+
+def _along_with(layout: MoldLayout, diameter_mm: float) -> str:
+    """Options that another D cannot have, as the nearest that it can: `` with T=17.62``; empty for none."""
+    params = layout.params
+    wall = feasible.nearest_wall_mm(diameter_mm, params.wall_mm)
+    rings = pattern.fitting_rings(diameter_mm / 2 - wall, params.dot_rings, params.dot_mm)
+    other = EndcapParams(diameter_mm, wall, rings, params.dot_mm, params.gyroid)
+    low, high = joint_clearance_range_mm(other, layout.silicone)
+    gap = min(max(low, layout.joint_clearance_mm), high)
+    words = {
+        f"T={plain(wall)}": wall != params.wall_mm,
+        f"dots={pattern.rings_text(rings)}": rings != params.dot_rings,
+        f"joint_clearance={plain(gap)}": gap != layout.joint_clearance_mm,
+    }
+    changed = " ".join(word for word, differs in words.items() if differs)
+    return f" with {changed}" if changed else ""
 
 
 def _disc(centre: tuple[float, float], radius_mm: float) -> np.ndarray:

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import math
+import random
+import re
 from collections import Counter
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cad.dots import dot_pattern, dot_position_mm, ring_count
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from cad.pattern import LEAST_BRIDGE_MM, RELEASED_RINGS, most_dots, parse_rings, pitch_mm, step_deg
+from cad.pattern import (
+    LEAST_BRIDGE_MM,
+    RELEASED_RINGS,
+    most_dots,
+    parse_rings,
+    pitch_mm,
+    require_pattern,
+    step_deg,
+)
 
 RELEASED_COUNTS = (1, 6, 10, 12, 16, 18)  # M, CAM06
 SIZES = [(98.86, 6.5), (99.0, 8.1), (130.0, 8.0), (180.0, 10.0), (250.0, 6.5), (250.0, 25.0)]
@@ -89,6 +101,22 @@ def test_dots_that_do_not_fit_are_refused_with_the_number_that_does():
         EndcapParams(98.9, 6.5, (1, *(4,) * 11), 8.0)
     with pytest.raises(ParameterError, match=r"or dot_mm=7\.\d"):
         EndcapParams(98.9, 6.5, (1, 6, 12, 16, 20, 28), 8.0)
+
+
+@given(st.integers(0, 10**6))
+def test_the_dots_that_a_refusal_proposes_are_accepted(seed):
+    draw = random.Random(seed)
+    inner, dot_mm = draw.uniform(40.0, 118.0), draw.uniform(2.9, 8.0)
+    rings = (1, *(draw.randint(3, 4 + 12 * ring) for ring in range(1, draw.randint(3, 12))))
+    if seed % 4 == 0 and 2.9 <= (just := pitch_mm(inner, rings) - LEAST_BRIDGE_MM) <= 8.0:
+        dot_mm = min(8.0, math.nextafter(just, math.inf))  # one bit too large: the remedy was empty
+    try:
+        require_pattern(inner, rings, dot_mm)
+    except ParameterError as error:
+        choice = re.search(r"(?:rings|ring \d+ at most \d+): dots=([\d-]+)(?:, or dot_mm=([\d.]+))?$", str(error))
+        require_pattern(inner, parse_rings(choice[1]), dot_mm)
+        if choice[2]:
+            require_pattern(inner, rings, float(choice[2]))
 
 
 @pytest.mark.parametrize(

@@ -160,13 +160,28 @@ def test_bowl_and_collar_leave_the_outer_sphere_and_nothing_else(layout):
     outer = params.outer_radius_mm
     ball = Solid.make_sphere(outer + 5, Plane(origin=(0, 0, seam)), -90, 90, 360)
     lower = one_solid(ball & drill((0, 0), outer + 6, seam, layout.stand_height_mm), "lower")
-    bowl = one_solid(lower.cut(bowl_body(layout)), "cavity of the bowl")
-    assert bowl.volume == pytest.approx(2 / 3 * math.pi * outer**3, rel=KERNEL_RATIO)
+    *tips, bowl = sorted(solid.volume for solid in lower.cut(bowl_body(layout)).solids())
+    assert bowl == pytest.approx(2 / 3 * math.pi * outer**3, rel=KERNEL_RATIO)
+    # holes of the collar's screws, apart from the cavity
+    assert tips == pytest.approx([math.pi * 1.6**2 * 1.0] * (6 if seam < 9.0 else 0), rel=KERNEL_RATIO)
 
     # a sector between the holes for pins (0 degrees) and screws (30 degrees)
     wedge = Solid.make_cylinder(layout.piston_radius_mm - 1.0, seam, Rot(0, 0, 6.0) * Plane.XY, 20.0)
     collar = one_solid(wedge.cut(collar_body(layout)), "cavity of the collar")
     assert collar.volume == pytest.approx(20 / 360 * slab_mm3(outer, -seam, 0.0), rel=KERNEL_RATIO)
+
+
+@pytest.mark.parametrize("size", [(98.86, 6.5), (99.3, 9.9), (102.0, 7.0)])
+def test_the_sockets_of_the_hangers_pins_have_a_wall_all_round(size):
+    layout = MoldLayout(EndcapParams(*size))
+    ends = [face.center() for face in hanger_part(layout).solid.faces() if face.bounding_box().min.Z > 3.9]
+    collar, wall, depth = collar_body(layout), 1.1, 4.4
+    assert len(ends) == 3
+    for place in ((end.X, end.Y) for end in ends):
+        ring = drill(place, 3.0 + wall, 0.0, depth).intersect(collar)
+        assert sum(solid.volume for solid in ring.solids()) == pytest.approx(
+            math.pi * ((3.0 + wall) ** 2 - 3.0**2) * depth, rel=1e-6
+        )
 
 
 @pytest.mark.parametrize("size", CUT, ids=lambda c: f"D{c[0]:g}_T{c[1]:g}")

@@ -85,6 +85,13 @@ def test_a_refused_clearance_has_every_digit_that_was_given():
         MoldLayout(EndcapParams(130.00001, 8.0), 0.2170001)
 
 
+def test_a_clearance_that_is_no_number_is_refused_with_one_that_is():
+    with pytest.raises(
+        ParameterError, match=r"joint_clearance=nan outside .* nearest valid choice joint_clearance=0\.05;"
+    ):
+        MoldLayout(EndcapParams(130.0, 8.0), math.nan)
+
+
 def test_a_silicone_that_no_joint_holds_is_refused_with_those_that_hold(monkeypatch):
     water = replace(silicone("Ecoflex 00-30"), name="water", viscosity_pa_s=1e-3)
     monkeypatch.setitem(silicones(), "water", water)
@@ -92,6 +99,18 @@ def test_a_silicone_that_no_joint_holds_is_refused_with_those_that_hold(monkeypa
         ParameterError, match=r"water: joints would have to be 0\.0\d+ mm, below the 0\.05 .*'Smooth-Sil 950'"
     ):
         MoldLayout(EndcapParams(130.0, 8.0), 0.05, "water")
+
+
+def test_pins_keep_off_cavity_vents_and_bolts_at_every_size():
+    for params in REGION:
+        layout = MoldLayout(params)
+        inside = layout.pin_circle_radius_mm - 3.0
+        assert inside - params.outer_radius_at(4.5) >= 1.2 - 1e-9  # the socket broke into the cavity below D=100
+        assert inside > layout.vent_circle_radius_mm + 1.75  # a vent cut the pins on its meridian
+        assert layout.hanger_radius_mm < layout.bolt_circle_radius_mm - 5.5  # spot faces of the bolts
+        assert layout.pin_circle_radius_mm + 3.0 + 1.2 < layout.flange_radius_mm - layout.collar_flange_top_mm or (
+            layout.pin_circle_radius_mm == layout.collar_screw_circle_radius_mm
+        )
 
 
 def test_volume_of_the_cast_by_slices():

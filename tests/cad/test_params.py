@@ -132,6 +132,13 @@ def test_thickest_wall_is_a_fifth_of_the_radius_or_less(diameter_mm):
     assert high == pytest.approx(diameter_mm / 10)
 
 
+def test_a_wall_of_just_a_fifth_of_the_radius_is_accepted_as_typed():
+    tenths = [(f"{step / 10:g}", f"{step / 100:g}") for step in range(1290, 2501)]  # D=179.2 T=17.92 was refused
+    assert [words for words in tenths if EndcapParams(*map(float, words)).wall_mm != float(words[1])] == []
+    with pytest.raises(ParameterError, match=r"nearest valid choice D=179\.2 T=17\.92$"):
+        EndcapParams(179.2, 17.9200001)
+
+
 def test_thickest_wall_between_115_and_125_lets_the_ring_in():
     for diameter in (115.0, 120.0, 124.0):
         high = feasible.wall_range_mm(diameter)[1]

@@ -6,19 +6,22 @@ import math
 
 import manifold3d
 import pytest
+import trimesh
 
 from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.fasteners import ScrewJoint
+from cad.hanger import hanger_part, screw_joints
 from cad.interface import build_flange
 from cad.mold_core import REMOVAL_ORDER
+from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_sides
 from fab.bom import all_joints
 from fab.checks.extraction import Leg
 from fab.checks.meshes import OVERLAP_MM3
-from fab.checks.screw_fit import ScrewFit
+from fab.checks.screw_fit import ScrewFit, fitted
 from fab.meshing.mesh import tessellate, to_manifold
 from fab.steps.endcap import all_steps
 from fab.steps.fasteners import (
@@ -70,6 +73,11 @@ def slab(low: float, high: float, hole_radius: float) -> manifold3d.Manifold:
     return manifold3d.Manifold.cube([40.0, 40.0, high - low], True).translate([0.0, 0.0, (low + high) / 2]) - hole
 
 
+def slab_mesh(low: float) -> trimesh.Trimesh:
+    """A block over the whole mold from a height on."""
+    return trimesh.creation.box(bounds=((-200.0, -200.0, low), (200.0, 200.0, low + 20.0)))
+
+
 @pytest.mark.parametrize("up", [True, False])
 def test_a_screw_passes_its_holes_and_meets_what_covers_its_head(up):
     fit, sign = joint("plastic", up), 1.0 if up else -1.0
@@ -87,6 +95,22 @@ def test_a_screw_passes_its_holes_and_meets_what_covers_its_head(up):
     assert full == pytest.approx(math.pi * (root**2 - 0.25) * 10.0, rel=0.01)
     wide = screws_on_their_way(joint("captured nut", up), "block")  # a thread that cuts nothing is swept whole
     assert (wide ^ body(6.0, 20.0, 1.3)).volume() == pytest.approx(math.pi * (1.5**2 - 1.3**2) * 10.0, rel=0.02)
+
+
+@pytest.mark.parametrize("size", [(98.86, 6.5), (99.0, 8.0), (99.3, 9.9)])
+def test_the_collars_screws_end_before_the_bowl(size):
+    layout = MoldLayout(EndcapParams(*size))
+    parts = {part.name: tessellate(part.solid, 0.1) for part in (hanger_part(layout), *cup_parts(layout))}
+    joints = [j for j in screw_joints(layout) if j.anchor.startswith("cup_collar")]
+    for fit in (fitted(j, parts) for j in joints):
+        assert [check.name for check in fit.checks if not check.ok] == []
+        tip = fit.length_mm - layout.hanger_thickness_mm
+        screws = [manifold3d.Manifold.cylinder(tip + 0.35, 1.5).translate([*xy, 0.0]) for xy in fit.joint.places]
+        for name in ("cup_bowl_1", "cup_bowl_2", "cup_bowl_3"):  # it held the mold open by half a millimetre
+            assert sum((screw ^ to_manifold(parts[name])).volume() for screw in screws) < 1e-6
+        closed = parts | {name: slab_mesh(layout.seam_height_mm) for name in fit.joint.beyond}
+        sound = all(check.ok for check in fitted(fit.joint, closed).checks)
+        assert sound == (layout.seam_height_mm > tip + 0.45)  # a bowl without its holes is seen
 
 
 @pytest.mark.parametrize("size", [(98.9, 6.5), (130.0, 8.0)])

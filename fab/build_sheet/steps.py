@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cad.robot_sides import fixing_words, robot_side, robot_words
+from cad.robot_sides import fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
@@ -74,7 +74,8 @@ def _fixing(robot: str) -> str:
     """How the adapter is held on the robot."""
     if not robot_side(robot):
         return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
-    return f"pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
+    ream = f"ream the pin's hole to {size} by hand; " if (size := ream_words(robot)) else ""
+    return f"{ream}pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
 
 
 def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:

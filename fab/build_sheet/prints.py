@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cad.mold_layout import JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
@@ -42,11 +43,21 @@ def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
             f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data, 'NAME')}. Times and "
             f"grams were measured on the G-code of {sliced['slicer']}."
         ),
-        Paragraph(
-            "First the fit coupon: make coupons, print fit_plate, fit_tab in PLA and fit_nuts in TPU; if another step "
-            f"than {data.layout.joint_clearance_mm:g} mm fits, make the molds again with it (joint_clearance=)."
-        ),
+        Paragraph(_coupon_words(data.layout)),
     ]
+
+
+def _coupon_words(layout: MoldLayout) -> str:
+    """What the fit coupon decides, and which of its joints hold this silicone: many leak through the widest."""
+    low, high = joint_clearance_range_mm(layout.params, layout.silicone)
+    is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
+    wider = f", and {layout.silicone} would leak through a wider joint" if is_leaky else ""
+    return (
+        "First the fit coupon: make coupons, print fit_plate, fit_tab in PLA and fit_nuts in TPU. These molds have "
+        f"joints of {layout.joint_clearance_mm:g} mm a side; if another step of the coupon fits, make them again with "
+        f"it (joint_clearance=). Of this size they can be {low:g} to {high:g} mm{wider}: where no such step fits, "
+        "correct the horizontal expansion in your slicer and print the coupon again."
+    )
 
 
 def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:

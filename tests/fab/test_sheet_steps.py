@@ -8,6 +8,7 @@ from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.data import SheetData
+from fab.build_sheet.prints import _coupon_words
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
 from fab.steps.cast import cast_steps
@@ -24,3 +25,16 @@ def test_the_step_degasses_where_the_clock_does(material, degassed):
     words = " ".join(filled(data, step.lines))
     assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
     assert ("do not degas" in words) != degassed
+
+
+@pytest.mark.parametrize(
+    ("size", "clearance", "material", "can_be"),
+    [
+        ((248.6, 11.31), 0.06, "Ecoflex 00-30", "0.05 to 0.114 mm, and Ecoflex 00-30 would leak through a wider joint"),
+        ((209.9, 20.77), 0.247, "Smooth-Sil 940", "0.05 to 0.3 mm"),
+    ],
+)
+def test_the_sheet_says_which_joints_of_the_coupon_these_molds_can_have(size, clearance, material, can_be):
+    text = _coupon_words(MoldLayout(EndcapParams(*size), clearance, material))
+    assert f"joints of {clearance:g} mm a side; if another step of the coupon fits" in text
+    assert f"Of this size they can be {can_be}: where no such step fits" in text

@@ -10,7 +10,7 @@ from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.data import SheetData
-from fab.recipe import Recipe
+from fab.recipe import Recipe, millilitres
 
 BLANK = re.compile(r"\{(\w+)(?::(\w+))?\}")
 
@@ -51,7 +51,7 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "cure_h": f"{recipe.silicone.cure_h:g}",
         "beyond_ml": f"{recipe.beyond_mm3 / 1000:.1f}",
         "room_ml": f"{recipe.overflow.room / 1000:.1f}",
-        "leak_ml": f"{recipe.overflow.leak / 1000:.1f}",
+        "leak_ml": millilitres(recipe.overflow.leak),
         "pot_life_min": f"{recipe.silicone.pot_life_min:g}",
         "robot": robot_words(data.robot),
         "robot_fixing": _fixing(data.robot),

@@ -7,6 +7,7 @@ import pytest
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab.build_sheet.casting import _recipe_rows
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.prints import _coupon_words
 from fab.build_sheet.steps import filled
@@ -25,6 +26,15 @@ def test_the_step_degasses_where_the_clock_does(material, degassed):
     words = " ".join(filled(data, step.lines))
     assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
     assert ("do not degas" in words) != degassed
+
+
+@pytest.mark.parametrize(("clearance", "leak"), [(0.053, "0.04"), (0.15, "0.8")])
+def test_a_leak_through_tight_joints_is_small_but_not_nothing(clearance, leak):
+    layout = MoldLayout(EndcapParams(99.37, 6.63), clearance, "Ecoflex 00-50")
+    mix = recipe(93.6e3, overflow_of(layout), "Ecoflex 00-50")
+    data = SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {})
+    assert filled(data, ("up to {leak_ml} ml",)) == (f"up to {leak} ml",)
+    assert f"as much as {leak} ml creeps out" in dict(_recipe_rows(mix))["pour"]
 
 
 @pytest.mark.parametrize(

@@ -118,14 +118,19 @@ def mold_sums(data: SheetData) -> tuple[str, float, float] | None:
 
 
 def _preset(printer: Mapping[str, Any]) -> str:
-    """Which presets are named, and that the printer's own start is the better one."""
-    names = [name for name in (printer["prusa_printer"], printer["orca_printer"]) if name]
-    if not names:
+    """Which slicer's files name a preset of this printer, and that the printer's own start is the better one."""
+    slicers = {"prusa": "PrusaSlicer", "orca": "OrcaSlicer or Bambu Studio"}
+    named = [f"the .{key}.3mf files name the preset {name}" for key in slicers if (name := printer[f"{key}_printer"])]
+    if not named:
         return (
             "Choose your printer's own preset for start, levelling and end; the projects carry plain ones (G28, G29)."
         )
+    without = [
+        f"{slicer} has none of this printer. " for key, slicer in slicers.items() if not printer[f"{key}_printer"]
+    ]
+    words = ", ".join(named)
     return (
-        f"They name the presets {' and '.join(dict.fromkeys(names))}; the start in them homes, levels and heats. Your "
+        f"{words[0].upper()}{words[1:]}. {''.join(without)}The start in the files homes, levels and heats; your "
         "printer's own preset does more (purge line): choose it where the slicer asks."
     )
 

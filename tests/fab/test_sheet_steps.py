@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import pytest
 
 from cad.mold_core import REMOVAL_ORDER
@@ -9,9 +11,10 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.casting import _recipe_rows
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.prints import _coupon_words
+from fab.build_sheet.prints import _coupon_words, _preset
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
+from fab.slice.printers import printer
 from fab.steps.cast import cast_steps
 
 PARAMS = EndcapParams(150.0, 9.0)
@@ -48,3 +51,11 @@ def test_the_sheet_says_which_joints_of_the_coupon_these_molds_can_have(size, cl
     text = _coupon_words(MoldLayout(EndcapParams(*size), clearance, material))
     assert f"joints of {clearance:g} mm a side; if another step of the coupon fits" in text
     assert f"Of this size they can be {can_be}: where no such step fits" in text
+
+
+def test_a_preset_is_named_for_the_slicer_whose_files_name_it():
+    both, orca_alone, none = (_preset(asdict(printer(name))) for name in ("mk4", "a1_mini", "generic180"))
+    assert ".prusa.3mf files name the preset Original Prusa MK4 Input" in both and "has none" not in both
+    assert orca_alone.startswith("The .orca.3mf files name the preset Bambu Lab A1 mini 0.4 nozzle.")
+    assert ".prusa.3mf" not in orca_alone and "PrusaSlicer has none of this printer." in orca_alone
+    assert none.startswith("Choose your printer's own preset")

@@ -6,6 +6,7 @@ Rows of the same ``pattern`` belong together: screws, a pin, or ``none`` for a b
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ DEFAULT_ROBOT = "iso_9409_1_50_4_m6"
 ELEMENTS = ("screw", "pin", "none")
 HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
 LEAST_WALL_MM = 3.0  # E: PLA round a head
+PIN = re.compile(r"ISO 2338 ([\d.]+) m6 ")  # a pin as it is ordered; its diameter in mm
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,12 @@ class RobotHoles:
         """Axes (x, y)."""
         angles = [math.radians(self.first_azimuth_deg + 360.0 * k / self.count) for k in range(self.count)]
         return tuple((self.circle_radius_mm * math.cos(a), self.circle_radius_mm * math.sin(a)) for a in angles)
+
+    @property
+    def ream_mm(self) -> float | None:
+        """Diameter H7 to ream a pin's hole to, which is printed no wider than the pin; None where it has room."""
+        pin = PIN.match(self.order_as)
+        return float(pin[1]) if pin and float(pin[1]) >= self.hole_diameter_mm else None
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,11 @@ def robot_side(robot: str) -> tuple[RobotHoles, ...]:
 def fixing_words(robot: str) -> str:
     """Screws and pin of one pattern: ``4 x ISO 4762 M6 x 25, 1 x ISO 2338 6 m6 x 16``; empty for the blank side."""
     return ", ".join(f"{holes.count} x {holes.order_as}" for holes in robot_side(robot))
+
+
+def ream_words(robot: str) -> str:
+    """What the pin's hole is reamed to: ``6 mm H7``; empty where it has room for its pin, or there is none."""
+    return ", ".join(f"{holes.ream_mm:g} mm H7" for holes in robot_side(robot) if holes.ream_mm)
 
 
 def robot_words(robot: str) -> str:

@@ -13,7 +13,7 @@ import trimesh
 
 from cad.fasteners import BomLine, ScrewJoint
 from cad.mold_layout import MoldLayout
-from cad.robot_sides import DEFAULT_ROBOT, robot_side, robot_words
+from cad.robot_sides import DEFAULT_ROBOT, ream_words, robot_side, robot_words
 from fab.checks.check import Check
 from fab.checks.screw_fit import ScrewFit, fitted
 from fab.part_words import joint_words, part_words
@@ -174,14 +174,18 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
 
 
 def _robot_lines(robot: str) -> list[BomLine]:
-    """What holds the adapter on the robot; nothing for a blank side."""
-    return [
+    """What holds the adapter on the robot, and the reamer that a tight pin asks for; nothing for a blank side."""
+    lines = [
         _fastener(
             f"{holes.element} {holes.order_as}", holes.count, "robot", f"arm adapter to {robot_words(robot)}",
             ROBOT_SCREW_USD, holes.order_as, "E",
         )
         for holes in robot_side(robot)
     ]  # fmt: skip
+    if size := ream_words(robot):
+        use, order = "hole of the arm adapter's pin", f"{size}, turned by hand"
+        lines.append(BomLine("reamer", 1, "pc", "reamer", use, None, "S", order, "tool"))
+    return lines
 
 
 def _fastener(

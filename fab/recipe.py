@@ -189,6 +189,12 @@ def recipe(
     )
 
 
+def millilitres(volume_mm3: float) -> str:
+    """A small volume in ml to a tenth; where that is nothing, to its first figure that is not 0: ``0.04``."""
+    ml = volume_mm3 / 1000
+    return f"{ml:.1f}" if ml >= 0.05 else f"{ml:.1g}"
+
+
 def overflow_of(layout: MoldLayout) -> Overflow:
     """Where silicone beyond the cast goes in one mold."""
     from cad.hanger import VENT_RADIUS_MM, WELL_DEPTH_MM, WELL_RADIUS_MM

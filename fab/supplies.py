@@ -19,11 +19,12 @@ from fab.steps.record import Step
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
 AT_SOME_SIZES = ("soft ring",)  # rows that only some orders of the steps need
-CUP_TIMES = 5.0  # E: foam rises to this many times the volume while it is degassed
+CUP_TIMES = 5  # E: foam rises to this many times the volume while it is degassed
+STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
+DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
 SPARE = 1.1  # E: skirts, brims, and a part that fails
 LEAST_CHAMBER_L = 5
-DEGAS_USE = "degas"  # of what no cast needs whose pot life leaves no time for it
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
 PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
 
@@ -35,10 +36,10 @@ class Supply:
     Attributes:
         name: what it is; of a silicone, its name in ``cad/materials.csv``.
         kind: one of ``KINDS``.
-        order_as: what to ask for; ``{cup_ml}``, ``{scale_g}`` and ``{chamber_l}`` are filled in.
+        order_as: what to ask for; ``{cup_times}``, ``{cup_ml}``, ``{scale_g}`` and ``{chamber_l}`` are filled in.
         amount: how much, in ``unit``; of a silicone, what one kit weighs (g).
         unit: of the amount.
-        use: what it is for.
+        use: what it is for; ``{and_degas}`` is filled in.
         price_usd: of the amount; ``None`` for tools that a workshop has.
         provenance: letter of docs/provenance.md, and why.
     """
@@ -71,17 +72,19 @@ def supplies() -> dict[str, Supply]:
 def supply_lines(mix: Recipe) -> list[BomLine]:
     """Lines of parts, consumables and tools that no part of the design asks for itself."""
     mixed_g = mix.part_a_g + mix.part_b_g
-    cup_ml = math.ceil(CUP_TIMES * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
+    cup_times = CUP_TIMES if mix.is_degassed else STIR_TIMES
+    cup_ml = math.ceil(cup_times * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
     scale_g = math.ceil(mixed_g / 500) * 500 + 500
     chamber_l = max(LEAST_CHAMBER_L, math.ceil(CHAMBER_TIMES * cup_ml / 5000) * 5)
     blanks = {"cup_ml": f"{cup_ml:g}", "scale_g": f"{scale_g:g}", "chamber_l": f"{chamber_l:g}"}
+    blanks |= {"cup_times": str(cup_times), "and_degas": " and degas" if mix.is_degassed else ""}
     return [
         BomLine(
-            row.name, row.amount, row.unit, row.name, row.use, row.price_usd, row.letter,
+            row.name, row.amount, row.unit, row.name, row.use.format(**blanks), row.price_usd, row.letter,
             row.order_as.format(**blanks), row.kind, spool_usd(row.name),
         )
         for row in supplies().values()
-        if row.kind != "silicone" and (row.use != DEGAS_USE or mix.is_degassed)
+        if row.kind != "silicone" and (mix.is_degassed or row.use != DEGAS_USE)
     ]  # fmt: skip
 
 

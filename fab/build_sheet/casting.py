@@ -6,7 +6,7 @@ from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.shopping import safety
 from fab.build_sheet.steps import stage_blocks
-from fab.recipe import RELEASE_AGENT, Recipe
+from fab.recipe import RELEASE_AGENT, Recipe, millilitres
 
 
 def silicone(data: SheetData) -> list[Block]:
@@ -45,7 +45,7 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
         (
             "pour",
             f"{recipe.poured_g:.0f} g: {recipe.beyond_mm3 / 1000:.1f} ml more than the cast, of which as much as "
-            f"{recipe.overflow.leak / 1000:.1f} ml creeps out at the bowl's joints; the dam's gap, vents and wells "
+            f"{millilitres(recipe.overflow.leak)} ml creeps out at the bowl's joints; the dam's gap, vents and wells "
             f"have room for {recipe.overflow.room / 1000:.1f} ml, the rest rises onto the hanger",
         ),
         ("density", f"{silicone.density_g_cm3:g} g/ml"),

@@ -19,6 +19,7 @@ from cad.params import EndcapParams
 from fab.build_sheet.blocks import Drawing
 
 Point = tuple[float, float]
+Box = tuple[float, float, float, float]  # centre, half the width, half the height
 MARGIN_MM = 4.0
 DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
 CIRCLE_DEG = 92.0  # off the axis: the released lens's circle ends there on the photo of 720 rows (M)
@@ -32,7 +33,7 @@ LABEL_MM = 2.6  # size of the letters
 LETTER_MM = 0.65 * LABEL_MM  # width of a figure
 CAPITAL_MM = 0.73 * LABEL_MM  # height of a figure
 LABEL_GAP_MM, LABEL_ROOM_MM = 0.6, 0.4  # to its dot, to the outline
-LABEL_TURNS = [math.radians(turn) for turn in (0, 180, 45, 135, -45, -135, 90, -90)]  # from its dot; down is 90
+LABEL_TURNS = [math.radians(turn) for turn in (0, 180, 45, 135, -45, -135, 125, -125, 90, -90)]  # down is 90
 LARGEST_WIDTH_MM = (PAGE_WIDTH_MM - SPACE_MM) / 2 - 2 * MARGIN_MM
 
 
@@ -171,9 +172,14 @@ def _gore(
     shapes = [f'<path d="{outline}" fill="none" stroke="#20242a" stroke-width="0.25"/>', _scale_line()]
     places = [place(math.radians(dot.polar_deg), dot.azimuth_deg) for dot in dots]
     dense = [place(end * k / 400, middle + side * half) for side in (-1, 1) for k in range(401)]
+    dense += [(x, height * k / 400) for x in (0.0, width) for k in range(401)]  # what goes over it is cut off
+    boxes: list[Box] = [(*point, params.dot_radius_mm, params.dot_radius_mm) for point in places]
     for dot, (x, y) in zip(dots, places, strict=True):
         shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{params.dot_radius_mm:g}" fill="#20242a"/>')
-        label = label_place((x, y), places, params.dot_radius_mm, len(str(dot.ring)), dense)
+        letters = len(str(dot.ring))
+        label = label_place((x, y), boxes, params.dot_radius_mm, letters, dense)
+        wide, high = label_half(letters)
+        boxes.append((label[0] + wide, label[1] - high, wide + LABEL_ROOM_MM, high + LABEL_ROOM_MM))
         shapes.append(
             f'<text x="{label[0]:.2f}" y="{label[1]:.2f}" font-size="{LABEL_MM}" fill="#5a626c">{dot.ring}</text>'
         )
@@ -183,23 +189,27 @@ def _gore(
     )
 
 
-def label_place(dot: Point, others: Iterable[Point], radius_mm: float, letters: int, outline: Sequence[Point]) -> Point:
-    """Where a dot's label begins, on its base line: beside the dot, off the outline and off the other dots.
+def label_half(letters: int) -> tuple[float, float]:
+    """Half the width and height of a label of so many figures."""
+    return letters * LETTER_MM / 2, CAPITAL_MM / 2
+
+
+def label_place(dot: Point, boxes: Sequence[Box], radius_mm: float, letters: int, outline: Sequence[Point]) -> Point:
+    """Where a dot's label begins, on its base line: beside the dot, off lines, the other dots and the labels so far.
 
     Args:
-        dot: its centre. others: centres of all dots of the gore. radius_mm: of a dot. letters: of the label.
-        outline: corners of the gore.
+        dot: its centre. boxes: of all dots of the gore, and of the labels that have been placed. radius_mm: of a dot.
+        letters: of the label. outline: points of the gore's outline and of the drawing's sides.
     """
-    half = letters * LETTER_MM / 2, CAPITAL_MM / 2
-    kept_off = [(*point, LABEL_ROOM_MM) for point in outline] + [
-        (*point, radius_mm) for point in others if point != dot
-    ]
+    half = label_half(letters)
+    kept_off = [(*point, LABEL_ROOM_MM, LABEL_ROOM_MM) for point in outline]
+    kept_off += [each for each in boxes if each[:2] != dot]
     places = []
     for turn in LABEL_TURNS:
         away = radius_mm + LABEL_GAP_MM
         x, y = dot[0] + (away + half[0]) * math.cos(turn), dot[1] + (away + half[1]) * math.sin(turn)
         places.append((x - half[0], y + half[1]))
-        if all(abs(a - x) > half[0] + room or abs(b - y) > half[1] + room for a, b, room in kept_off):
+        if all(abs(a - x) > half[0] + wide or abs(b - y) > half[1] + high for a, b, wide, high in kept_off):
             return places[-1]
     return places[0]
 

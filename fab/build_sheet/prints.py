@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cad.mold_layout import JOINT_CLEARANCE_RANGE_MM, joint_clearance_range_mm
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import coupons_command, make_command
 from fab.build_sheet.data import SheetData
@@ -42,12 +43,22 @@ def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
             f"{projects[0]['layer_mm']:g}. Another printer: {make_command('slice', data, 'NAME')}. Times and "
             f"grams were measured on the G-code of {sliced['slicer']}."
         ),
-        Paragraph(
-            f"First the fit coupon: {coupons_command(data)}, print fit_plate, fit_tab in PLA and fit_nuts in TPU; if "
-            f"another step than {data.layout.joint_clearance_mm:g} mm fits, make the molds again with it "
-            "(joint_clearance=)."
-        ),
+        Paragraph(_coupon_words(data)),
     ]
+
+
+def _coupon_words(data: SheetData) -> str:
+    """What the fit coupon decides, and which of its joints hold this silicone: many leak through the widest."""
+    layout = data.layout
+    low, high = joint_clearance_range_mm(layout.params, layout.silicone)
+    is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
+    wider = f", and {layout.silicone} would leak through a wider joint" if is_leaky else ""
+    return (
+        f"First the fit coupon: {coupons_command(data)}, print fit_plate, fit_tab in PLA and fit_nuts in TPU. These "
+        f"molds have joints of {layout.joint_clearance_mm:g} mm a side; if another step of the coupon fits, make "
+        f"them again with it (joint_clearance=). Of this size they can be {low:g} to {high:g} mm{wider}: where no such "
+        "step fits, correct the horizontal expansion in your slicer and print the coupon again."
+    )
 
 
 def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
@@ -108,14 +119,19 @@ def mold_sums(data: SheetData) -> tuple[str, float, float] | None:
 
 
 def _preset(printer: Mapping[str, Any]) -> str:
-    """Which presets are named, and that the printer's own start is the better one."""
-    names = [name for name in (printer["prusa_printer"], printer["orca_printer"]) if name]
-    if not names:
+    """Which slicer's files name a preset of this printer, and that the printer's own start is the better one."""
+    slicers = {"prusa": "PrusaSlicer", "orca": "OrcaSlicer or Bambu Studio"}
+    named = [f"the .{key}.3mf files name the preset {name}" for key in slicers if (name := printer[f"{key}_printer"])]
+    if not named:
         return (
             "Choose your printer's own preset for start, levelling and end; the projects carry plain ones (G28, G29)."
         )
+    without = [
+        f"{slicer} has none of this printer. " for key, slicer in slicers.items() if not printer[f"{key}_printer"]
+    ]
+    words = ", ".join(named)
     return (
-        f"They name the presets {' and '.join(dict.fromkeys(names))}; the start in them homes, levels and heats. Your "
+        f"{words[0].upper()}{words[1:]}. {''.join(without)}The start in the files homes, levels and heats; your "
         "printer's own preset does more (purge line): choose it where the slicer asks."
     )
 

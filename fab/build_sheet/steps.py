@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cad.robot_sides import fixing_words, robot_side, robot_words
+from cad.robot_sides import fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.data import SheetData
-from fab.recipe import Recipe
+from fab.recipe import Recipe, millilitres
 
 BLANK = re.compile(r"\{(\w+)(?::(\w+))?\}")
 
@@ -51,7 +51,7 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "cure_h": f"{recipe.silicone.cure_h:g}",
         "beyond_ml": f"{recipe.beyond_mm3 / 1000:.1f}",
         "room_ml": f"{recipe.overflow.room / 1000:.1f}",
-        "leak_ml": f"{recipe.overflow.leak / 1000:.1f}",
+        "leak_ml": millilitres(recipe.overflow.leak),
         "pot_life_min": f"{recipe.silicone.pot_life_min:g}",
         "robot": robot_words(data.robot) if robot_side(data.robot) else "your own robot",
         "robot_fixing": _fixing(data.robot),
@@ -74,7 +74,8 @@ def _fixing(robot: str) -> str:
     """How the adapter is held on the robot."""
     if not robot_side(robot):
         return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
-    return f"pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
+    ream = f"ream the pin's hole to {size} by hand; " if (size := ream_words(robot)) else ""
+    return f"{ream}pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
 
 
 def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:

@@ -49,6 +49,9 @@ def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, cou
     )
     lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
     assert sum(line.quantity for line in lines if line.owner == "robot") == count
+    is_tight = robot == "iso_9409_1_50_4_m6"  # its hole is 6.0 for a pin 6 m6; that of the tensegrity arm is 6.3
+    assert ("ream the pin's hole to 6 mm H7" in words) == is_tight
+    assert [line.kind for line in lines if line.order_as == "6 mm H7, turned by hand"] == ["tool"] * is_tight
 
 
 def test_the_wells_are_said_to_hold_no_more_than_is_poured():

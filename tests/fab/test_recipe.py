@@ -255,6 +255,18 @@ def test_the_mixing_cup_goes_into_the_vacuum_chamber(volume_mm3):
     assert chamber_l >= max(5.0, 1.3e-3 * cup_ml) and chamber_l < 1.3e-3 * cup_ml + 5.0
 
 
+@pytest.mark.parametrize("name", sorted(silicones()))
+def test_what_only_degassing_needs_is_asked_for_where_there_is_time_to_degas(name):
+    mix = recipe(282e3, OVERFLOW, name)
+    asked = {line.item: (line.order_as, line.use) for line in supply_lines(mix)}
+    assert ("vacuum chamber and pump" in asked) == mix.is_degassed
+    assert any("degas" in words for line in asked.values() for words in line) == mix.is_degassed
+    order = asked["mixing cup"][0]
+    times, cup_ml = (float(word) for word in re.search(r"at least (\d) times the mix: (\d+) ml", order).groups())
+    assert times == (5 if mix.is_degassed else 2)
+    assert times * 1.15 * 282 <= cup_ml < times * 1.15 * 282 + 110
+
+
 @pytest.mark.parametrize(
     ("dropped", "gate"),
     [("camera", "bom.parts_without_line"), ("screws", "bom.screws_short"), ("nuts", "bom.nuts_short")],

@@ -31,8 +31,18 @@ def test_gores_have_every_dot_once_and_fit_a_page_in_pairs(params):
         assert len(dots) == len(labels)
 
 
-@pytest.mark.parametrize("params", [EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.0, 8.0)])
-def test_labels_of_a_gore_lie_off_its_outline_and_off_every_dot(params):
+MANY = (1, 7, 13, 19, 25, 31, 37, 43, 47, 53, 59, 61)
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        *(EndcapParams(*size, dot_mm=dot_mm) for size in SIZES for dot_mm in (4.0, 8.0)),
+        EndcapParams(209.9, 20.77, MANY, 2.9),
+        EndcapParams(99.37, 6.63, (1, 6, 12), 7.9),
+    ],
+)
+def test_labels_of_a_gore_lie_off_its_outline_every_dot_and_each_other(params):
     number = r'<circle cx="([\d.]+)" cy="([\d.]+)"[^>]*/><text x="([\d.]+)" y="([\d.]+)" [^>]*>(\d+)<'
     for sheet in gores(params):
         corners = re.search(r'<path d="M([^Z]+)Z"', sheet.svg)[1].split("L")
@@ -40,9 +50,12 @@ def test_labels_of_a_gore_lie_off_its_outline_and_off_every_dot(params):
         found = [tuple(map(float, each)) for each in re.findall(number, sheet.svg)]
         assert len(found) == sheet.svg.count("<circle")
         dots = unary_union([Point(x, y).buffer(params.dot_radius_mm) for x, y, *_ in found])
-        for _, _, left, base, ring in found:
-            label = box(left, base - 1.9, left + 1.6 * len(f"{ring:.0f}"), base)
+        labels = [box(left, base - 1.9, left + 1.6 * len(f"{ring:.0f}"), base) for _, _, left, base, ring in found]
+        for label in labels:
             assert not label.intersects(outline) and not label.intersects(dots)
+            assert box(0.0, 0.0, sheet.width_mm, sheet.height_mm).contains(label)
+        apart = [label.buffer(0.1) for label in labels]
+        assert unary_union(apart).area == pytest.approx(sum(label.area for label in apart))
 
 
 def test_every_gore_has_a_line_of_its_own_to_see_whether_the_printer_scales():

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import pytest
 
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab.build_sheet.casting import _recipe_rows
 from fab.build_sheet.data import SheetData
+from fab.build_sheet.prints import _coupon_words, _preset
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
+from fab.slice.printers import printer
 from fab.steps.cast import cast_steps
 from fab.supplies import supply_lines
 
@@ -26,3 +31,35 @@ def test_the_step_degasses_where_the_clock_does(material, degassed):
     assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
     assert ("do not degas" in words) != degassed
     assert any(line.item == "vacuum chamber and pump" for line in supply_lines(mix)) == degassed
+
+
+@pytest.mark.parametrize(("clearance", "leak"), [(0.053, "0.04"), (0.15, "0.8")])
+def test_a_leak_through_tight_joints_is_small_but_not_nothing(clearance, leak):
+    layout = MoldLayout(EndcapParams(99.37, 6.63), clearance, "Ecoflex 00-50")
+    mix = recipe(93.6e3, overflow_of(layout), "Ecoflex 00-50")
+    data = SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {})
+    assert filled(data, ("up to {leak_ml} ml",)) == (f"up to {leak} ml",)
+    assert f"as much as {leak} ml creeps out" in dict(_recipe_rows(mix))["pour"]
+
+
+@pytest.mark.parametrize(
+    ("size", "clearance", "material", "can_be"),
+    [
+        ((248.6, 11.31), 0.06, "Ecoflex 00-30", "0.05 to 0.114 mm, and Ecoflex 00-30 would leak through a wider joint"),
+        ((209.9, 20.77), 0.247, "Smooth-Sil 940", "0.05 to 0.3 mm"),
+    ],
+)
+def test_the_sheet_says_which_joints_of_the_coupon_these_molds_can_have(size, clearance, material, can_be):
+    layout = MoldLayout(EndcapParams(*size), clearance, material)
+    mix = recipe(2e5, overflow_of(layout), material)
+    text = _coupon_words(SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {}))
+    assert f"joints of {clearance:g} mm a side; if another step of the coupon fits" in text
+    assert f"Of this size they can be {can_be}: where no such step fits" in text
+
+
+def test_a_preset_is_named_for_the_slicer_whose_files_name_it():
+    both, orca_alone, none = (_preset(asdict(printer(name))) for name in ("mk4", "a1_mini", "generic180"))
+    assert ".prusa.3mf files name the preset Original Prusa MK4 Input" in both and "has none" not in both
+    assert orca_alone.startswith("The .orca.3mf files name the preset Bambu Lab A1 mini 0.4 nozzle.")
+    assert ".prusa.3mf" not in orca_alone and "PrusaSlicer has none of this printer." in orca_alone
+    assert none.startswith("Choose your printer's own preset")

@@ -143,7 +143,6 @@ function ended_words(job) {
   return `${job.label} was not made (status ${job.status}); nothing was left behind.`;
 }
 function show_job(job) {
-  const ended = page.job?.running && !job.running;
   page.job = job;
   $("stop").disabled = !job.running;
   $("make").disabled = job.running || Boolean(page.answer?.refusal);
@@ -157,7 +156,7 @@ function show_job(job) {
     const link = document.createElement("a");
     link.href = `exports/${job.label}/index.html`; link.textContent = `open ${job.label}: files, pictures, next steps`;
     $("done").append(link);
-    if (ended && page.answer?.label === job.label) show_real(job.label);
+    if (page.answer?.label === job.label) show_real(job.label); // at the end of a run, or where it had ended before
   }
   say();
 }

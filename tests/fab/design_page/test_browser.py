@@ -153,7 +153,7 @@ def test_make_shows_the_lines_then_the_made_shape_and_a_link_to_the_folders_page
     assert "make slice D=150 T=9" in tab.value("document.body.textContent")
     tab.open(server.url)
     tab.until("document.readyState === 'complete' && typeof page !== 'undefined'")
-    tab.after("shown", "page.shown > 0")
+    tab.after("shown", "page.shown > 0 && page.real === 'D150_T9'")  # the made shape again, not its outline
 
 
 def again(tab, go: str) -> None:

@@ -1,7 +1,8 @@
 # Every target sets up what it needs by itself: `make molds` the CAD side only, `make test` everything.
 VENV := .venv
 BIN := $(VENV)/bin
-PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
+# An empty one, of the environment or typed, is none: a recipe that began with "-m" would run another program, m.
+override PYTHON := $(or $(strip $(PYTHON)),$(shell command -v python3.11 || command -v python3.12 || command -v python3))
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)

@@ -10,7 +10,7 @@ from cad import feasible
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_GYROID, RELEASED_RINGS, parse_rings, rings_text
-from cad.plain_numbers import is_plain, plain
+from cad.plain_numbers import brief, is_plain, plain
 
 FROM_MAKE = "--make-variables"  # the Makefile's way to hand over its variables as they were typed
 MAKES_OWN = ("PYTHON", "VENV")  # variables of the Makefile itself
@@ -19,6 +19,11 @@ PATTERN_DEFAULTS = {
     "dots": rings_text(RELEASED_RINGS),
     "dot_mm": plain(RELEASED_DOT_MM),
     "gyroid": plain(RELEASED_GYROID),
+}
+MILLIMETRES = "plain millimetres without a unit, for example D=130 T=8"
+FORMS = {  # numbers that are no lengths, as a message asks for them
+    "gyroid": "the fraction as a plain number, for example gyroid=0.1",
+    "leds": "the number of LEDs in the digits 0 to 9, for example leds=8",
 }
 
 
@@ -95,14 +100,14 @@ def _refuse_half_a_design(given: Mapping[str, str]) -> None:
 
 
 def parse_length(name: str, text: str) -> float:
-    """Read a length in millimetres: a plain decimal number in the digits 0 to 9.
+    """Read a length in millimetres, or a number of :data:`FORMS`: a plain decimal in the digits 0 to 9.
 
     Raises:
         ParameterError: anything else that Python would read as a number too (``1_30``, ``1e2``, other scripts' digits).
     """
     if not is_plain(text):
         raise ParameterError(
-            f"{name}={text} is not a number: give plain millimetres without a unit, for example D=130 T=8",
+            f"{name}={brief(text)} is not a number: give {FORMS.get(name, MILLIMETRES)}",
             name=name,
             value=text,
         )

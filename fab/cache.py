@@ -32,8 +32,15 @@ SUFFIXES = (".py", ".csv", ".js", ".css", ".html")  # all that the exports are m
 
 
 def user_folder() -> Path:
-    """Where the cache lies: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit" / "molds"
+    """Where the cache lies: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``.
+
+    A user without a home, as in some containers, has no cache: below the null device nothing is found or kept.
+    """
+    try:
+        home = Path.home() / ".cache"
+    except RuntimeError:
+        home = Path(os.devnull)
+    return Path(os.environ.get("XDG_CACHE_HOME") or home) / "endcap-toolkit" / "molds"
 
 
 @cache

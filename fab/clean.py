@@ -32,19 +32,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--sure", action="store_true", help="really")
     parser.add_argument("--exports", type=Path, default=EXPORTS, help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
-    if options.all and not options.sure:
-        show(f"make clean-all: would delete everything in {options.exports}, also what no command makes again:")
-        _print_staying(options.exports, "to delete it: make clean-all SURE=yes")
+    try:
+        return _clean_all(options.exports, options.sure) if options.all else _clean(options.exports)
+    except OSError as error:  # not ours to remove, a disk that can only be read
+        LOG.error(f"make clean: {error.filename}: {error.strerror}: it stays, and what would have come after it")
         return 2
-    if options.all:
-        for path in sorted(options.exports.iterdir()):
-            if path not in KEPT:
-                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-        return 0
-    count = remove_made(options.exports)
+
+
+def _clean(exports: Path) -> int:
+    """Remove what one command makes again, and name the rest; returns the exit status."""
+    count = remove_made(exports)
     Cache().clear()
-    show(f"make clean: {count} files removed from {options.exports}")
-    _print_staying(options.exports, "to delete these too: make clean-all SURE=yes")
+    show(f"make clean: {count} files removed from {exports}")
+    _print_staying(exports, "to delete these too: make clean-all SURE=yes")
+    return 0
+
+
+def _clean_all(exports: Path, is_sure: bool) -> int:
+    """Remove everything, or say what that would be; returns the exit status."""
+    if not is_sure:
+        show(f"make clean-all: would delete everything in {exports}, also what no command makes again:")
+        _print_staying(exports, "to delete it: make clean-all SURE=yes")
+        return 2
+    for path in sorted(exports.iterdir()) if exports.is_dir() else []:
+        if path not in KEPT:
+            shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
     return 0
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from cad.errors import EndcapError
+from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG
@@ -25,6 +25,7 @@ from cad.options import (
     parse_length,
     parse_options,
 )
+from cad.plain_numbers import brief
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides
 from fab.checks.check import ChecksFailedError
 from fab.choices import chosen, named_as_typed
@@ -54,6 +55,27 @@ def exports_words(exports: Path) -> str:
         exports: folder that holds those of the variants.
     """
     return "" if exports.resolve() == Path(EXPORTS).resolve() else f" exports={shlex.quote(str(exports))}"
+
+
+def exports_folder(text: str) -> Path:
+    """The folder of exports as it was typed; ``~`` is the home folder, which not every shell puts there.
+
+    Args:
+        text: value of ``exports=``.
+
+    Raises:
+        ParameterError: a name too long for any folder, a link that leads to itself, or a place that cannot be entered.
+    """
+    try:
+        folder = Path(text).expanduser()
+        folder.resolve()
+        folder.exists()
+    except (OSError, RuntimeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself, or no such user"
+        raise ParameterError(
+            f"exports={brief(text)}: {reason}: name a folder you may write with exports=DIR", name="exports", value=text
+        ) from error
+    return folder
 
 
 class Interrupts:
@@ -147,7 +169,10 @@ class Command:
         """Act, and turn errors of the user's into lines."""
         try:
             with named_as_typed():
-                return act(parse_options(words, self.defaults), interrupts)
+                options = parse_options(words, self.defaults)
+                if "exports" in options:
+                    options["exports"] = str(exports_folder(options["exports"]))
+                return act(options, interrupts)
         except ChecksFailedError as error:
             for line in error.lines:
                 LOG.error(f"{self.name}: check failed: {line}")

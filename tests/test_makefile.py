@@ -47,6 +47,14 @@ def test_what_make_would_ignore_is_refused_in_one_line_before_anything_runs(word
     assert len(done.stderr.splitlines()) == 1 and expected in done.stderr
 
 
+@pytest.mark.parametrize("words", [["PYTHON=", "clean"], ["clean"]])
+def test_an_empty_python_is_none_and_the_usual_one_is_taken(words, monkeypatch):
+    monkeypatch.setenv("PYTHON", "")
+    line = make("-n", *words).stdout.splitlines()[0]
+    assert line.endswith(" -m fab.clean") and Path(line.split()[0]).name.startswith("python3")
+    assert make("-n", "PYTHON=/opt/own/python", "clean").stdout.startswith("/opt/own/python -m fab.clean")
+
+
 @pytest.fixture
 def workshop(tmp_path: Path) -> Path:
     """The Makefile with an environment whose python only prints its words and make's variables, one a line."""

@@ -15,6 +15,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
+from cad.plain_numbers import plain
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
@@ -43,9 +44,9 @@ class Choice:
         """Options of `make molds`, one word each, no shell between."""
         layout = self.variant.layout
         return (
-            f"D={layout.params.diameter_mm:.10g}",
-            f"T={layout.params.wall_mm:.10g}",
-            f"joint_clearance={layout.joint_clearance_mm:.10g}",
+            f"D={plain(layout.params.diameter_mm)}",
+            f"T={plain(layout.params.wall_mm)}",
+            f"joint_clearance={plain(layout.joint_clearance_mm)}",
             f"material={self.variant.silicone}",
         )
 

@@ -30,6 +30,7 @@ from fab.design_page.jobs import Jobs
 
 PORT = 8010
 LARGEST_BODY = 4096
+MOST_DIGITS = 18  # of its length: Python refuses to read thousands
 MOST_FIELDS = 16  # of an address
 WAIT_S = 20.0  # of a question for news of the run
 TOKEN_HEADER = "X-Endcap-Token"
@@ -234,7 +235,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _body(self) -> dict[str, Any] | None:
         length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > LARGEST_BODY:
+        if not length.isdecimal() or len(length) > MOST_DIGITS or int(length) > LARGEST_BODY:
             self._close_after()
             self._text(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "Too long.")
             return None
@@ -252,7 +253,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(HTTPStatus.OK, json.dumps(content, allow_nan=False).encode(), KINDS[".json"])
 
     def _text(self, status: HTTPStatus, words: str) -> None:
-        self._send(status, words.encode(), "text/plain; charset=utf-8")
+        self._send(status, words.encode(errors="backslashreplace"), "text/plain; charset=utf-8")
 
     def _send(self, status: HTTPStatus, data: bytes, kind: str, policy: str = PAGE_POLICY) -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError, socket.timeout):

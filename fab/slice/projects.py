@@ -31,6 +31,7 @@ from fab.variant import Variant, variant_of
 
 MANIFEST = "manifest.json"
 INTERFACE = "interface"
+IN_EVERY_EXPORT = frozenset(("shell", "interface", "base", "ring_spacer", "arm_adapter", "hanger", "core_centre"))
 INFILL, GYROID = "interface_infill", "interface_gyroid"
 
 
@@ -91,7 +92,27 @@ def read_export(variant: Variant, exports: Path) -> Export:
     if (found, digest) != (variant, variant.params.digest):
         raise FileError(f"{folder}: made for other parameters than its name says: {again} again")
     require_same(folder, "made", made_of, identity(variant.params), f"{again} again", ("dots", "camera"))
+    try:
+        _read_all_of(manifest)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(f"{folder / MANIFEST}: lacks what make molds writes ({error}): {again} again") from error
     return Export(folder, variant, manifest)
+
+
+def _read_all_of(manifest: Mapping[str, Any]) -> None:
+    """Read once what the commands read of a manifest later.
+
+    Raises:
+        KeyError, TypeError, ValueError, AttributeError: something lacks, or is of another kind.
+    """
+    parts = {part["name"]: part for part in manifest["parts"]}
+    for part in parts.values():
+        _ = part["role"], part["material"], float(part["volume_mm3"]["mesh"]), int(part["quantity"])
+        _ = part["files"].items()
+    for check in manifest["checks"]:
+        _ = check["name"], float(check["value"]), check["limit"], check["ok"]
+    if lacking := IN_EVERY_EXPORT - set(parts):
+        raise ValueError(f"no part {min(lacking)}")
 
 
 def _others(variant: Variant, exports: Path) -> str:

@@ -128,6 +128,17 @@ def test_a_full_destination_is_an_error_and_leaves_the_entry(cache, tmp_path):
     assert restored(cache, tmp_path, "a") == {"base": "solid", "cup": "cup"}
 
 
+def test_a_user_without_a_home_has_no_cache_and_no_error(tmp_path, monkeypatch):
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", no_home)
+    stored(Cache(), tmp_path, "k", a="1")
+    assert Cache().read("k") is None
+    Cache().clear()
+
+
 def test_a_cache_that_cannot_be_written_fails_nothing(tmp_path):
     (tmp_path / "file").write_text("in the way")
     cache = Cache(tmp_path / "file" / "cache")

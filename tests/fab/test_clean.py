@@ -132,3 +132,22 @@ def test_everything_goes_only_when_asked_twice(exports, monkeypatch, capsys):
     assert files(exports) == before and "SURE=yes" in capsys.readouterr().out
     assert clean.main(["--all", "--sure", "--exports", str(exports)]) == 0
     assert files(exports) == ["README.md"]
+
+
+@pytest.mark.parametrize(("words", "work"), [([], "unlink"), (["--all", "--sure"], "rmtree")])
+def test_what_cannot_be_removed_is_one_line_and_status_2(exports, monkeypatch, capsys, words, work):
+    def refused(path: Path, *_: object, **__: object) -> None:
+        raise PermissionError(1, "Operation not permitted", str(path))
+
+    monkeypatch.setattr(*((Path, "unlink") if work == "unlink" else (clean.shutil, "rmtree")), refused)
+    before = files(exports)
+    assert clean.main(["--exports", str(exports), *words]) == 2
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1 and "Operation not permitted: it stays" in err and str(exports) in err
+    assert files(exports) == before
+
+
+def test_an_exports_folder_that_is_not_there_is_clean(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for words in ([], ["--all", "--sure"]):
+        assert clean.main(["--exports", str(tmp_path / "none"), *words]) == 0

@@ -194,6 +194,19 @@ def test_parsing():
         parse_length("D", "5 in")
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "asked_for"),
+    [("D", "5 in", "millimetres"), ("gyroid", "10%", "fraction"), ("leds", "8x", "number of LEDs")],
+)
+def test_what_is_no_number_is_asked_for_in_its_own_unit_and_in_one_line(name, text, asked_for):
+    with pytest.raises(ParameterError, match=asked_for) as caught:
+        parse_length(name, text)
+    assert name in ("D",) or "millimetres" not in str(caught.value)
+    with pytest.raises(ParameterError, match=r"\(5002 characters\)") as caught:
+        parse_length(name, "1\n" + "9" * 5000)
+    assert len(str(caught.value)) < 200 and "\n" not in str(caught.value)
+
+
 def test_variables_of_make_arrive_as_they_were_typed():
     flags = r"k -j2 --jobserver-auth=3,4 -- VENV=x material=Dragon\ Skin\ 30 exports=/a\\b$$c T:=8 D=130;T=10 PYTHON=p"
     assert make_variables(flags) == ["D=130;T=10", "T=8", "exports=/a\\b$c", "material=Dragon Skin 30"]

@@ -14,7 +14,7 @@ from cad.identity import identity
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.slice import __main__ as command
-from fab.slice.projects import Export, read_export, read_part
+from fab.slice.projects import IN_EVERY_EXPORT, Export, read_export, read_part
 from fab.slice.result import PieceResult, SliceResult, summary
 from fab.slice.run import SlicerMissingError, find_slicer
 from fab.slice.settings import part_settings
@@ -53,6 +53,31 @@ def test_without_the_slicer_the_command_says_how_to_get_it(tmp_path, capsys, mon
 
 
 OTHER = {"digest": "other", "joint_clearance_mm": 0.15, "silicone": "Smooth-Sil 950", "parts": []}
+PART = {"role": "printed", "material": "PLA", "quantity": 1, "volume_mm3": {"mesh": 1.0}, "files": {}}
+WHOLE = {
+    "parts": [PART | {"name": name} for name in sorted(IN_EVERY_EXPORT)],
+    "checks": [{"name": "a.b", "value": 0.0, "limit": "<= 1", "ok": True}],
+}
+
+
+@pytest.mark.parametrize(
+    ("lacking", "said"),
+    [
+        ({"checks": [1]}, "not subscriptable"),
+        ({"checks": [{"name": "a.b"}]}, "'value'"),
+        ({"parts": [part for part in WHOLE["parts"] if part["name"] != "base"]}, "no part base"),
+        *(({"parts": [{k: v for k, v in part.items() if k != key} for part in WHOLE["parts"]]}, key) for key in PART),
+        ({"parts": [part | {"files": []} for part in WHOLE["parts"]]}, "items"),
+    ],
+)
+def test_a_manifest_that_lacks_something_is_one_line_with_the_command_that_writes_it(tmp_path, lacking, said):
+    folder = tmp_path / SMALL.label
+    folder.mkdir()
+    layout = SMALL_MOLD.layout
+    ours = {"digest": SMALL.digest, "joint_clearance_mm": layout.joint_clearance_mm, "silicone": SMALL_MOLD.silicone}
+    (folder / "manifest.json").write_text(json.dumps(ours | WHOLE | lacking))
+    with pytest.raises(FileError, match=f"{said}.*run `make molds D=100 T=8"):
+        read_export(SMALL_MOLD, tmp_path)
 
 
 def test_a_changed_or_foreign_export_is_refused(tmp_path):
@@ -67,7 +92,11 @@ def test_a_changed_or_foreign_export_is_refused(tmp_path):
     ours = {"digest": SMALL.digest, "joint_clearance_mm": SMALL_MOLD.layout.joint_clearance_mm, "parts": []}
     made_of = identity(SMALL, SMALL_MOLD.silicone)
     (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone}))
-    assert read_export(SMALL_MOLD, tmp_path).manifest["parts"] == []  # of before: the released pattern
+    with pytest.raises(FileError, match=r"lacks what make molds writes \('checks'\): run `make molds D=100 T=8"):
+        read_export(SMALL_MOLD, tmp_path)
+    ours |= WHOLE  # of before identities: the released pattern
+    (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone}))
+    assert len(read_export(SMALL_MOLD, tmp_path).manifest["parts"]) == len(IN_EVERY_EXPORT)
     record = dataclasses.replace(made_of, aspects={**made_of.aspects, "dots": {"rings": "1-4"}}).record()
     (folder / "manifest.json").write_text(json.dumps(ours | {"silicone": SMALL_MOLD.silicone, "identity": record}))
     with pytest.raises(FileError, match=r"made for the dot pattern [0-9a-f]{8}, this endcap has the released"):

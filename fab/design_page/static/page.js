@@ -4,6 +4,7 @@ const $ = (id) => document.getElementById(id), token = document.querySelector("m
 const SLIDERS = ["D", "T", "joint_clearance"], KNOBS = [...SLIDERS, "material", "printer"];
 const viewer = new Viewer($("turn"));
 const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, real: "", label: "" };
+const GONE = "The page's program has ended: start make design again.";
 const say = () => document.dispatchEvent(new Event("shown"));
 const svg = (name, values, parent) => {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -13,21 +14,31 @@ const svg = (name, values, parent) => {
 };
 const query = () => new URLSearchParams(KNOBS.map((name) => [name, (SLIDERS.includes(name) ? $(name + "_number") : $(name)).value]));
 
+function kept() { // the last choice of this tab that can be made: for a reload, and the way back from a folder's page
+  try { return JSON.parse(sessionStorage.getItem("knobs")) || {}; } catch { return {}; }
+}
+function keep(words) {
+  try { sessionStorage.setItem("knobs", JSON.stringify(Object.fromEntries(words))); } catch { /* a browser that keeps nothing */ }
+}
+
 async function begin() {
   const reply = await fetch("region.json");
   if (!reply.ok) { $("refusal").textContent = await reply.text(); return; }
-  const offer = page.offer = await reply.json();
+  const offer = page.offer = await reply.json(), start = { ...offer.start, ...kept() };
   for (const [name, [low, high]] of [["D", offer.diameter], ["T", offer.wall], ["joint_clearance", offer.clearance]]) {
     const step = Number($(name).step); // the slider stops at round numbers; the field beside it takes any
     $(name).min = step * Math.ceil(low / step - 1e-9); $(name).max = step * Math.floor(high / step + 1e-9);
-    $(name).value = $(name + "_number").value = offer.start[name];
+    $(name).value = $(name + "_number").value = start[name];
     $(name).addEventListener("input", () => { $(name + "_number").value = $(name).value; refresh(); });
     $(name + "_number").addEventListener("input", () => { $(name).value = $(name + "_number").value; refresh(); });
   }
   $("material").append(...offer.silicones.map((name) => new Option(name)));
   $("printer").append(...offer.printers.map(([name, title]) => new Option(title, name)));
   $("printer").value = offer.start.printer;
-  for (const name of ["material", "printer"]) $(name).addEventListener("change", refresh);
+  for (const name of ["material", "printer"]) {
+    if ([...$(name).options].some((option) => option.value === start[name])) $(name).value = start[name];
+    $(name).addEventListener("change", refresh);
+  }
   $("pull").addEventListener("input", () => viewer.set({ pull: $("pull").value / 100 }));
   $("cut").addEventListener("change", () => viewer.set({ cut: $("cut").checked }));
   $("group").addEventListener("change", () => viewer.set({ group: $("group").value }));
@@ -43,13 +54,15 @@ async function refresh() {
   const [answer, shape] = await Promise.all([
     fetch("answer.json?" + words).then(async (r) => (r.ok ? r.json() : { refusal: await r.text() })),
     viewer.gl ? fetch("preview.glb?" + words).then((r) => (r.ok ? r.arrayBuffer() : null)) : null,
-  ]);
+  ]).catch(() => [{ refusal: GONE }, null]);
   if (number !== page.asked) return; // a later change is on its way
   page.answer = answer;
   $("refusal").textContent = answer.refusal || "";
+  document.body.classList.toggle("refused", Boolean(answer.refusal)); // what is still shown is of the size before
   $("make").disabled = Boolean(answer.refusal) || Boolean(page.job?.running);
   draw_point();
   if (!answer.refusal) {
+    keep(words);
     $("facts").replaceChildren(...answer.facts.map(([name, words]) => {
       const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
       head.textContent = name; cell.textContent = words; row.append(head, cell);
@@ -117,7 +130,7 @@ async function follow() { // asks, and is answered when something has changed
       const job = await reply.json();
       if (String(job.number) !== seen) { seen = String(job.number); show_job(job); }
     } catch (error) {
-      $("status").textContent = error instanceof TypeError ? "The page's program has ended: start make design again." : error.message;
+      $("status").textContent = error instanceof TypeError ? GONE : error.message;
       $("make").disabled = true;
       say();
       return;
@@ -130,7 +143,6 @@ function ended_words(job) {
   return `${job.label} was not made (status ${job.status}); nothing was left behind.`;
 }
 function show_job(job) {
-  const ended = page.job?.running && !job.running;
   page.job = job;
   $("stop").disabled = !job.running;
   $("make").disabled = job.running || Boolean(page.answer?.refusal);
@@ -144,7 +156,7 @@ function show_job(job) {
     const link = document.createElement("a");
     link.href = `exports/${job.label}/index.html`; link.textContent = `open ${job.label}: files, pictures, next steps`;
     $("done").append(link);
-    if (ended && page.answer?.label === job.label) show_real(job.label);
+    if (page.answer?.label === job.label) show_real(job.label); // at the end of a run, or where it had ended before
   }
   say();
 }

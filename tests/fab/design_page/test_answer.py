@@ -78,14 +78,20 @@ def test_a_choice_that_cannot_be_made_is_refused_in_one_line(knobs, expected):
     assert set(found) == {"refusal"} and expected in found["refusal"] and "\n" not in found["refusal"]
 
 
+@pytest.mark.parametrize("size", [(150.0, 9.0), (186.41234567891234, 12.3000000000001)])
+def test_the_words_of_a_choice_make_the_very_variant_whose_folder_the_page_links(size):
+    from cad.options import parse_options
+    from fab.command import VARIANT_DEFAULTS, parse_variant
+
+    choice = parse_choice({"D": str(size[0]), "T": str(size[1]), "joint_clearance": "0.1234567890123"})
+    made = parse_variant(parse_options(choice.words, VARIANT_DEFAULTS))
+    assert made == choice.variant and made.label == choice.variant.label
+
+
 def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands():
     knobs = {"D": "150", "T": "9", "joint_clearance": "0.1", "material": "Dragon Skin 30", "printer": "mk4"}
     choice = parse_choice(knobs)
     assert choice.variant == Variant(MoldLayout(EndcapParams(150.0, 9.0), 0.1, "Dragon Skin 30"))
-    from cad.options import parse_options
-    from fab.command import VARIANT_DEFAULTS, parse_variant
-
-    assert parse_variant(parse_options(choice.words, VARIANT_DEFAULTS)) == choice.variant
     words = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30'"
     assert answer(knobs)["commands"] == [f"make {name} {words} printer=mk4" for name in ("molds", "slice", "sheet")]
     assert answer({"D": "150", "T": "9"})["commands"][1] == "make slice D=150 T=9"

@@ -153,4 +153,43 @@ def test_make_shows_the_lines_then_the_made_shape_and_a_link_to_the_folders_page
     assert "make slice D=150 T=9" in tab.value("document.body.textContent")
     tab.open(server.url)
     tab.until("document.readyState === 'complete' && typeof page !== 'undefined'")
+    tab.after("shown", "page.shown > 0 && page.real === 'D150_T9'")  # the made shape again, not its outline
+
+
+def again(tab, go: str) -> None:
+    """Leave the page by a script and wait until it stands there anew."""
+    tab.value(f"window.left = true; {go}")
+    tab.until("!window.left && document.readyState === 'complete' && typeof page !== 'undefined'")
     tab.after("shown", "page.shown > 0")
+
+
+def test_the_choice_stays_after_a_reload_and_on_the_way_back(tab, server):
+    turn(tab, {"D_number": "163.7", "T_number": "9.35", "joint_clearance_number": "0.12"})
+    turn(tab, {"material": "Dragon Skin 30", "printer": "mk4"}, "change")
+    chosen = tab.value("$('commands').textContent")
+    assert "D=163.7 T=9.35 joint_clearance=0.12 material='Dragon Skin 30' printer=mk4" in chosen
+    again(tab, "location.reload()")
+    assert tab.value("$('commands').textContent") == chosen
+    tab.value("window.left = true")
+    tab.open(f"{server.url}exports/D150_T9/index.html")
+    tab.until("!window.left && document.readyState === 'complete' && typeof page === 'undefined'")
+    again(tab, "history.back()")
+    assert tab.value("$('commands').textContent") == chosen
+
+
+def test_what_is_shown_of_the_size_before_is_pale_while_a_size_is_refused(tab):
+    shown = "[$('facts'), $('commands'), $('turn'), $('section')].map((part) => getComputedStyle(part).opacity).join()"
+    wall = tab.value("$('T_number').value")
+    assert tab.value(shown) == "1,1,1,1"
+    turn(tab, {"T_number": "2"})
+    assert tab.value(shown) == "0.3,0.3,0.3,0.3"
+    again(tab, "location.reload()")
+    assert tab.value(shown) == "1,1,1,1" and tab.value("$('T_number').value") == wall
+
+
+def test_a_program_that_has_ended_is_said_where_the_knobs_are(tab, server):
+    tab.value("window.fetch = () => Promise.reject(new TypeError('nobody answers'))")
+    turn(tab, {"D_number": "140"})
+    assert "start make design again" in tab.value("$('refusal').textContent") and tab.value("$('make').disabled")
+    again(tab, "location.reload()")
+    assert tab.value("$('refusal').textContent") == ""

@@ -169,6 +169,17 @@ def test_what_is_no_request_starts_nothing(server, body):
     assert server.jobs.seen(-1)["running"] is False
 
 
+@pytest.mark.parametrize("length", ["1" * 5000, "-1", "2 2", "\u00b2"])
+def test_a_length_that_no_browser_sends_is_refused_and_is_no_error_of_the_program(server, capsys, length):
+    headers = {TOKEN_HEADER: server.token, "Content-Length": length.encode("latin-1")}
+    assert ask(server, "/stop", {}, **headers)[0] == 413 and capsys.readouterr().err == ""
+
+
+def test_half_a_character_in_a_knob_is_refused_as_a_value(server, capsys):
+    status, content, _ = ask(server, "/make", {"D": "\ud800", "T": "8"}, **{TOKEN_HEADER: server.token})
+    assert status == 400 and content.startswith(b"D=\\ud800 is not a number") and capsys.readouterr().err == ""
+
+
 def test_a_size_that_cannot_be_made_is_refused_in_the_words_of_the_command(server):
     status, content, _ = ask(server, "/make", {"D": "20", "T": "8"}, **{TOKEN_HEADER: server.token})
     assert status == 400 and b"D=20 outside" in content

@@ -23,6 +23,7 @@ Box = tuple[float, float, float, float]  # centre, half the width, half the heig
 MARGIN_MM = 4.0
 DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
 CIRCLE_DEG = 92.0  # off the axis: the released lens's circle ends there on the photo of 720 rows (M)
+OUTLINE_POINTS = 32  # of a dot in the picture
 FRAME_PX = (640.0, 480.0)
 SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
@@ -62,14 +63,38 @@ def gore_of(dot: Dot, count: int) -> int:
 
 def camera_pixels(params: EndcapParams) -> dict[Dot, tuple[float, float]]:
     """Where the dots should appear (x right, y down, frame of 640 x 480): of those alone that the lens sees."""
-    pixels = {}
-    for dot in dot_pattern(params):
-        x, y, z = dot_position_mm(params, dot)
-        off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
-        if math.degrees(off_axis) <= camera_module().max_half_angle_deg:
-            reach, azimuth = lens_px(off_axis), math.atan2(y, x)
-            pixels[dot] = FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 + reach * math.sin(azimuth)
-    return pixels
+    places = {dot: dot_position_mm(params, dot) for dot in dot_pattern(params)}
+    return {dot: pixel for dot, place in places.items() if (pixel := _pixel(params, place)) is not None}
+
+
+def dot_outline_px(params: EndcapParams, dot: Dot) -> list[Point]:
+    """Points round the edge of a dot as the camera sees it: of those that the lens sees.
+
+    Args:
+        params: design. dot: of its pattern.
+    """
+    polar, azimuth = math.radians(dot.polar_deg), math.radians(dot.azimuth_deg)
+    wide = math.asin(params.dot_radius_mm / params.inner_radius_mm)
+    points = []
+    for turn in (2 * math.pi * k / OUTLINE_POINTS for k in range(OUTLINE_POINTS)):
+        along, across = math.sin(wide) * math.cos(turn), math.sin(wide) * math.sin(turn)
+        outward = math.cos(wide) * math.sin(polar) + along * math.cos(polar)
+        x = outward * math.cos(azimuth) - across * math.sin(azimuth)
+        y = outward * math.sin(azimuth) + across * math.cos(azimuth)
+        z = math.cos(wide) * math.cos(polar) - along * math.sin(polar)
+        radius = params.inner_radius_mm
+        points.append(_pixel(params, (radius * x, radius * y, params.centre_height_mm + radius * z)))
+    return [point for point in points if point is not None]
+
+
+def _pixel(params: EndcapParams, place_mm: tuple[float, float, float]) -> Point | None:
+    """Where a place in the endcap frame appears; None where the lens does not see it."""
+    x, y, z = place_mm
+    off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
+    if math.degrees(off_axis) > camera_module().max_half_angle_deg:
+        return None
+    reach, azimuth = lens_px(off_axis), math.atan2(y, x)
+    return FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 + reach * math.sin(azimuth)
 
 
 def lens_px(off_axis: float) -> float:
@@ -136,7 +161,9 @@ def first_light(params: EndcapParams) -> Drawing:
         f'height="{SQUARE_PX:g}" fill="none" stroke="#c05a1c" stroke-width="1.5" stroke-dasharray="6 4"/>',
         f'<path d="M{width / 2 - 8} {height / 2}h16M{width / 2} {height / 2 - 8}v16" stroke="#2f6f6a"/>',
     ]
-    shapes += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="#20242a"/>' for x, y in camera_pixels(params).values()]
+    for dot in camera_pixels(params):
+        outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in dot_outline_px(params, dot))
+        shapes.append(f'<polygon points="{outline}" fill="#20242a"/>')
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * scale:g}mm" height="{height * scale:g}mm" '
         f'viewBox="0 0 {width:g} {height:g}">{"".join(shapes)}</svg>'

@@ -28,7 +28,8 @@ IN_TRAY = {"tensile_tray": "tensile_tpu", "tensile_plain_tray": "", "peel_tray":
 HELP = f"""\
 options, as NAME=VALUE:
   exports=DIR      folder that receives coupons/ (default: exports/)
-  material=NAME    silicone of the bond specimens (default: {DEFAULT_SILICONE})
+  material=NAME    silicone of the bond specimens (default: {DEFAULT_SILICONE}); another gets a folder of its own,
+                   for example coupons_Dragon-Skin-30/
 
 fit_plate, fit_tab: push the tab into the sockets from above; the first that slides by hand without play is yours.
   Notches count the step: {", ".join(f"{k + 1} = {gap:.2f}" for k, gap in enumerate(CLEARANCES_MM))} mm a side.

@@ -11,7 +11,7 @@ from shapely import LinearRing, Point, box, unary_union
 
 from cad.dots import dot_pattern, dot_position_mm
 from cad.params import EndcapParams
-from fab.build_sheet.dots import camera_pixels, disc_px, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.dots import camera_pixels, disc_px, dot_outline_px, dots_in, first_light, gore_of, gores, ruler
 from sensing.camera.nominal import nominal_mount
 
 PARAMS = EndcapParams(130.0, 8.0)
@@ -87,7 +87,23 @@ def test_first_light_shows_the_dots_where_the_nominal_camera_sees_them(params, m
     pixels = list(camera_pixels(params).values())
     assert np.allclose(pixels, wanted, atol=1e-6)
     assert 0 < dots_in(pixels, 480, 480) < dots_in(pixels, 640, 480) <= len(pixels)
-    assert first_light(params).svg.count("<circle") == len(pixels) + 1
+    assert first_light(params).svg.count("<polygon") == len(pixels)
+
+
+@pytest.mark.parametrize("params", [PARAMS, EndcapParams(99.37, 6.63, (1, 6, 12), 7.9)])
+def test_first_light_shows_dots_as_large_as_the_nominal_camera_sees_them(params):
+    centre = np.array([0.0, 0.0, params.centre_height_mm])
+    for dot in (dot for dot in camera_pixels(params) if dot.polar_deg < 70):
+        out = np.array(dot_position_mm(params, dot)) - centre
+        out /= np.linalg.norm(out)
+        side = np.cross(out, [0.3, -0.2, 0.9])
+        side /= np.linalg.norm(side)
+        rim = math.sqrt(params.inner_radius_mm**2 - params.dot_radius_mm**2) * out
+        turns = np.linspace(0, 2 * math.pi, 4000)[:, None]
+        ring = centre + rim + params.dot_radius_mm * (np.cos(turns) * side + np.sin(turns) * np.cross(out, side))
+        seen = nominal_mount(params).project(ring) + 0.5
+        away = np.linalg.norm(np.array(dot_outline_px(params, dot))[:, None] - seen, axis=2).min(axis=1)
+        assert away.max() < 0.03  # half a step between the points
 
 
 def test_the_shell_ends_where_the_photos_show_it():

@@ -23,6 +23,7 @@ CUP_TIMES = 5  # E: foam rises to this many times the volume while it is degasse
 STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
 DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
+STAYS_IN_BOTTLES = 1.02  # E: so much more is bought than is weighed out
 SPARE = 1.1  # E: skirts, brims, and a part that fails
 LEAST_CHAMBER_L = 5
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
@@ -153,7 +154,7 @@ def silicone_line(mix: Recipe) -> BomLine:
     kit = supplies().get(mix.silicone.name)
     if kit is None:
         return BomLine(item, grams, "g", "shell", "cast", None, "E", "add its kit to fab/supplies.csv", "silicone")
-    count = math.ceil(grams / kit.amount)
+    count = math.ceil(STAYS_IN_BOTTLES * grams / kit.amount)
     order = f"{count} x {kit.order_as} ({kit.amount:g} g)"
     return BomLine(item, grams, "g", "shell", "cast", count * (kit.price_usd or 0.0), kit.letter, order, "silicone")
 

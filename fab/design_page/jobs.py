@@ -107,6 +107,7 @@ class Jobs:
                 "label": self._state.label,
                 "running": self._state.running,
                 "status": self._state.status,
+                "stopped": self._is_stopped and bool(self._state.status),
                 "made": self._state.made,
                 "lines": list(self._state.lines),
             }

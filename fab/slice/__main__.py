@@ -152,7 +152,7 @@ def _sliced_and_gated(
             result, seconds = future.result()
             results.append(result)
             progress.done(seconds)
-    show(summary(results))
+    show(summary(results, how.parts == "all"))
     checks = [check for result in results for check in result.checks]
     require_passed(checks, f"at {export.variant.label}")
     return results, checks

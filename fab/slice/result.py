@@ -182,8 +182,12 @@ def _piece_results(project: Project, shares: Mapping[str, float], grams: float) 
     )
 
 
-def summary(results: Sequence[SliceResult]) -> str:
-    """One screen: a line for each project, what lies on it, and the sums."""
+def summary(results: Sequence[SliceResult], is_whole: bool = True) -> str:
+    """One screen: a line for each project, what lies on it, and the sums.
+
+    Args:
+        results: of the projects. is_whole: whether they hold all of the mold, which is compared with the paper's.
+    """
     width = max(18, *(len(result.name) + 1 for result in results))
     lines = [f"{'plate':<{width}}{'time':>8}{'grams':>8}{'USD':>7}{'layers':>8}{'float':>7}  "]
     for result in results:
@@ -200,7 +204,8 @@ def summary(results: Sequence[SliceResult]) -> str:
     time_s, grams, cost = (
         sum(getattr(figures, name) * share for figures, share in mold) for name in ("time_s", "grams", "cost_usd")
     )
-    lines.append(f"mold: {hours(time_s)}, {grams:.0f} g, {cost:.2f} USD ({PAPER_MOLD})")
+    name, paper = ("mold", f" ({PAPER_MOLD})") if is_whole else ("of the mold", "")
+    lines.append(f"{name}: {hours(time_s)}, {grams:.0f} g, {cost:.2f} USD{paper}")
     return "\n".join(lines)
 
 

@@ -22,7 +22,7 @@ from fab.bom import all_joints, bom_checks, bom_csv, bom_lines
 from fab.checks.cavity import leak_check
 from fab.checks.screw_fit import LENGTHS_MM, ScrewFit, fitted, length_tolerance_mm, screw_fit
 from fab.recipe import SHOWN_RATIO, mix_parts, overflow_checks, overflow_of, recipe, shell_volume_mm3
-from fab.supplies import plastic_g, supply_lines, with_spools
+from fab.supplies import plastic_g, silicone_line, supply_lines, with_spools
 
 LAYOUT = MoldLayout(EndcapParams(130.0, 8.0))
 OVERFLOW = overflow_of(LAYOUT)
@@ -48,6 +48,13 @@ def test_smooth_sil_950_of_a_litre_is_a_hundred_to_ten():
     mix = recipe(1e6, OVERFLOW, surplus=0.0)
     assert (mix.part_a_g, mix.part_b_g) == (pytest.approx(1127.3), pytest.approx(112.8))
     assert mix.pot_life_to_spare_min >= 0 and mix.air_mm3_per_g == pytest.approx(806.45, abs=0.01)
+
+
+@pytest.mark.parametrize(("cast_g", "kits"), [(480.0, 1), (499.0, 2), (2498.8, 6)])
+def test_kits_hold_what_stays_in_their_bottles_too(cast_g, kits):
+    mix = recipe(1e5, 2e3)
+    mix = dataclasses.replace(mix, part_a_g=cast_g / 1.1, part_b_g=cast_g / 11)
+    assert f"{kits} x Smooth-On Smooth-Sil 950" in silicone_line(mix).order_as
 
 
 def test_the_clock_runs_without_gaps_and_a_short_pot_life_is_not_degassed():

@@ -14,6 +14,7 @@ from cad.identity import identity
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.slice import __main__ as command
+from fab.slice.printers import printer
 from fab.slice.projects import IN_EVERY_EXPORT, Export, read_export, read_part
 from fab.slice.result import PieceResult, SliceResult, summary
 from fab.slice.run import SlicerMissingError, find_slicer
@@ -128,7 +129,7 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
     monkeypatch.setattr("fab.slice.projects.nested_plates", lambda *_: [SimpleNamespace(name="base")])
     monkeypatch.setattr(command, "_slice_one", lambda *_: bad)
     monkeypatch.setattr(command, "worker_pool", lambda _count: Inline())
-    monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
+    monkeypatch.setattr("fab.slice.result.summary", lambda *_: "")
     assert command.main(["D=100", "T=8", f"exports={tmp_path}"]) == 1
     assert "base.empty_layers = 2, wanted <= 0" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
@@ -139,10 +140,11 @@ def test_each_plate_has_its_own_seconds_whatever_its_neighbours_took(monkeypatch
     ready = SimpleNamespace(checks=[])
     monkeypatch.setattr(command, "_slice_one", lambda _, __, plate, *___: time.sleep(spent[plate.name]) or ready)
     monkeypatch.setattr(command, "worker_pool", lambda _count: AtOnce())
-    monkeypatch.setattr("fab.slice.result.summary", lambda _: "")
+    monkeypatch.setattr("fab.slice.result.summary", lambda *_: "")
     plates = [SimpleNamespace(name=name) for name in spent]
+    how = command.SliceOptions(printer("mk4"))
     with caplog.at_level("INFO"):
-        command._sliced_and_gated("slicer", SimpleNamespace(variant=SMALL_MOLD), plates, tmp_path, None, lambda: None)
+        command._sliced_and_gated("slicer", SimpleNamespace(variant=SMALL_MOLD), plates, tmp_path, how, lambda: None)
     lines = [record.message for record in caplog.records]
     shown = {line.split()[2]: float(line.split()[0]) for line in lines}
     assert shown["slow"] >= 0.4 and shown["quick"] < 0.3
@@ -160,6 +162,8 @@ def test_the_sum_of_the_mold_counts_what_was_sliced_and_is_left_out_where_that_i
     assert "mold:" not in summary([plate("base")])
     assert "mold: 2 h 00, 30 g" in summary([plate("base"), plate("hanger")])
     assert "mold: 1 h 20, 20 g" in summary([plate("base", "hanger")])  # two thirds of its plastic
+    assert summary([plate("base", "hanger")], is_whole=False).splitlines()[-1].startswith("of the mold: 1 h 20, 20 g")
+    assert "the paper" not in summary([plate("base", "hanger")], is_whole=False)
 
 
 class AtOnce:

@@ -139,8 +139,8 @@ async function follow() { // asks, and is answered when something has changed
 }
 function ended_words(job) {
   if (job.status === 0) return `${job.label} is made.`;
-  if (job.made) return `${job.label} is made; of slicer projects and build sheet, what was under way was not (status ${job.status}).`;
-  return `${job.label} was not made (status ${job.status}); nothing was left behind.`;
+  if (job.made) return `${job.label} is made; of slicer projects and build sheet, what was under way was ${job.stopped ? "stopped" : `not (status ${job.status})`}.`;
+  return `${job.label} was ${job.stopped ? "stopped" : `not made (status ${job.status})`}; nothing was left behind.`;
 }
 function show_job(job) {
   page.job = job;

@@ -29,7 +29,7 @@ def test_stop_before_the_first_command_lets_none_begin(tmp_path):
     jobs = Jobs(tmp_path, commands)
     assert jobs.start((), "mk4", LABEL, True)
     state = follow_to_the_end(jobs)
-    assert (state["status"], state["lines"]) == (STOPPED, [])
+    assert (state["status"], state["lines"], state["stopped"]) == (STOPPED, [], True)
 
 
 def test_stop_between_two_commands_lets_the_next_one_not_begin(tmp_path):

@@ -213,7 +213,7 @@ def test_one_run_at_a_time_and_stop_ends_it(exports):
         assert ask(server, "/make", {}, **good)[0] == 409
         assert ask(server, "/stop", {}, **good)[0] == 200
         state = follow(server, lambda s: not s["running"])
-        assert state["status"] != 0
+        assert state["status"] != 0 and state["stopped"]
 
 
 def test_closing_the_page_ends_its_run(exports):

@@ -45,7 +45,7 @@ from sensing.simulator.solid.own_weight import nodal_mass_kg, own_weight_displac
 from sensing.simulator.solid.shell import ShellModel, shell_model
 from sensing.simulator.solid.surface import dot_directions, inner_surface, surface_sampler
 from sensing.tracking import own_weight as estimate
-from sensing.tracking.camera_motions import CameraMotions
+from sensing.tracking.camera_motions import CameraMotions, third_largest
 
 HERE = Path(__file__).parent
 G = 9.81
@@ -287,7 +287,7 @@ class View:
 
 def _left(motion: Any, modes: Any) -> float:
     change = np.linalg.lstsq(modes.reshape(-1, 3), motion.ravel(), rcond=None)[0]
-    return estimate.third_largest(motion - modes @ change) / estimate.third_largest(motion)
+    return third_largest(motion - modes @ change) / third_largest(motion)
 
 
 if __name__ == "__main__":

@@ -61,14 +61,21 @@ for image in (first.image_bgr, np.ascontiguousarray(first.image_bgr[:, :, 1])):
         for number in (1, 2):
             frame = Frame(number / 30, number, "test", image=np.roll(image, 9 * number, axis=1))
             show(method.update(frame).channels)
+from cad.materials import silicone
 from sensing.tracking.model_input import model_input
+from sensing.tracking.mounting import common_motion
+from sensing.tracking.own_weight import OwnWeight
 from sensing.wrench.filter import WrenchFilter
 from sensing.wrench.model import load_wrench_model
 model, smooth = load_wrench_model(EndcapParams(130, 8)), WrenchFilter()
 seen = model_input(Frame(0.0, 0, "test", image=first.image_bgr), model.shape, model.design)
 for number in (1, 2, 3):
     frame = Frame(number / 30, number, "test", image=np.roll(first.image_bgr, number, axis=1))
-    estimate = model.estimate(seen.update(frame))
+    tracks = seen.track(seen.decode(frame), frame.time_s)
+    motion, weight = common_motion(tracks), OwnWeight(seen, EndcapParams(130, 8), silicone())
+    weight.motion(tracks)
+    show([*motion.shift_px, motion.turn_rad, motion.scale, motion.residual_px, weight.left_px, *weight.change_g])
+    estimate = model.estimate(seen.field(tracks))
     for answer in (estimate, smooth.update(estimate), smooth.at(number / 30 + 0.01)):
         show(np.concatenate([answer.force_n, answer.torque_nm, answer.covariance.ravel()]))
 """

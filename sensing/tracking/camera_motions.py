@@ -82,3 +82,8 @@ class CameraMotions:
             if keep.sum() <= MOTIONS:
                 break
         return motion
+
+
+def third_largest(moved: Array) -> float:
+    """Of the lengths of (n, 2) motions: one or two dots may be off for other reasons."""
+    return float(np.partition(np.hypot(moved[:, 0], moved[:, 1]), -3)[-3])

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.records import DotTracks
-from sensing.tracking.camera_motions import CameraMotions
-from sensing.tracking.own_weight import OwnWeight, third_largest
+from sensing.tracking.camera_motions import CameraMotions, third_largest
+from sensing.tracking.motion_kernels import similarity
+from sensing.tracking.own_weight import OwnWeight
 
 MOVED_PX = 0.05  # at 480: motion from which it counts; ten times what the picture's noise makes, 0.2 to 0.6 N
 SIMILARITY_LEAVES = 0.35  # of the motion, at most, where the mounting moved; between 0.2 of a lens, 0.7 of a touch
@@ -93,11 +94,13 @@ def common_motion(
     live = ~tracks.lost
     if live.sum() < LEAST_DOTS:
         return None
-    shift, turn, scale, residual = _fit_similarity(tracks.reference_px[live], tracks.position_px[live], tracks.size)
-    reach = float(np.linalg.norm(shift)) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
-    alike = CommonMotion(
-        shift, turn, scale, reach, float(np.partition(residual, -3)[-3]), SIMILARITY_LEAVES, tracks.size
+    width, height = tracks.size
+    *shift_px, turn, scale, residual_px = similarity(
+        tracks.reference_px, tracks.position_px, tracks.lost, (width - 1) / 2, (height - 1) / 2
     )
+    shift = np.array(shift_px)
+    reach = float(np.linalg.norm(shift)) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
+    alike = CommonMotion(shift, turn, scale, reach, residual_px, SIMILARITY_LEAVES, tracks.size)
     if alike.kind is MotionKind.NONE:
         return alike
     moved = _moved_camera(tracks, alike, motions or CameraMotions.of(tracks.reference_px, tracks.size, params))
@@ -128,10 +131,15 @@ class MountingWatch:
 
     Args:
         params: the design; None takes the released.
+
+    Attributes:
+        reason: says so, and what to do; empty where nothing has moved.
+        motion: what the last picture's dots have in common; None where under four of them are seen.
     """
 
     def __init__(self, params: EndcapParams | None = None) -> None:
         self.reason, self._params = "", params
+        self.motion: CommonMotion | None = None
         self._motions: CameraMotions | None = None
 
     def update(self, tracks: DotTracks, own_weight: OwnWeight | None = None) -> None:
@@ -143,7 +151,7 @@ class MountingWatch:
         """
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
-        motion = common_motion(tracks, motions=self._motions)
+        motion = self.motion = common_motion(tracks, motions=self._motions)
         if motion is None or motion.kind is MotionKind.CONTACT:
             return
         self.reason = ""
@@ -168,26 +176,3 @@ def without_motion(tracks: DotTracks, motion: CommonMotion) -> DotTracks:
         turn_back = np.array([[cos, sin], [-sin, cos]])
         stretch = turn_back @ (np.eye(2) + tracks.stretch) - np.eye(2)
     return replace(tracks, position_px=back, stretch=stretch)
-
-
-def _fit_similarity(
-    before: NDArray[np.float64], after: NDArray[np.float64], size: tuple[int, int]
-) -> tuple[NDArray[np.float64], float, float, NDArray[np.float64]]:
-    """(shift at the picture's centre, turn, scale, (N,) residual), robust by two rounds of trimming.
-
-    Complex numbers: after = a before + b with positions from the centre; a = scale exp(i turn); least squares.
-    """
-    centre = (np.array(size) - 1) / 2
-    z = (before - centre) @ np.array([1, 1j])
-    w = (after - centre) @ np.array([1, 1j])
-    keep = np.ones(len(z), bool)
-    for _ in range(3):
-        z_mean, w_mean = z[keep].mean(), w[keep].mean()
-        arm = z[keep] - z_mean
-        a = np.vdot(arm, w[keep] - w_mean) / max(np.vdot(arm, arm).real, 1e-9)
-        b = w_mean - a * z_mean
-        residual = np.abs(w - (a * z + b))
-        keep = residual <= max(2.5 * np.median(residual), 1e-9)
-        if keep.sum() < 3:
-            break
-    return np.array([b.real, b.imag]), float(np.angle(a)), float(abs(a)), residual

@@ -29,6 +29,7 @@ from cad.materials import Silicone
 from cad.params import EndcapParams
 from sensing.records import DotTracks
 from sensing.tracking.model_input import ModelInput
+from sensing.tracking.motion_kernels import fitted_change
 
 Array = NDArray[np.float64]
 TABLE = Path(__file__).with_name("own_weight.csv")
@@ -67,26 +68,16 @@ class OwnWeight:
         moved = self._seen.motion(tracks)
         live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
         self.left_px, self.explains = float("nan"), False
-        if live.sum() >= LEAST_DOTS:
-            self._look(moved[live], self._modes[live])
+        if np.count_nonzero(live) >= LEAST_DOTS:
+            self._look(moved, live)
         return self._modes @ self.change_g if self.change_g.any() else None
 
-    def _look(self, moved: Array, modes: Array) -> None:
-        """Sets the change anew where the motions (n, 2) show one."""
-        rows = modes.reshape(-1, 3)
-        change = np.linalg.solve(
-            rows.T @ rows, rows.T @ moved.ravel()
-        )  # along the axis a sixth as sensitive: well posed
-        left = third_largest(moved - modes @ change)
-        news, most = third_largest(moved - modes @ self.change_g), third_largest(moved)
+    def _look(self, moved: Array, live: NDArray[np.bool_]) -> None:
+        """Sets the change anew where the motions (n, 2) of the live dots show one."""
+        change, left, news, most = fitted_change(moved, self._modes, live, self.change_g)
         if news >= NEWS_PX * self._scale and left <= LEAVES * news and float(change @ change) <= MOST_G**2:
-            self.change_g = np.asarray(change, dtype=np.float64)
+            self.change_g = change
         self.left_px, self.explains = left, most >= NEWS_PX * self._scale and left <= LEAVES * most
-
-
-def third_largest(moved: Array) -> float:
-    """Of the lengths of (n, 2) motions: one or two dots may be off for other reasons."""
-    return float(np.partition(np.hypot(moved[:, 0], moved[:, 1]), -3)[-3])
 
 
 def own_weight_motion(seen: ModelInput, params: EndcapParams, silicone: Silicone) -> Array:

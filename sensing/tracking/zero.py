@@ -32,7 +32,7 @@ from sensing.decode import MOST_PIXELS, decode_bgr, decode_gray, png_size, worki
 from sensing.npz import read_npz
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import find_dots
-from sensing.tracking.mounting import MotionKind, common_motion
+from sensing.tracking.mounting import CommonMotion, MotionKind, common_motion
 from sensing.tracking.tracker import DotTracker
 
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
@@ -236,18 +236,21 @@ def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
     return zero
 
 
-def measure_drift(zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | None = None) -> Drift:
+def measure_drift(
+    zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | None = None, motion: CommonMotion | None = None
+) -> Drift:
     """What has changed between the reference and a frame with its tracks.
 
     Args:
         zero: the reference. frame: the later picture. tracks: its dots. gray: the frame, if it is decoded already.
+        motion: what the dots have in common, if it is known already.
 
     Raises:
         FrameError: the frame cannot be decoded.
     """
     ratio = (_brightness(frame) if gray is None else cv2.mean(gray)[0]) / max(zero.brightness, 1e-6)
     unseen, unit = float(tracks.lost.mean()), min(tracks.size) / 480.0
-    motion = common_motion(tracks, zero.params)
+    motion = motion or common_motion(tracks, zero.params)
     if motion is None:
         return Drift("hidden", np.zeros(2), 0.0, 1.0, float("inf"), ratio, unseen)
     if motion.residual_px > CONTACT_PX * unit or (motion.moved and motion.kind is MotionKind.CONTACT):

@@ -130,7 +130,7 @@ class Measurement:
         place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")
         if self._count % DRIFT_EVERY == 0 and tracks is not None and gray is not None:
-            self._drift = measure_drift(self._used.zero, frame, tracks, gray)
+            self._drift = measure_drift(self._used.zero, frame, tracks, gray, self._mounting.motion)
             watch.lap("drift")
         self._count += 1
         flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}

@@ -7,6 +7,7 @@ ring of ten wet wells that the mold is full. Millimetres, endcap frame, casting 
 from __future__ import annotations
 
 from cad.fasteners import ScrewJoint
+from cad.mold_cup import BOWL
 from cad.mold_layout import PIN_DEPTH_MM, PIN_PLAY_MM, PIN_SOCKET_RADIUS_MM, MoldLayout, rotated
 from cad.part import Part
 from cad.solids import cut_holes, drill, fused, one_solid
@@ -48,7 +49,7 @@ def _joint(anchor: str, places: tuple[tuple[float, float], ...]) -> ScrewJoint:
         through=("hanger",),
         anchor=anchor,
         holder="captured nut" if anchor == "interface" else "plastic",
-        beyond=tuple(f"cup_bowl_{k}" for k in (1, 2, 3)) if anchor.startswith("cup_") else (),
+        beyond=BOWL if anchor.startswith("cup_") else (),
     )
 
 

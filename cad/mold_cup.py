@@ -25,6 +25,7 @@ from cad.outlines import common, disc, polygon, rectangle, upright
 from cad.part import Part, Recipe
 from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 
+BOWL, COLLAR = (tuple(f"cup_{half}_{k}" for k in (1, 2, 3)) for half in ("bowl", "collar"))  # names of the segments
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
 SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
 PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA

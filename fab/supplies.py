@@ -77,8 +77,10 @@ def supply_lines(mix: Recipe) -> list[BomLine]:
     cup_ml = math.ceil(cup_times * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
     scale_g = math.ceil(mixed_g / 500) * 500 + 500
     chamber_l = max(LEAST_CHAMBER_L, math.ceil(CHAMBER_TIMES * cup_ml / 5000) * 5)
-    blanks = {"cup_ml": f"{cup_ml:g}", "scale_g": f"{scale_g:g}", "chamber_l": f"{chamber_l:g}"}
-    blanks |= {"cup_times": str(cup_times), "and_degas": " and degas" if mix.is_degassed else ""}
+    blanks = {
+        "cup_ml": f"{cup_ml:g}", "scale_g": f"{scale_g:g}", "chamber_l": f"{chamber_l:g}",
+        "cup_times": str(cup_times), "and_degas": " and degas" if mix.is_degassed else "",
+    }  # fmt: skip
     return [
         BomLine(
             row.name, row.amount, row.unit, row.name, row.use.format(**blanks), row.price_usd, row.letter,

@@ -74,7 +74,8 @@ def dot_outline_px(params: EndcapParams, dot: Dot) -> list[Point]:
         params: design. dot: of its pattern.
     """
     polar, azimuth = math.radians(dot.polar_deg), math.radians(dot.azimuth_deg)
-    wide = math.asin(params.dot_radius_mm / params.inner_radius_mm)
+    radius = params.inner_radius_mm
+    wide = math.asin(params.dot_radius_mm / radius)
     points = []
     for turn in (2 * math.pi * k / OUTLINE_POINTS for k in range(OUTLINE_POINTS)):
         along, across = math.sin(wide) * math.cos(turn), math.sin(wide) * math.sin(turn)
@@ -82,7 +83,6 @@ def dot_outline_px(params: EndcapParams, dot: Dot) -> list[Point]:
         x = outward * math.cos(azimuth) - across * math.sin(azimuth)
         y = outward * math.sin(azimuth) + across * math.cos(azimuth)
         z = math.cos(wide) * math.cos(polar) - along * math.sin(polar)
-        radius = params.inner_radius_mm
         points.append(_pixel(params, (radius * x, radius * y, params.centre_height_mm + radius * z)))
     return [point for point in points if point is not None]
 

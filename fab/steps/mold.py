@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 from cad.interface import POCKET_FLOOR_MM, zone_radii_mm
 from cad.mold_core import REMOVAL_ORDER
+from cad.mold_cup import BOWL, COLLAR
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.extraction import Leg
@@ -20,8 +21,6 @@ from fab.steps.record import Move, Step, one_by_one
 Ways = Mapping[str, tuple[Leg, ...]]  # way out of every core piece
 CORE = REMOVAL_ORDER
 CENTRE, KEYS, WEDGES = CORE[:1], CORE[1:4], CORE[4:]
-BOWL = tuple(f"cup_bowl_{k}" for k in (1, 2, 3))
-COLLAR = tuple(f"cup_collar_{k}" for k in (1, 2, 3))
 UPPER = ("hanger", *COLLAR, "interface", *CORE)
 HAND_MM = 0.2  # E: room between a bump and the gyroid for lowering by hand
 TO_DOME, TO_RIM = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)

@@ -54,10 +54,10 @@ def similarity(before, after, lost, centre_x, centre_y):
             count += 1
     shift_x = shift_y = a_x = a_y = 0.0
     limit = 0.0
-    for turn in range(ROUNDS):
+    for attempt in range(ROUNDS):
         kept, z_x, z_y, w_x, w_y = 0, 0.0, 0.0, 0.0, 0.0
         for i in range(count):
-            if turn == 0 or left[i] <= limit:
+            if attempt == 0 or left[i] <= limit:
                 kept += 1
                 z_x, z_y, w_x, w_y = z_x + z[i, 0], z_y + z[i, 1], w_x + w[i, 0], w_y + w[i, 1]
         if kept < LEAST:
@@ -65,7 +65,7 @@ def similarity(before, after, lost, centre_x, centre_y):
         z_x, z_y, w_x, w_y = z_x / kept, z_y / kept, w_x / kept, w_y / kept
         along = across = spread = 0.0
         for i in range(count):
-            if turn == 0 or left[i] <= limit:
+            if attempt == 0 or left[i] <= limit:
                 x, y, u, v = z[i, 0] - z_x, z[i, 1] - z_y, w[i, 0] - w_x, w[i, 1] - w_y
                 along, across, spread = along + x * u + y * v, across + x * v - y * u, spread + x * x + y * y
         a_x, a_y = along / max(spread, 1e-9), across / max(spread, 1e-9)

@@ -14,6 +14,7 @@ from cad.feasible import wall_range_mm
 from cad.hanger import hanger_part
 from cad.interface import build_flange, build_zone
 from cad.mold_core import REMOVAL_ORDER
+from cad.mold_cup import BOWL, COLLAR
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.steps import BLANK
@@ -22,7 +23,7 @@ from fab.meshing.mesh import joined, tessellate, to_manifold
 from fab.recipe import overflow_of, recipe
 from fab.steps.cast import cast_steps
 from fab.steps.endcap import all_steps
-from fab.steps.mold import BOWL, COLLAR, UPPER, core_passes_gyroid, mold_steps
+from fab.steps.mold import UPPER, core_passes_gyroid, mold_steps
 from fab.steps.record import Move, one_by_one
 from fab.steps.sweep import move_overlap_mm3, places, step_bodies, sweep_checks
 from fab.supplies import for_steps, supply_lines

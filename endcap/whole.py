@@ -23,9 +23,10 @@ from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
+from cad.typed_folder import typed_folder
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
-from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_folder, exports_words, parse_variant
+from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
 from fab.variant import Variant, sensing_options
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
@@ -133,7 +134,7 @@ def parsed(words: Sequence[str]) -> Wanted:
         typed += make_variables(os.environ.get("MAKEFLAGS", ""))
     with named_as_typed():
         options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
-    return Wanted(parse_variant(options), exports_folder(options["exports"]), options["printer"])
+    return Wanted(parse_variant(options), typed_folder(options["exports"]), options["printer"])
 
 
 def make(wanted: Wanted, run: Callable[[Step], int]) -> int:

@@ -25,8 +25,8 @@ from cad.options import (
     parse_length,
     parse_options,
 )
-from cad.plain_numbers import brief
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides
+from cad.typed_folder import typed_folder
 from fab.checks.check import ChecksFailedError
 from fab.choices import chosen, named_as_typed
 from fab.exports.whole_folder import ENDING_SIGNALS
@@ -55,27 +55,6 @@ def exports_words(exports: Path) -> str:
         exports: folder that holds those of the variants.
     """
     return "" if exports.resolve() == Path(EXPORTS).resolve() else f" exports={shlex.quote(str(exports))}"
-
-
-def exports_folder(text: str) -> Path:
-    """The folder of exports as it was typed; ``~`` is the home folder, which not every shell puts there.
-
-    Args:
-        text: value of ``exports=``.
-
-    Raises:
-        ParameterError: a name too long for any folder, a link that leads to itself, or a place that cannot be entered.
-    """
-    try:
-        folder = Path(text).expanduser()
-        folder.resolve()
-        folder.exists()
-    except (OSError, RuntimeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself, or no such user"
-        raise ParameterError(
-            f"exports={brief(text)}: {reason}: name a folder you may write with exports=DIR", name="exports", value=text
-        ) from error
-    return folder
 
 
 class Interrupts:
@@ -171,7 +150,7 @@ class Command:
             with named_as_typed():
                 options = parse_options(words, self.defaults)
                 if "exports" in options:
-                    options["exports"] = str(exports_folder(options["exports"]))
+                    options["exports"] = str(typed_folder(options["exports"]))
                 return act(options, interrupts)
         except ChecksFailedError as error:
             for line in error.lines:

@@ -20,6 +20,7 @@ from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, parse_design, parse_options
 from cad.plain_numbers import plain_number
+from cad.typed_folder import typed_folder
 from cad.whole_file import make_folder, replace_file
 
 EXPORTS = "exports"
@@ -75,7 +76,7 @@ def _options(words: Sequence[str]) -> dict[str, str]:
         raise ParameterError(f"{other[0]} is of a design: give D and T, too", name=other[0])
     if bool(found["load"]) != bool(found["error"]):
         raise ParameterError("load and error belong together, as in load=120 error=0.6", name="load")
-    return found
+    return found | {name: str(typed_folder(found[name], name)) for name in ("exports", "folder") if found[name]}
 
 
 def _number(name: str, text: str) -> float:

@@ -29,6 +29,7 @@ BOTTOM = {
         "lens",
         "materials",
         "identity",
+        "typed_folder",
         "whole_file",
         "plugins",
         "messages",

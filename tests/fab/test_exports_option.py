@@ -9,11 +9,11 @@ import pytest
 
 from cad.errors import ParameterError
 from endcap.whole import parsed
-from fab.command import exports_folder
+from cad.typed_folder import typed_folder
 
 COMMANDS = [
     "fab.molds", "fab.slice.__main__", "fab.build_sheet.__main__", "fab.led_ring.__main__", "fab.coupons.__main__",
-    "fab.design_page.__main__", "endcap.robot_model.__main__", "endcap.whole",
+    "fab.design_page.__main__", "endcap.robot_model.__main__", "endcap.whole", "sensing.study",
 ]  # fmt: skip
 
 
@@ -29,8 +29,8 @@ def test_a_place_that_cannot_be_is_one_line_in_every_command(module, name, tmp_p
 
 def test_a_tilde_is_the_home_folder_not_a_folder_of_that_name(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert exports_folder("~/endcaps") == tmp_path / "endcaps"
+    assert typed_folder("~/endcaps") == tmp_path / "endcaps"
     assert parsed(["exports=~/endcaps"]).exports == tmp_path / "endcaps"
-    assert exports_folder("a~b") == Path("a~b")
+    assert typed_folder("a~b") == Path("a~b")
     with pytest.raises(ParameterError, match="no such user"):
-        exports_folder("~nobody-of-this-name/x")
+        typed_folder("~nobody-of-this-name/x")

@@ -1,0 +1,29 @@
+"""A folder as people type it: a home folder that no shell put there, names that no folder can have (standard library)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cad.errors import ParameterError
+from cad.plain_numbers import brief
+
+
+def typed_folder(text: str, name: str = "exports") -> Path:
+    """The folder that an option names; ``~`` is the home folder, which not every shell puts there.
+
+    Args:
+        text: value of the option. name: of the option.
+
+    Raises:
+        ParameterError: a name too long for any folder, a link that leads to itself, or a place that cannot be entered.
+    """
+    try:
+        folder = Path(text).expanduser()
+        folder.resolve()
+        folder.exists()
+    except (OSError, RuntimeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself, or no such user"
+        raise ParameterError(
+            f"{name}={brief(text)}: {reason}: name a folder you may write with {name}=DIR", name=name, value=text
+        ) from error
+    return folder

@@ -1,4 +1,4 @@
-"""A folder as people type it: a home folder that no shell put there, names that no folder can have (standard library)."""
+"""A folder as people type it: a home folder that no shell put there (standard library)."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from cad.errors import ParameterError
-from endcap.whole import parsed
 from cad.typed_folder import typed_folder
+from endcap.whole import parsed
 
 COMMANDS = [
     "fab.molds", "fab.slice.__main__", "fab.build_sheet.__main__", "fab.led_ring.__main__", "fab.coupons.__main__",

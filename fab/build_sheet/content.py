@@ -18,6 +18,7 @@ from fab.part_words import WORKSHOP, height_words
 from fab.slice.result import PAPER_MOLD
 
 COVER_RATIO = 0.75  # of the text's width: table and words below the picture stay on its page
+GATE_LETTERS = 34  # of a gate's name that fit on its line of the appendix
 
 
 def build_document(data: SheetData) -> Document:
@@ -73,7 +74,7 @@ def _cover(data: SheetData) -> list[Block]:
 def _gates(data: SheetData) -> list[Block]:
     """All gates, two a row: they are for whoever doubts, not for the bench."""
     cells = [
-        (c["name"], f"{c['value']:.5g}", c["limit"] if c["ok"] else f"{c['limit']} FAILED")
+        (_breakable(c["name"]), f"{c['value']:.5g}", c["limit"] if c["ok"] else f"{c['limit']} FAILED")
         for c in sorted(data.checks, key=lambda c: bool(c["ok"]))
     ]
     half = -(-len(cells) // 2)
@@ -82,5 +83,10 @@ def _gates(data: SheetData) -> list[Block]:
     return [
         Heading("Appendix: every gate", 1),
         Paragraph("From manifest.json, slice.json and this sheet's own checks. Nothing is written when one fails."),
-        Table(("gate", "value", "limit") * 2, rows, (3.4, 1, 1.3) * 2, is_small=True),
+        Table(("gate", "value", "limit") * 2, rows, (3.3, 1, 1.4) * 2, is_small=True),
     ]
+
+
+def _breakable(name: str) -> str:
+    """A gate's name; one too long for its column may break behind the part's."""
+    return name if len(name) <= GATE_LETTERS else name.replace(".", ".\u200b")

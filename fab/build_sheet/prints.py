@@ -87,7 +87,7 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
 def _filled(data: SheetData, projects: list[Mapping[str, Any]]) -> list[Block]:
     return [
         Heading("How each part is filled"),
-        Table(("part", "filling", "also"), tuple(_fill_rows(projects)), (1.6, 3.4, 2)),
+        Table(("part", "filling", "also"), tuple(_fill_rows(projects)), (2.8, 2.8, 1.4)),
         *(
             Paragraph(
                 f"{project['name']}: {100 * project['zone']['fraction']:.2f} % of the zone is printed "
@@ -137,7 +137,7 @@ def _preset(printer: Mapping[str, Any]) -> str:
 
 
 def _plate_row(project: Mapping[str, Any]) -> tuple[str, ...]:
-    parts = ", ".join(piece["name"] for piece in project["pieces"])
+    parts = ", ".join(sorted(piece["name"] for piece in project["pieces"]))
     return project["name"], project["material"], parts, hours(project["time_s"]), f"{project['grams']:.0f}"
 
 
@@ -148,7 +148,7 @@ def _fill_rows(projects: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
         for piece in project["pieces"]:
             name = project["name"] if project["zone"] else piece["name"]
             alike.setdefault(_filling(piece), []).append(name)
-    return [(", ".join(names), fill, also) for (fill, also), names in alike.items()]
+    return [(", ".join(sorted(names)), fill, also) for (fill, also), names in alike.items()]
 
 
 def _filling(piece: Mapping[str, Any]) -> tuple[str, str]:

@@ -29,6 +29,7 @@ JOINT_CLEARANCE_RANGE_MM = (0.05, 0.30)  # the steps of the fit coupon (cad.coup
 NECK_FILLET_MM = 0.6  # E: rounds the inner corners of drafted tabs
 TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies beyond the edge: locks, and still prints
 CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
+CORE_SCREW_INSIDE_MM = 2.8  # E: of an axis from the exit circle: 2 mm of PLA between its hole and the cavity
 FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 FLANGE_TAB_RADIUS_MM, FLANGE_TAB_BEYOND_MM = 3.5, 2.2  # the jigsaw tab in the bolt flanges of bowl and collar
 COLLAR_TIP_MM, TIP_HOLE_DEPTH_MM = 9.0, 1.0  # how far the collar's screws may reach; holes where the collar is lower
@@ -183,8 +184,7 @@ class MoldLayout:
 
     @property
     def hanger_thickness_mm(self) -> float:
-        """Stiff enough to close the mold against thick silicone (E); an M3 x 12, the shortest that its standard allows
-        included, then still holds all of the interface's nut and does not reach the end of its blind hole."""
+        """Stiff against thick silicone (E); any M3 x 12 of its standard holds all of the nut, and ends in its hole."""
         return 7.6
 
     @property
@@ -257,13 +257,14 @@ class MoldLayout:
 
     @property
     def core_screws_mm(self) -> dict[str, tuple[tuple[float, float], ...]]:
-        """Places (x, y) of the M3 screws from hanger to core, by piece."""
-        key_x = (self.centre_inradius_mm + 2 * self.core_tab_radius_mm + self.neck_radius_mm) / 2
-        wide_x = (self.centre_short_inradius_mm + self.neck_radius_mm) / 2
+        """Places (x, y) of the M3 screws from hanger to core, by piece: a thick wall stands over the neck."""
+        farthest = self.exit_radius_mm - CORE_SCREW_INSIDE_MM
+        key_x = min(farthest, (self.centre_inradius_mm + 2 * self.core_tab_radius_mm + self.neck_radius_mm) / 2)
+        wedge_x = min(farthest, (self.centre_short_inradius_mm + self.neck_radius_mm) / 2)
         places: dict[str, tuple[tuple[float, float], ...]] = {"core_centre": ((10.0, 0.0), (-10.0, 0.0))}
         for k, azimuth in enumerate(self.key_azimuths_deg):
             places[f"core_key_{k + 1}"] = (rotated((key_x, 0.0), azimuth),)
-            places[f"core_wedge_{k + 1}"] = (rotated((wide_x, 0.0), azimuth + 60.0),)
+            places[f"core_wedge_{k + 1}"] = (rotated((wedge_x, 0.0), azimuth + 60.0),)
         return places
 
     @property

@@ -1,4 +1,4 @@
-"""Do the parts fit? Screw axes, joint clearances, and what a printer needs: walls, overhangs, a bed.
+"""Do the parts fit? Screw axes, joint clearances, and what a printer needs: overhangs, a bed.
 
 Screw axes are read from the cylinders of the solids, so a hole that moved is seen where it is. Millimetres.
 """
@@ -25,9 +25,6 @@ AXIS_MM = 0.05  # the released patterns are known to this
 CLEARANCE_MM = 0.001
 MOST_EDGE_MM = 0.005  # a kernel's edge that is less certain than this is none
 BED_MM = 256.0
-MIN_WALL_MM = 0.8  # two lines of a 0.4 mm nozzle
-WALL_SAMPLES = 3000
-PARALLEL = 0.995  # cosine between the two faces of a wall
 MAX_OVERHANG_DEG = 45.0
 
 
@@ -111,19 +108,6 @@ def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
     along = corners @ np.stack([-turned[1], turned[0]])
     side = np.maximum(np.ptp(across, axis=0), np.ptp(along, axis=0)).min()
     return Check(f"{name}.bed_mm", float(max(side, np.ptp(mesh.vertices[:, 2]))), high=BED_MM)
-
-
-def min_wall_check(name: str, mesh: trimesh.Trimesh) -> Check:
-    """Thinnest wall of a part: two faces back to back, by rays from sampled points inward.
-
-    Faces that meet at an angle end in an edge, which a printer rounds; only faces that run parallel are a wall.
-    """
-    points, faces = trimesh.sample.sample_surface(mesh, WALL_SAMPLES, seed=0)
-    inward = -mesh.face_normals[faces]
-    places, rays, hit = mesh.ray.intersects_location(points + 1e-3 * inward, inward, multiple_hits=False)
-    parallel = np.einsum("ij,ij->i", mesh.face_normals[hit], inward[rays]) > PARALLEL
-    thickness = np.linalg.norm(places - points[rays], axis=1)[parallel]
-    return Check(f"{name}.min_wall_mm", float(thickness.min(initial=np.inf)), low=MIN_WALL_MM)
 
 
 def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Check:

@@ -29,10 +29,13 @@ from fab.checks.cavity import (
 )
 from fab.checks.check import Check
 from fab.checks.extraction import Extraction, core_path, extract_core, extract_cup
-from fab.checks.fit import bed_check, clearance_checks, min_wall_check, overhang_check, screw_axis_checks
+from fab.checks.fit import bed_check, clearance_checks, overhang_check, screw_axis_checks
 from fab.checks.gyroid import gyroid_checks
+from fab.checks.hole_walls import hole_wall_checks
 from fab.checks.meshes import exact_volume_mm3, mesh_checks, overlap_check, step_check
 from fab.checks.nuts import nut_checks
+from fab.checks.through_holes import through_hole_checks
+from fab.checks.walls import min_wall_check
 from fab.design import PRODUCT, Design, Progress, mesh_volume_mm3
 from fab.exports.whole_folder import file_sha256
 from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_checks
@@ -125,14 +128,16 @@ def silicone_gates(
     sweeps += fastener_checks(layout.params, steps, bodies, fits, robot) + [
         check for fit in fits for check in fit.checks
     ]
+    sweeps += hole_wall_checks([fit.joint for fit in fits], meshes)
     return [*sweeps, balance_check(layout, pieces, meshes["interface"], cast_mm3, opened)]
 
 
 def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Clearances, screw axes, walls, overhangs, beds."""
+    """Clearances, screw axes, through holes, walls, overhangs, beds."""
     checks = [
         *clearance_checks(design.layout, {name: part.solid for name, part in design.parts.items()}),
         *screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout),
+        *through_hole_checks(design.layout, meshes),
     ]
     for name, part in design.parts.items():
         if part.role == "printed":

@@ -112,7 +112,7 @@ class ScrewLines:
     def _spans(self, part: str, place: tuple[float, float], radius_mm: float, lines: np.ndarray) -> list[Spans]:
         key = (part, place, radius_mm)
         if key not in self._cut:
-            self._cut[key] = _spans(self._meshes[part], lines, self._joint.up)
+            self._cut[key] = upright_spans(self._meshes[part], lines, self._joint.up)
         return self._cut[key]
 
 
@@ -212,8 +212,12 @@ def _head(joint: ScrewJoint) -> tuple[str, str]:
     return (joint.thread.replace("screw", "washer"), "outer") if joint.washers else (joint.thread, "head")
 
 
-def _spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[Spans]:
-    """Solid spans along upright lines (n, 2), as coordinates along the screw (z, or -z if it points down)."""
+def upright_spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[Spans]:
+    """Solid spans along upright lines, as coordinates along a screw.
+
+    Args:
+        mesh: closed. lines: (n, 2) their x, y, mm. up: whether the screw points to +z; else they are -z.
+    """
     sign = 1.0 if up else -1.0
     origins = np.column_stack([lines, np.full(len(lines), -sign * FAR_MM)])
     directions = np.tile([0.0, 0.0, sign], (len(lines), 1))

@@ -12,8 +12,9 @@ from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TENSILE_BLOCK_MM, WIDTH_MM
 from cad.part import Part
 from cad.pattern import RELEASED_GYROID
 from fab.checks.check import Check
-from fab.checks.fit import CLEARANCE_MM, bed_check, min_wall_check
+from fab.checks.fit import CLEARANCE_MM, bed_check
 from fab.checks.meshes import mesh_checks
+from fab.checks.walls import min_wall_check
 
 DENSITY_RATIO = 3e-3  # as the interface's
 OPEN_SHARE = 0.35  # TPU on an open side of the gyroid; the sheet cut straight covers 10 %

@@ -25,8 +25,9 @@ from fab.checks.cavity import (
     wall_check,
 )
 from fab.checks.check import Check
-from fab.checks.fit import bed_check, min_wall_check, overhang_check, screw_axis_checks
+from fab.checks.fit import bed_check, overhang_check, screw_axis_checks
 from fab.checks.meshes import exact_volume_mm3, mesh_checks, overlap_check, shared_mm3, step_check, twins
+from fab.checks.walls import min_wall_check
 from fab.meshing.mesh import tessellate, to_manifold
 
 
@@ -170,13 +171,6 @@ def test_a_shifted_or_missing_screw_hole_fails(released_mold):
     assert worst(0.2) == pytest.approx(0.2, abs=1e-6)
     assert worst(0.0, count=9) > 10.0
     assert screw_axis_checks([Part("plate", "printed", "PLA", plate, (0, 0, 0))], layout)[0].value == math.inf
-
-
-@pytest.mark.parametrize("wall_mm", [0.4, 0.8 - 1e-3, 2.0])
-def test_the_thinnest_wall_is_found(wall_mm):
-    check = min_wall_check("plate", box(40, 30, wall_mm))
-    assert check.value == pytest.approx(wall_mm, abs=1e-5)
-    assert check.ok == (wall_mm >= 0.8)
 
 
 def test_no_sliver_stands_where_a_jigsaw_tab_meets_the_highest_dam(monkeypatch):

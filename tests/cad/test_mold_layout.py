@@ -113,6 +113,20 @@ def test_pins_keep_off_cavity_vents_and_bolts_at_every_size():
         )
 
 
+def test_screws_of_the_core_keep_off_the_cavity_at_every_size():
+    """They came into it where a thick wall stands over the neck, at D=179 and more."""
+    for params in REGION:
+        layout = MoldLayout(params)
+        cavity = min(layout.neck_radius_mm, params.inner_radius_at(params.flange_thickness_mm))
+        inner = {
+            "key": layout.centre_inradius_mm + 2 * layout.core_tab_radius_mm,
+            "wedge": layout.centre_short_inradius_mm,
+        }
+        for kind, start in inner.items():
+            axis = math.hypot(*layout.core_screws_mm[f"core_{kind}_1"][0])
+            assert start + 1.3 + 2 <= axis <= cavity - 1.3 - 2 + 1e-9
+
+
 def test_volume_of_the_cast_by_slices():
     params = EndcapParams(99.0, 7.0)
     z = np.linspace(params.flange_thickness_mm, params.tip_height_mm, 400_001)

@@ -48,7 +48,7 @@ def hole_wall_mm(joint: ScrewJoint, mesh: trimesh.Trimesh, place: tuple[float, f
         joint: which. mesh: closed, of the part that holds the thread, endcap frame. place: (x, y) of the axis.
     """
     widest = INSERT_RING_MM - 2 * RIM_MM if joint.holder == "insert" else bought_mm(joint.thread, "thread") / 2
-    angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False)
+    angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False) + 0.1  # between the edges of a hole's facets
     square = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(ANGLES)])
     rim = [span for line in upright_spans(mesh, place + (widest + RIM_MM) * square[:, :2], joint.up) for span in line]
     axis = upright_spans(mesh, np.array([place]) + OFF_MM, joint.up)[0]

@@ -34,7 +34,7 @@ FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a
 FLANGE_TAB_RADIUS_MM, FLANGE_TAB_BEYOND_MM = 3.5, 2.2  # the jigsaw tab in the bolt flanges of bowl and collar
 COLLAR_TIP_MM, TIP_HOLE_DEPTH_MM = 9.0, 1.0  # how far the collar's screws may reach; holes where the collar is lower
 PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
-PIN_WALL_MM = 1.2  # E: least PLA between a pin's socket and the cavity: three lines of a 0.4 mm nozzle
+LEAST_WALL_MM = 1.2  # E: of PLA between a pin's socket and the cavity, above a screw: three lines of a 0.4 mm nozzle
 PIN_DEPTH_MM = 4.5  # of the sockets in the collar for the hanger's pins
 PIN_PLAY_MM = 0.5  # a pin ends short of its socket's floor
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
@@ -151,8 +151,9 @@ class MoldLayout:
     # --- hanger -----------------------------------------------------------------------------------------------
     @property
     def collar_screw_depth_mm(self) -> float:
-        """Depth of the pilot holes in the collar for the M3 screws that hold the hanger."""
-        return 12.0
+        """Depth of the pilot holes for the M3 screws from hanger to collar: they go through one that is too low."""
+        roof = self.seam_height_mm - LEAST_WALL_MM
+        return min(12.0, roof) if roof >= COLLAR_TIP_MM else 12.0
 
     @property
     def collar_screw_circle_radius_mm(self) -> float:
@@ -175,7 +176,7 @@ class MoldLayout:
         There the screws' circle lies so near to the cavity that a pin's socket, which is wider, would break into it.
         """
         cavity = self.params.outer_radius_at(PIN_DEPTH_MM)  # widest at the socket's floor
-        return max(self.collar_screw_circle_radius_mm, cavity + PIN_WALL_MM + PIN_SOCKET_RADIUS_MM)
+        return max(self.collar_screw_circle_radius_mm, cavity + LEAST_WALL_MM + PIN_SOCKET_RADIUS_MM)
 
     @property
     def hanger_radius_mm(self) -> float:

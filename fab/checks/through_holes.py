@@ -13,7 +13,7 @@ from cad.hanger import screw_joints
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
 
-SEGMENTS = 3  # of bowl and of collar
+SEGMENTS, COLLAR_SCREWS = 3, 6  # of bowl and of collar; from hanger to collar
 
 
 def through_hole_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
@@ -39,11 +39,13 @@ def through_holes(mesh: trimesh.Trimesh) -> int:
 
 
 def _wanted(layout: MoldLayout, name: str) -> int | None:
-    """Screws of the core and tips of the collar's end inside the parts that hold them; bolts, vents and shanks pass."""
+    """Bolts go through cup pieces, as do the pilot holes of a low collar; vents and screws through the hanger."""
     if name.startswith("core_"):
         return 0
     if name.startswith("cup_"):
-        return len(layout.bolt_azimuths_deg) // SEGMENTS
+        is_low = layout.collar_screw_depth_mm > layout.seam_height_mm
+        pilots = COLLAR_SCREWS if name.startswith("cup_collar") and is_low else 0
+        return (len(layout.bolt_azimuths_deg) + pilots) // SEGMENTS
     if name == "hanger":
         return len(layout.vent_azimuths_deg) + sum(len(joint.places) for joint in screw_joints(layout))
     return None

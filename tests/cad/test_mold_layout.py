@@ -113,6 +113,16 @@ def test_pins_keep_off_cavity_vents_and_bolts_at_every_size():
         )
 
 
+def test_pilots_of_the_collar_end_under_a_roof_or_go_through_it():
+    """From D=100.4 to 100.8 they ended 0 to 0.75 mm short of the seam."""
+    low = diameter_range_mm()[0]
+    for diameter in (*np.linspace(low + 1e-6, 102.0, 200), *DIAMETERS):
+        layout = MoldLayout(EndcapParams(float(diameter), 6.5))
+        roof = layout.seam_height_mm - layout.collar_screw_depth_mm
+        assert roof >= 1.2 - 1e-9 or (roof < 0 and layout.seam_height_mm < 10.2)
+        assert layout.collar_screw_depth_mm >= 9.0  # the longest M3 x 16 reaches 8.75
+
+
 def test_screws_of_the_core_keep_off_the_cavity_at_every_size():
     """They came into it where a thick wall stands over the neck, at D=179 and more."""
     for params in REGION:

@@ -10,6 +10,7 @@ import trimesh
 
 from cad.fasteners import ScrewJoint
 from cad.mold_core import core_body, core_parts
+from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import all_joints
@@ -69,6 +70,22 @@ def test_holes_through_a_block_are_counted():
     deep = manifold3d.Manifold.cylinder(8, 1, 1, 32)
     tunnel = manifold3d.Manifold.cylinder(30, 1, 1, 32, True).rotate([0, 90, 0])
     assert through_holes(from_manifold(block - deep - tunnel)) == 2  # the blind one broke into it
+
+
+@pytest.mark.parametrize(("diameter", "holes"), [(99.5, 4), (100.5, 2), (104.0, 2)])
+def test_a_low_collar_is_drilled_through_and_a_higher_one_keeps_a_roof(diameter, holes, monkeypatch):
+    layout = MoldLayout(EndcapParams(diameter, 7.0))
+
+    def collar() -> dict[str, trimesh.Trimesh]:
+        meshes = PartMeshes(0.02)
+        return {part.name: meshes.of(part) for part in cup_parts(layout) if part.name == "cup_collar_1"}
+
+    sound = collar()
+    assert through_holes(sound["cup_collar_1"]) == holes
+    assert all(check.ok for check in through_hole_checks(layout, sound))
+    assert min_wall_mm(sound["cup_collar_1"]) > 1.15
+    monkeypatch.setattr(MoldLayout, "collar_screw_depth_mm", 12.0)  # as they were
+    assert (min_wall_mm(collar()["cup_collar_1"]) < 0.8) == (diameter == 100.5)
 
 
 @pytest.mark.parametrize(("diameter", "wall"), [(250.0, 25.0), (210.0, 19.55), (170.0, 17.0)])

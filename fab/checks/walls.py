@@ -44,9 +44,12 @@ def min_wall_mm(mesh: trimesh.Trimesh) -> float:
     """
     from_faces, from_edges = _face_rays(mesh), _edge_rays(mesh)
     starts, ways = (np.concatenate(both) for both in zip(from_faces, from_edges, strict=True))
-    places, rays, hit = mesh.ray.intersects_location(starts + OFF_MM * ways, ways, multiple_hits=False)
-    square = np.einsum("ij,ij->i", mesh.face_normals[hit], ways[rays]) > SQUARE
-    return float(np.linalg.norm(places - starts[rays], axis=1)[square].min(initial=np.inf))
+    hit = mesh.ray.intersects_first(starts + OFF_MM * ways, ways)
+    across = np.einsum("ij,ij->i", mesh.face_normals[hit], ways)
+    square = (hit >= 0) & (across > SQUARE)
+    ahead = mesh.triangles[hit[square], 0] - starts[square]  # to the plane of the face that the ray meets
+    depths = np.einsum("ij,ij->i", mesh.face_normals[hit[square]], ahead) / across[square]
+    return float(depths.min(initial=np.inf))
 
 
 def _face_rays(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:

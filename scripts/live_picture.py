@@ -37,6 +37,10 @@ STANDING = (
 COLOURS = 256  # of the picture's palette: half the size
 
 
+class RefusedError(RuntimeError):
+    """The browser has no answer to a method."""
+
+
 class Tab:
     """The page of a browser, over its debugging protocol."""
 
@@ -65,12 +69,18 @@ class Tab:
             self.call("Emulation.setEmulatedMedia", features=[])
 
     def call(self, method: str, **options: object) -> dict[str, Any]:
-        """The browser's answer to one method."""
+        """The browser's answer to one method.
+
+        Raises:
+            RefusedError: the browser has none: the page was left meanwhile.
+        """
         number = next(self._numbers)
         self._connection.send(json.dumps({"id": number, "method": method, "params": options}))
         while True:
             answer = json.loads(self._connection.recv(PATIENCE_S + 10))
             if answer.get("id") == number:
+                if "error" in answer:
+                    raise RefusedError(f"{method}: {answer['error'].get('message')}")
                 return answer["result"]
 
     def open(self, url: str) -> None:
@@ -102,10 +112,12 @@ class Tab:
     def until(self, condition: str, script: str = "true", patience_s: float = PATIENCE_S) -> Any:
         """Wait until a script gives a true value; returns what another one gives at that same moment."""
         end = time.monotonic() + patience_s
-        while not (found := self.value(f"({condition}) ? [{script}] : null")):
-            assert time.monotonic() < end, f"the page never came to: {condition}"
+        while time.monotonic() < end:
+            with contextlib.suppress(RefusedError):  # asked while one page went and the next came
+                if found := self.value(f"({condition}) ? [{script}] : null"):
+                    return found[0]
             time.sleep(0.05)
-        return found[0]
+        raise AssertionError(f"the page never came to: {condition}")
 
     def picture(self) -> bytes:
         """PNG of what is seen."""

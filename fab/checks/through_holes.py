@@ -10,10 +10,9 @@ from collections.abc import Mapping
 import trimesh
 
 from cad.hanger import screw_joints
+from cad.mold_cup import BOWL, COLLAR
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
-
-SEGMENTS, COLLAR_SCREWS = 3, 6  # of bowl and of collar; from hanger to collar
 
 
 def through_hole_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
@@ -40,12 +39,12 @@ def through_holes(mesh: trimesh.Trimesh) -> int:
 
 def _wanted(layout: MoldLayout, name: str) -> int | None:
     """Bolts go through cup pieces, as do the pilot holes of a low collar; vents and screws through the hanger."""
+    screws = {joint.anchor: len(joint.places) for joint in screw_joints(layout)}
     if name.startswith("core_"):
         return 0
-    if name.startswith("cup_"):
+    if name in (*BOWL, *COLLAR):
         is_low = layout.collar_screw_depth_mm > layout.seam_height_mm
-        pilots = COLLAR_SCREWS if name.startswith("cup_collar") and is_low else 0
-        return (len(layout.bolt_azimuths_deg) + pilots) // SEGMENTS
+        return len(layout.bolt_azimuths_deg) // len(BOWL) + (screws.get(name, 0) if is_low else 0)
     if name == "hanger":
-        return len(layout.vent_azimuths_deg) + sum(len(joint.places) for joint in screw_joints(layout))
+        return len(layout.vent_azimuths_deg) + sum(screws.values())
     return None

@@ -25,8 +25,9 @@ def plane_solution(wrench, steps, size, law):
     Returns:
         (7,) centre from the sphere's centre (mm), normal, use of friction, NaN without a push; (7, 8) slopes.
     """
-    moved = np.empty(8)
-    moved[:6], moved[6:] = wrench, 0.0
+    moved = np.zeros(8)
+    for k in range(6):  # a slice would compile for twice as long, for the message of two lengths that differ
+        moved[k] = wrench[k]
     value = _place(moved, size, law)
     slopes = np.empty((7, 8))
     for k in range(8):

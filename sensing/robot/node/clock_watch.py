@@ -2,6 +2,9 @@
 
 Nothing arrives before it was measured, and waiting on the way only adds to its age: so the youngest sample of the first
 second says by how much the clocks differ, to within the time on the way.
+
+A stamp far ahead would make the samples of all other topics too late until its time has come, so it is left out at any
+time; and so is one that is far behind.
 """
 
 from __future__ import annotations
@@ -12,10 +15,12 @@ from collections.abc import Callable
 LOOK_S = 1.0
 AHEAD_S = 0.05  # E: clocks set by NTP agree to some milliseconds; a gyroscope counts as silent after as much
 BEHIND_S = 0.5  # E: more than any sensor and network that a robot can walk with take
+MOST_AHEAD_S = 0.5  # half of what the estimator takes back (RobotSettings.history_s)
+MOST_BEHIND_S = 30.0  # a driver or computer whose clock was never set
 
 
 class ClockWatch:
-    """Names every topic whose clock differs, once.
+    """Names every topic whose clock differs, once, and the first of its samples that cannot be used.
 
     Args:
         say: takes the line.
@@ -25,17 +30,36 @@ class ClockWatch:
         self._say = say
         self._seen: dict[str, tuple[float, float]] = {}  # first arrival, least age; s
         self._judged: set[str] = set()
+        self._left_out: set[str] = set()
 
-    def take(self, topic: str, stamp_s: float, now_s: float) -> None:
-        """One sample.
+    def take(self, topic: str, stamp_s: float, now_s: float) -> bool:
+        """Whether one sample can be used.
 
         Args:
             topic: it came on. stamp_s: its capture time. now_s: its arrival, on the same clock.
         """
-        if topic in self._judged or not math.isfinite(stamp_s):
+        if not math.isfinite(stamp_s):  # the estimator counts it
+            return True
+        if not -MOST_AHEAD_S <= now_s - stamp_s <= MOST_BEHIND_S:
+            self._leave_out(topic, now_s - stamp_s)
+            return False
+        if topic not in self._judged:
+            self._judge(topic, now_s, now_s - stamp_s)
+        return True
+
+    def _leave_out(self, topic: str, age_s: float) -> None:
+        if topic in self._left_out:
             return
-        first_s, age_s = self._seen.get(topic, (now_s, math.inf))
-        age_s = min(age_s, now_s - stamp_s)
+        self._left_out.add(topic)
+        way = "ahead of" if age_s < 0 else "behind"
+        self._say(
+            f"/{topic}: a stamp {abs(age_s):.2f} s {way} this computer's clock: such samples are left out; set all "
+            "clocks by NTP or PTP"
+        )
+
+    def _judge(self, topic: str, now_s: float, age_s: float) -> None:
+        first_s, least_s = self._seen.get(topic, (now_s, math.inf))
+        age_s = min(least_s, age_s)
         self._seen[topic] = first_s, age_s
         if now_s - first_s < LOOK_S:
             return

@@ -8,7 +8,8 @@
 A plain wrench has no covariance and no contact bit: standard deviations are stated (``wrench_sd``) or those of
 :mod:`sensing.robot.contact`, and the force says whether it touches. It counts only while none with covariance comes.
 Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic clock, on which
-pictures are captured; a topic whose stamps are of another clock is named. Topics are reliable and volatile.
+pictures are captured. A topic whose stamps are of another clock is named; stamps far from now are left out. Topics are
+reliable and volatile.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 WAITING = 2000  # messages of a topic that wait while this process is held up: seconds, at any usual rate
 IDLE_S = 0.002
+CLOCK_SET_S = 0.1  # more than two looks at two clocks can lie apart
 PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
 
 
@@ -108,6 +110,7 @@ class LiveRobot:
 
     def _waiting(self) -> list[Sample]:
         """What has come since the last look, by time: one topic's newest would make the others' samples too late."""
+        self._follow_clock()
         waiting: list[Sample] = [] if self._here is None else list(self._here.samples())
         for topic, kind, name, reader in self._readers:
             for message in reader.take(WAITING):
@@ -116,10 +119,17 @@ class LiveRobot:
                 if topic in self._silent:
                     self._silent.remove(topic)
                 sample = self._sample(kind, name, message)
-                if sample is not None:
-                    self._clocks.take(topic, sample.time_s, time.monotonic())
+                if sample is not None and self._clocks.take(topic, sample.time_s, time.monotonic()):
                     waiting.append(sample)
         return sorted(waiting, key=lambda sample: sample.time_s if math.isfinite(sample.time_s) else math.inf)
+
+    def _follow_clock(self) -> None:
+        """Stamps of a wall clock that was set meanwhile (by NTP, after a start without network) are read with it."""
+        wall_ns = time.time_ns() - time.monotonic_ns()
+        moved_s = (wall_ns - self._wall_ns) / 1e9
+        if abs(moved_s) > CLOCK_SET_S:
+            self._wall_ns = wall_ns
+            LOG.warning(f"this computer's clock was set by {moved_s:+.2f} s: stamps are read by the new time")
 
     def _sample(self, kind: str, name: str, message: Any) -> Sample | None:
         """The sample of a message; None for a plain wrench beside one with covariance.

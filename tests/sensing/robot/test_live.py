@@ -13,25 +13,20 @@ import pytest
 from live_program import ROBOT as ROBOT_CLI
 from live_program import camera, program
 from live_stand_in import wait_for
+from robot_publisher import CABLES, PATIENCE_S, ROBOT, Kept, Publisher, plain_wrench
 from standing_robot import standing_samples
 
-from cad.errors import ParameterError
 from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import live, messages
 from sensing.robot.node.cli import main
-from sensing.robot.node.clock_watch import ClockWatch
 from sensing.robot.node.live import LiveRobot
 from sensing.robot.node.replay import Recording
 from sensing.robot.node.run import run_robot
-from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 pytest.importorskip("cyclonedds")
-ROBOT, PATIENCE_S = load_robot(), 120.0
-CABLES = tuple(cable.name for cable in ROBOT.cables)
 NAMES = ("endcap_0", "endcap_3")
 DOMAIN = 1 + (os.getpid() + 50) % 100
 
@@ -42,80 +37,11 @@ def here_only(monkeypatch):
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
 
 
-class Publisher:
-    """Publishes a robot that stands, until it is stopped; one stream may be of another clock.
-
-    ``wrenches``: "with_covariance", "plain" (geometry_msgs/WrenchStamped), or none.
-    """
-
-    def __init__(self, participant, shift_s: float = 0.0, wrenches: str = "with_covariance") -> None:
-        self._participant, self._shift_s, self._writers = participant, shift_s, {}
-        self._wrenches = wrenches
-        self.stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self):
-        samples = standing_samples(ROBOT, 60.0, rate_hz=100.0)[1]
-        for sample in samples[:13]:
-            self._write(sample, time.time_ns(), warm=True)
-        begin_ns = time.time_ns()
-        for sample in samples:
-            if self.stopped.wait(max(0.0, sample.time_s - (time.time_ns() - begin_ns) / 1e9)):
-                return
-            off = self._shift_s if isinstance(sample, LengthSample) else 0.0
-            self._write(replace(sample, time_s=sample.time_s + off), begin_ns)
-
-    def _write(self, sample, wall_ns, warm=False):
-        topic = "cable_lengths"
-        kind, cdr = messages.sample_message(sample, CABLES[::-1], wall_ns)
-        if isinstance(sample, InertialSample):
-            topic = f"imu/{sample.sensor}"
-        elif isinstance(sample, FootSample) and self._wrenches == "plain":
-            topic, kind, cdr = f"{sample.endcap}/wrench", ros.WRENCH, plain_wrench(cdr)
-        elif isinstance(sample, FootSample):
-            topic = f"{sample.endcap}/wrench/{self._wrenches}"
-        if isinstance(sample, LengthSample):  # another order than the description's, with its names
-            turned = replace(sample, lengths_m=np.asarray(sample.lengths_m)[::-1])
-            kind, cdr = messages.sample_message(turned, CABLES[::-1], wall_ns)
-        if isinstance(sample, FootSample) and not self._wrenches:
-            return
-        if topic not in self._writers:
-            self._writers[topic] = dds.publisher(self._participant, topic, kind)
-        if not warm:
-            self._writers[topic].write(dds.encoded(kind, cdr))
-
-    def close(self):
-        self.stopped.set()
-        self._thread.join(PATIENCE_S)
-
-
-def plain_wrench(cdr):
-    """The WrenchStamped of an EndcapWrench, of a sensor whose frame has a name of its own."""
-    full, types = ros.decode(ros.ENDCAP_WRENCH, cdr), ros.typestore().types
-    header = replace(full.header, frame_id="mini45")
-    return ros.encode(ros.WRENCH, types[ros.WRENCH](header=header, wrench=full.wrench))
-
-
 def lines_of(process):
     """JSON lines of a program, as they come."""
     found = []
     threading.Thread(target=lambda: found.extend(map(json.loads, process.stdout)), daemon=True).start()
     return found
-
-
-class Kept:
-    def __init__(self, enough: int):
-        self.reports, self._enough, self._end = [], enough, time.monotonic() + PATIENCE_S
-
-    def sample(self, _):
-        pass
-
-    def report(self, report):
-        self.reports.append(report)
-
-    def done(self):
-        return len(self.reports) >= self._enough or time.monotonic() > self._end
 
 
 def test_samples_of_topics_give_an_estimate():
@@ -244,27 +170,6 @@ def test_the_topic_says_whose_a_sample_is_whatever_its_driver_calls_the_axes():
         other = replace(message, header=replace(message.header, frame_id="imu_link"))
         again = source._sample(kind, name, other)
         assert name in (getattr(again, "sensor", None), getattr(again, "endcap", None))
-
-
-@pytest.mark.parametrize(
-    ("age_s", "said"), [(0.03, ""), (-5.0, "5.00 s ahead of"), (-0.2, "0.20 s ahead"), (2.0, "behind")]
-)
-def test_a_topic_of_another_clock_is_named_once(age_s, said):
-    lines = []
-    watch = ClockWatch(lines.append)
-    for k in range(300):  # some are held up on their way
-        watch.take("cable_lengths", 0.01 * k, 0.01 * k + age_s + (0.4 if k % 7 else 0.0))
-    assert len(lines) == bool(said) and all(said in line and line.startswith("/cable_lengths") for line in lines)
-
-
-def test_clocks_that_disagree_are_named():
-    source, kept = LiveRobot(ROBOT, domain=DOMAIN + 100), Kept(1000)
-    publisher = Publisher(source._participant, shift_s=600.0)
-    try:
-        with pytest.raises(ParameterError, match=r"the other samples: give times of one clock"):
-            run_robot(source, RobotEstimator(ROBOT), [kept], kept.done)
-    finally:
-        publisher.close()
 
 
 @pytest.mark.parametrize(

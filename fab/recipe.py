@@ -31,9 +31,12 @@ FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (
 SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
 LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
 DEGAS = "degas until the foam has fallen"
-MIX_MIN = 3.0  # E: scraping sides and bottom
-DEGAS_MIN = 5.0  # E: until the foam has fallen, at 29 inHg
-POUR_MIN = 5.0  # E: thin stream onto one spot
+MIX_MIN, EASY_KG, MIX_MIN_PER_KG = 3.0, 0.5, 1.0  # E: scraping sides and bottom; longer for more than half a kilogram
+DEGAS_MIN, LEAST_DEGAS_MIN = 5.0, 3.0  # E: until the foam has fallen, at 29 inHg
+POUR_MIN = 5.0  # E: thin stream onto one spot, at the least
+POUR_PA_ML = 7000 / 60  # E: viscosity x flow of such a stream: 200 ml a minute of 35 Pa s; it runs under its weight
+SPARE_MIN = 1.0  # E: of the pot life, which degassing leaves
+SHOWN_MIN = 0.5
 CLOSE_MIN = 7.0  # E: lowering the upper half slowly, six bolts crosswise
 RELEASE_AGENT = "Ease Release 200"  # P
 
@@ -164,17 +167,6 @@ def recipe(
     expected = cast_volume_mm3 * row.density_g_cm3 / 1000
     part_a, part_b = mix_parts(row)
     total = expected * (1 + surplus)
-    degas = 0.0 if row.pot_life_min < MIX_MIN + DEGAS_MIN + POUR_MIN + CLOSE_MIN else DEGAS_MIN
-    steps, clock = [], 0.0
-    for minutes, what in (
-        (MIX_MIN, "mix, scraping sides and bottom"),
-        (degas, DEGAS),
-        (POUR_MIN, "pour in a thin stream onto one spot of the bowl"),
-        (CLOSE_MIN, "lower the upper half, close the six bolts crosswise"),
-    ):
-        if minutes:
-            steps.append(TimelineStep(clock, clock + minutes, what))
-            clock += minutes
     return Recipe(
         row,
         cast_volume_mm3,
@@ -185,8 +177,30 @@ def recipe(
         expected,
         expected * LOW_MASS_RATIO,
         1000 / row.density_g_cm3,
-        tuple(steps),
+        _timeline(row, cast_volume_mm3, total),
     )
+
+
+def _timeline(row: Silicone, cast_volume_mm3: float, mixed_g: float) -> tuple[TimelineStep, ...]:
+    """Steps after the two parts meet; degassing takes what the pot life leaves, or is left out."""
+    mix = _half_minutes_up(MIX_MIN + MIX_MIN_PER_KG * max(0.0, mixed_g / 1000 - EASY_KG))
+    pour = _half_minutes_up(max(POUR_MIN, cast_volume_mm3 / 1000 * row.viscosity_pa_s / POUR_PA_ML / 60))
+    left = (row.pot_life_min - SPARE_MIN - mix - pour - CLOSE_MIN) // SHOWN_MIN * SHOWN_MIN
+    steps, clock = [], 0.0
+    for minutes, what in (
+        (mix, "mix, scraping sides and bottom"),
+        (min(left, DEGAS_MIN) if left >= LEAST_DEGAS_MIN else 0.0, DEGAS),
+        (pour, "pour in a thin stream onto one spot of the bowl"),
+        (CLOSE_MIN, "lower the upper half, close the six bolts crosswise"),
+    ):
+        if minutes:
+            steps.append(TimelineStep(clock, clock + minutes, what))
+            clock += minutes
+    return tuple(steps)
+
+
+def _half_minutes_up(minutes: float) -> float:
+    return -(-minutes // SHOWN_MIN) * SHOWN_MIN
 
 
 def millilitres(volume_mm3: float) -> str:

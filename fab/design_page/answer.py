@@ -15,7 +15,9 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
+from cad.options import PATTERN_DEFAULTS
 from cad.plain_numbers import plain
+from cad.robot_sides import DEFAULT_ROBOT, robot_sides, robot_words
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
@@ -23,7 +25,8 @@ from fab.exports.preview import glb
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 
-KNOBS = ("D", "T", "joint_clearance", "material", "printer")
+OPTIONS = (*PATTERN_DEFAULTS, "robot")  # left empty, they are those of the released sensor
+KNOBS = ("D", "T", "joint_clearance", "material", "printer", *OPTIONS)
 REGION_STEPS = 160
 
 
@@ -32,7 +35,7 @@ class Choice:
     """One choice of the knobs that can be made.
 
     Attributes:
-        variant: the two numbers, the joint clearance and the silicone.
+        variant: the two numbers, the joint clearance, the silicone, and what else a variant has.
         printer: name of a row of the printers' table.
     """
 
@@ -48,6 +51,8 @@ class Choice:
             f"T={plain(layout.params.wall_mm)}",
             f"joint_clearance={plain(layout.joint_clearance_mm)}",
             f"material={self.variant.silicone}",
+            f"robot={self.variant.robot}",
+            *(f"{name}={value}" for name, value in layout.params.option_words.items()),
         )
 
 
@@ -59,7 +64,8 @@ def parse_choice(knobs: Mapping[str, str]) -> Choice:
     """
     if strangers := sorted(set(knobs) - set(KNOBS)):
         raise ParameterError(f"{strangers[0]!r} is no knob: they are {', '.join(KNOBS)}", name=strangers[0])
-    given = {name: value for name, value in knobs.items() if name != "printer" and (value or name != "material")}
+    may_be_empty = ("material", *OPTIONS)
+    given = {name: value for name, value in knobs.items() if name != "printer" and (value or name not in may_be_empty)}
     where = printer(knobs.get("printer") or DEFAULT_PRINTER)
     return Choice(parse_variant({**VARIANT_DEFAULTS, "D": "130", "T": "8", **given}), where.name)
 
@@ -131,8 +137,16 @@ def region() -> dict[str, Any]:
         "wall": [min(row[1] for row in rows), max(row[2] for row in rows)],
         "clearance": list(JOINT_CLEARANCE_RANGE_MM),
         "silicones": list(silicones()),
+        "robots": [[name, robot_words(name)] for name in robot_sides()],
+        "options": PATTERN_DEFAULTS,
         "printers": [[each.name, f"{each.title}, {each.size}"] for each in printers().values()],
-        "start": {"D": "130", "T": "8", "joint_clearance": f"{JOINT_CLEARANCE_MM:g}", "printer": DEFAULT_PRINTER},
+        "start": {
+            "D": "130",
+            "T": "8",
+            "joint_clearance": f"{JOINT_CLEARANCE_MM:g}",
+            "printer": DEFAULT_PRINTER,
+            "robot": DEFAULT_ROBOT,
+        },
     }
 
 

@@ -1,7 +1,8 @@
 // The page to turn two knobs: every change asks the server for numbers, section and a coarse preview; "Make" runs the command.
 "use strict";
 const $ = (id) => document.getElementById(id), token = document.querySelector("meta[name=endcap-token]").content;
-const SLIDERS = ["D", "T", "joint_clearance"], KNOBS = [...SLIDERS, "material", "printer"];
+const SLIDERS = ["D", "T", "joint_clearance"], LISTS = ["material", "printer", "robot"], WORDS = ["dots", "dot_mm", "gyroid"];
+const KNOBS = [...SLIDERS, ...LISTS, ...WORDS];
 const viewer = new Viewer($("turn"));
 const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, real: "", label: "" };
 const GONE = "The page's program has ended: start make design again.";
@@ -34,11 +35,18 @@ async function begin() {
   }
   $("material").append(...offer.silicones.map((name) => new Option(name)));
   $("printer").append(...offer.printers.map(([name, title]) => new Option(title, name)));
-  $("printer").value = offer.start.printer;
-  for (const name of ["material", "printer"]) {
+  $("robot").append(...offer.robots.map(([name, title]) => new Option(title, name)));
+  for (const name of LISTS) {
+    if (offer.start[name]) $(name).value = offer.start[name];
     if ([...$(name).options].some((option) => option.value === start[name])) $(name).value = start[name];
     $(name).addEventListener("change", refresh);
   }
+  for (const name of WORDS) { // empty: as the released sensor has it
+    $(name).placeholder = offer.options[name];
+    $(name).value = start[name] ?? "";
+    $(name).addEventListener("input", refresh);
+  }
+  $("more").open = $("robot").value !== offer.start.robot || WORDS.some((name) => $(name).value);
   $("pull").addEventListener("input", () => viewer.set({ pull: $("pull").value / 100 }));
   $("cut").addEventListener("change", () => viewer.set({ cut: $("cut").checked }));
   $("group").addEventListener("change", () => viewer.set({ group: $("group").value }));

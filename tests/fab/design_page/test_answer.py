@@ -83,7 +83,9 @@ def test_the_words_of_a_choice_make_the_very_variant_whose_folder_the_page_links
     from cad.options import parse_options
     from fab.command import VARIANT_DEFAULTS, parse_variant
 
-    choice = parse_choice({"D": str(size[0]), "T": str(size[1]), "joint_clearance": "0.1234567890123"})
+    choice = parse_choice(
+        {"D": str(size[0]), "T": str(size[1]), "joint_clearance": "0.1234567890123", "dots": "1-7-13", "robot": "blank"}
+    )
     made = parse_variant(parse_options(choice.words, VARIANT_DEFAULTS))
     assert made == choice.variant and made.label == choice.variant.label
 
@@ -98,6 +100,21 @@ def test_a_choice_makes_the_variant_of_the_command_line_and_prints_its_commands(
     assert answer({"D": "150", "T": "9"}, " exports=here")["commands"][1] == "make slice D=150 T=9 exports=here"
     assert answer(knobs)["label"] == choice.variant.label
     assert preview(knobs)[:4] == b"glTF" and len(preview(knobs)) < 2_000_000
+
+
+def test_dots_gyroid_and_robot_are_options_as_of_make_molds_and_released_where_left_empty():
+    knobs = {"D": "150", "T": "9", "dots": "1-8-12", "dot_mm": "4.5", "gyroid": "0.12", "robot": "blank"}
+    choice = parse_choice(knobs)
+    params = choice.variant.params
+    assert (params.dot_rings, params.dot_mm, params.gyroid, choice.variant.robot) == ((1, 8, 12), 4.5, 0.12, "blank")
+    found = answer(knobs)
+    assert dict(found["facts"])["dots"] == "33" and found["label"] == choice.variant.label
+    assert found["commands"][0] == "make molds D=150 T=9 dots=1-8-12 dot_mm=4.5 gyroid=0.12 robot=blank"
+    assert {"dots=1-8-12", "dot_mm=4.5", "gyroid=0.12", "robot=blank"} < set(choice.words)
+    empty = parse_choice({**knobs, "dots": "", "dot_mm": "", "gyroid": "", "robot": ""})
+    assert empty == parse_choice({"D": "150", "T": "9"})
+    for name, value in (("dots", "1-99"), ("dot_mm", "two"), ("gyroid", "0.9"), ("robot", "hand")):
+        assert name in answer({**knobs, name: value})["refusal"]
 
 
 def test_the_region_is_that_of_the_closed_forms_and_all_of_it_answers():

@@ -177,6 +177,23 @@ def test_the_choice_stays_after_a_reload_and_on_the_way_back(tab, server):
     assert tab.value("$('commands').textContent") == chosen
 
 
+def test_dots_gyroid_and_robot_are_under_a_line_that_opens_and_stay_after_a_reload(tab):
+    again(tab, "sessionStorage.clear(); location.reload()")
+    assert not tab.value("$('more').open") and tab.value("$('dot_mm').placeholder === '4'")
+    tab.value("$('more').querySelector('summary').click()")
+    turn(tab, {"dots": "1-8-12", "gyroid": "0.12"})
+    turn(tab, {"robot": "blank"}, "change")
+    chosen = tab.value("$('commands').textContent")
+    assert "make molds D=130 T=8 dots=1-8-12 gyroid=0.12 robot=blank" in chosen
+    assert tab.value("$('facts').textContent").count("dots33") == 1
+    turn(tab, {"dots": "1-99"})
+    assert "dots" in tab.value("$('refusal').textContent")
+    again(tab, "location.reload()")
+    assert tab.value("$('commands').textContent") == chosen and tab.value("$('more').open")
+    assert tab.value("document.documentElement.scrollWidth <= window.innerWidth")
+    again(tab, "sessionStorage.clear(); location.reload()")
+
+
 def test_what_is_shown_of_the_size_before_is_pale_while_a_size_is_refused(tab):
     shown = "[$('facts'), $('commands'), $('turn'), $('section')].map((part) => getComputedStyle(part).opacity).join()"
     wall = tab.value("$('T_number').value")

@@ -27,7 +27,7 @@ from cad.typed_folder import typed_folder
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
-from fab.variant import Variant, sensing_options
+from fab.variant import Variant, coupons_command, sensing_options
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
 PAGE = "start.html"
@@ -267,8 +267,9 @@ def _next(wanted: Wanted, folder: Path) -> str:
     words = " ".join((words, *wanted.printer_option)) + exports_words(wanted.exports)
     design = " ".join(design_words(params))
     other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
+    coupons = coupons_command(material) + exports_words(wanted.exports)
     return "\n".join([
-        f"{'make coupons':<64} # print the fit coupon first; give what fits as joint_clearance=",
+        f"{coupons:<64} # print the fit coupon first; give what fits as joint_clearance=",
         f"{'make sheet ' + words:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",
         f"python -m sensing.live {design}{other}    # the simulated robot of this size, with its weights",
         f"python -m sensing.calibrate --photo a.jpg {design} --out camera.json --picture fit.png",

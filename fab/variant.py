@@ -82,6 +82,15 @@ class Variant:
         return " ".join(words)
 
 
+def coupons_command(silicone: str) -> str:
+    """The command that makes the coupons, with the trays of a silicone's bond specimens.
+
+    Args:
+        silicone: name of a row of ``cad/materials.csv``.
+    """
+    return "make coupons" + ("" if silicone == DEFAULT_SILICONE else f" material={shlex.quote(silicone)}")
+
+
 def sensing_options(params: EndcapParams) -> dict[str, str]:
     """Options of a design that its weights and its study depend on, as typed; the gyroid is the CAD's alone.
 

@@ -60,6 +60,7 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
         "base.stl",
         "study/study.csv",
         "--diameter 180 --wall 10",
+        "make coupons material=&#x27;Dragon Skin 20&#x27; exports=",
     ):
         assert words in page
     assert not list(tmp_path.rglob("*.part"))

@@ -14,7 +14,7 @@ from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
 from fab.slice.printers import printer_words
-from fab.variant import Variant, sensing_options
+from fab.variant import Variant, coupons_command, sensing_options
 
 INTERPRETER = ".venv/bin/python"
 RELEASED = EndcapParams(130.0, 8.0)
@@ -39,10 +39,9 @@ def ring_command(data: SheetData) -> str:
     return f"{camera_setting()}make ring {design}{data.exports_option}"
 
 
-def coupons_command(data: SheetData) -> str:
-    """The command that makes the coupons, with the trays of this silicone's bond specimens."""
-    name = data.layout.silicone
-    return f"make coupons{'' if name == DEFAULT_SILICONE else f' material={shlex.quote(name)}'}{data.exports_option}"
+def coupons_line(data: SheetData) -> str:
+    """The command that makes the coupons, with the folder of exports where it is another."""
+    return coupons_command(data.layout.silicone) + data.exports_option
 
 
 def program_command(module: str, params: EndcapParams, *words: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from cad.mold_layout import JOINT_CLEARANCE_RANGE_MM, joint_clearance_range_mm
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import coupons_command, make_command
+from fab.build_sheet.commands import coupons_line, make_command
 from fab.build_sheet.data import SheetData
 from fab.slice.result import hours, is_mold
 
@@ -54,7 +54,7 @@ def _coupon_words(data: SheetData) -> str:
     is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
     wider = f", and {layout.silicone} would leak through a wider joint" if is_leaky else ""
     return (
-        f"First the fit coupon: {coupons_command(data)}, print fit_plate, fit_tab in PLA and fit_nuts in TPU. These "
+        f"First the fit coupon: {coupons_line(data)}, print fit_plate, fit_tab in PLA and fit_nuts in TPU. These "
         f"molds have joints of {layout.joint_clearance_mm:g} mm a side; if another step of the coupon fits, make "
         f"them again with it (joint_clearance=). Of this size they can be {low:g} to {high:g} mm{wider}: where no such "
         "step fits, correct the horizontal expansion in your slicer and print the coupon again."

@@ -115,6 +115,7 @@ def test_the_page_names_every_file_and_the_next_commands_of_this_very_variant(fo
     variant = "D=150 T=9 joint_clearance=0.1 material=&#x27;Dragon Skin 30&#x27;"
     for target in ("slice", "sheet", "molds"):
         assert f"make {target} {variant}" in text
+    assert "<code>make coupons material=&#x27;Dragon Skin 30&#x27;</code>" in text
     assert "make ring D=150 T=9 " in text and "All 1 checks passed" in text
     page = Page()
     page.feed(text)

@@ -8,12 +8,15 @@ from collections.abc import Callable
 import numpy as np
 
 from sensing.live.core.config import EndcapConfig
+from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
-from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reference import Reference
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.drawn import Drawing, draw_dots
+from sensing.tracking.model_input import model_input
+from sensing.tracking.zero import single_zero
 
-PATIENCE_S = 4.0  # loading takes 2 s; what takes longer is announced
+PATIENCE_S = 3.0  # loading takes 1 s; what takes longer is announced
 JUMP_PX = 25  # a picture shifted by this makes the tracker search
 RATE_HZ = 30.0
 PRESS_N = (1.0, 0.5, -10.0)  # beside the tip: contact and its place are looked for
@@ -21,7 +24,7 @@ SHAPE = (16, 16)
 
 
 def warm_up(say: Callable[[str], object]) -> None:
-    """Run a whole pipeline on drawings at rest, shifted and half covered, with a press that none of them shows.
+    """Measure drawings at rest, shifted and half covered, with a press that none of them shows.
 
     So every way through the tracker is taken, and everything after it that a reading needs: fits, gate, filter, trend,
     contact. What a model of its own compiles, it has when it is loaded.
@@ -35,11 +38,12 @@ def warm_up(say: Callable[[str], object]) -> None:
     notice.daemon = True
     notice.start()
     try:
-        model = LiveModel("warm_up", "dots", SHAPE, _Press(), rest_n=0.0)
-        pipeline = EndcapPipeline(EndcapConfig("warm_up", "drawing"), model, zero_frames=1)
-        for number, picture in enumerate(_pictures()):
-            pipeline.update(Frame(number / RATE_HZ, number, "drawing", image=picture))
-        pipeline.close()
+        endcap, model = EndcapConfig("warm_up", "drawing"), LiveModel("warm_up", "dots", SHAPE, _Press(), rest_n=0.0)
+        frames = [Frame(k / RATE_HZ, k, "drawing", image=picture) for k, picture in enumerate(_pictures())]
+        reference = Reference(single_zero(frames[0]), model_input(frames[0], SHAPE, endcap.params))
+        measurement = Measurement(endcap, model, reference, check=None, number=0, epoch=0)
+        for frame in frames:
+            measurement.read(frame, frame.time_s)
     finally:
         notice.cancel()
 

@@ -45,7 +45,10 @@ def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE
 
 @lru_cache(maxsize=1)
 def scene_start_s() -> float:
-    """When the scene began, common to its cameras."""
+    """When the scene began, common to its cameras: with the first picture that one of them is asked for.
+
+    It begins at rest, for the references; what is compiled between opening a camera and reading it may take longer.
+    """
     return time.monotonic()
 
 
@@ -99,14 +102,15 @@ class SceneSource:
             raise ParameterError(f"rate_hz={rate_hz:g} outside 1..240", name="rate_hz", value=rate_hz)
         self.number, self.name, self._rate_hz = number, f"{WORD}{number}", rate_hz
         own = (design, silicone) == (RELEASED, DEFAULT_SILICONE)
-        self._film, self._start_s = scene_film() if own else scene_film(design, silicone), scene_start_s()
+        self._film = scene_film() if own else scene_film(design, silicone)
         self._phase = number / ENDCAPS if phase is None else phase
 
     def __iter__(self) -> Iterator[Frame]:
-        count = int((time.monotonic() - self._start_s) * self._rate_hz - self._phase) + 1
+        start_s = scene_start_s()
+        count = int((time.monotonic() - start_s) * self._rate_hz - self._phase) + 1
         sequence = 0
         while True:
-            due_s = self._start_s + (count + self._phase) / self._rate_hz
+            due_s = start_s + (count + self._phase) / self._rate_hz
             time.sleep(max(0.0, due_s - time.monotonic()))
             yield Frame(due_s, sequence, self.name, jpeg=self.picture(count), size=SIZE)
             sequence += 1

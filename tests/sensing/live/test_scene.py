@@ -115,6 +115,20 @@ def test_a_camera_of_the_scene_keeps_its_rate_and_its_own_phase(film):
     assert apart == pytest.approx(0.5, abs=1e-6) and times[-1, 0] <= time.monotonic()
 
 
+def test_the_scene_begins_with_the_first_picture_taken_however_long_the_start_took(film, monkeypatch):
+    """References are of its first second, at rest; on a new computer half a minute passes before it is read."""
+    now = [5000.0]
+    monkeypatch.setattr(scene.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(scene.time, "sleep", lambda wait_s: now.__setitem__(0, now[0] + wait_s))
+    scene.scene_start_s.cache_clear()
+    try:
+        opened = [scene.SceneSource(number) for number in (0, 3)]
+        now[0] += 25.0
+        assert [next(iter(source)).jpeg for source in opened] == [source.picture(1) for source in opened]
+    finally:
+        scene.scene_start_s.cache_clear()
+
+
 @pytest.mark.parametrize(("number", "rate"), [(6, 30), (-1, 30), (0, 0.0), (0, 1e4)])
 def test_a_camera_that_is_not_there_is_refused(film, number, rate):
     with pytest.raises(ParameterError, match=r"scene:|rate_hz"):

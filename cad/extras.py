@@ -30,7 +30,7 @@ _PICTURES = ("live", "robot", *_NUMERICS)
 EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that bring it
     **dict.fromkeys(("OCP", "build123d", "cadquery", "vtkmodules", "pymeshlab", "typst", "embreex"), _CAD),
     **dict.fromkeys(("PIL", "gerbonara", "lxml", "manifold3d", "networkx", "shapely", "skimage", "trimesh"), _CAD),
-    **dict.fromkeys(("cv2", "simplejpeg", "numba", "safetensors", "threadpoolctl"), _PICTURES),
+    **dict.fromkeys(("cv2", "simplejpeg", "numba", "safetensors"), _PICTURES),
     **dict.fromkeys(
         ("starlette", "uvicorn", "websockets", "mcap", "rosbags", "segno", "lz4", "zstandard"), ("live", "robot")
     ),

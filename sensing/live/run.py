@@ -6,7 +6,7 @@ import gc
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, TextIO, cast
 
@@ -101,16 +101,10 @@ class LiveRun:
 
 
 def reduce_pauses() -> None:
-    """Settings of the whole process for a run: threads hand over soon, BLAS has one, the collector waits.
+    """Settings of the whole process for a run: threads hand over soon, and the collector leaves alone what is there.
 
-    A collection of everything that the libraries have loaded stops all threads for tens of milliseconds. Matrices of a
-    frame are small: BLAS threads that wait for one another took six endcaps on two cores from 4 to 20 ms and more.
+    A collection of everything that the libraries have loaded stops all threads for tens of milliseconds.
     """
-    from threadpoolctl import threadpool_limits
-
-    with suppress(ImportError):  # an installation for live alone has none
-        import scipy.linalg  # noqa: F401  (has a BLAS of its own)
-    threadpool_limits(1, user_api="blas")
     sys.setswitchinterval(SWITCH_S)
     gc.collect()
     gc.freeze()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +17,6 @@ from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
 from cad.options import PATTERN_DEFAULTS
-from cad.plain_numbers import plain
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides, robot_words
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
@@ -25,8 +25,8 @@ from fab.exports.preview import glb
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 
-OPTIONS = (*PATTERN_DEFAULTS, "robot")  # left empty, they are those of the released sensor
-KNOBS = ("D", "T", "joint_clearance", "material", "printer", *OPTIONS)
+MAY_BE_EMPTY = ("material", "printer", *PATTERN_DEFAULTS, "robot")  # then the defaults of make molds hold
+KNOBS = ("D", "T", "joint_clearance", *MAY_BE_EMPTY)
 REGION_STEPS = 160
 
 
@@ -45,15 +45,7 @@ class Choice:
     @property
     def words(self) -> tuple[str, ...]:
         """Options of `make molds`, one word each, no shell between."""
-        layout = self.variant.layout
-        return (
-            f"D={plain(layout.params.diameter_mm)}",
-            f"T={plain(layout.params.wall_mm)}",
-            f"joint_clearance={plain(layout.joint_clearance_mm)}",
-            f"material={self.variant.silicone}",
-            f"robot={self.variant.robot}",
-            *(f"{name}={value}" for name, value in layout.params.option_words.items()),
-        )
+        return tuple(shlex.split(self.variant.words))
 
 
 def parse_choice(knobs: Mapping[str, str]) -> Choice:
@@ -64,9 +56,8 @@ def parse_choice(knobs: Mapping[str, str]) -> Choice:
     """
     if strangers := sorted(set(knobs) - set(KNOBS)):
         raise ParameterError(f"{strangers[0]!r} is no knob: they are {', '.join(KNOBS)}", name=strangers[0])
-    may_be_empty = ("material", *OPTIONS)
-    given = {name: value for name, value in knobs.items() if name != "printer" and (value or name not in may_be_empty)}
-    where = printer(knobs.get("printer") or DEFAULT_PRINTER)
+    given = {name: value for name, value in knobs.items() if value or name not in MAY_BE_EMPTY}
+    where = printer(given.pop("printer", DEFAULT_PRINTER))
     return Choice(parse_variant({**VARIANT_DEFAULTS, "D": "130", "T": "8", **given}), where.name)
 
 

@@ -8,6 +8,7 @@ are. Times in s on the monotonic clock, poses in mm.
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Iterator
 from functools import lru_cache
@@ -25,6 +26,7 @@ SIZE = (640, 480)
 ENDCAPS = 6
 RELEASED = EndcapParams(130.0, 8.0)  # of the robot that is shown unless another is asked for
 WORD = "scene:"
+_BEGINS = threading.Lock()
 
 
 @lru_cache(maxsize=2)
@@ -106,7 +108,8 @@ class SceneSource:
         self._phase = number / ENDCAPS if phase is None else phase
 
     def __iter__(self) -> Iterator[Frame]:
-        start_s = scene_start_s()
+        with _BEGINS:  # cameras have a thread each
+            start_s = scene_start_s()
         count = int((time.monotonic() - start_s) * self._rate_hz - self._phase) + 1
         sequence = 0
         while True:

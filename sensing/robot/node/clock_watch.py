@@ -17,6 +17,7 @@ AHEAD_S = 0.05  # E: clocks set by NTP agree to some milliseconds; a gyroscope c
 BEHIND_S = 0.5  # E: more than any sensor and network that a robot can walk with take
 MOST_AHEAD_S = 0.5  # half of what the estimator takes back (RobotSettings.history_s)
 MOST_BEHIND_S = 30.0  # a driver or computer whose clock was never set
+REMEDY = "set all clocks by NTP or PTP"
 
 
 class ClockWatch:
@@ -51,11 +52,7 @@ class ClockWatch:
         if topic in self._left_out:
             return
         self._left_out.add(topic)
-        way = "ahead of" if age_s < 0 else "behind"
-        self._say(
-            f"/{topic}: a stamp {abs(age_s):.2f} s {way} this computer's clock: such samples are left out; set all "
-            "clocks by NTP or PTP"
-        )
+        self._say(f"/{topic}: a stamp {_off(age_s)}: such samples are left out; {REMEDY}")
 
     def _judge(self, topic: str, now_s: float, age_s: float) -> None:
         first_s, least_s = self._seen.get(topic, (now_s, math.inf))
@@ -65,8 +62,10 @@ class ClockWatch:
             return
         self._judged.add(topic)
         if not -AHEAD_S <= age_s <= BEHIND_S:
-            way = "ahead of" if age_s < 0 else "behind"
             self._say(
-                f"/{topic}: its stamps are {abs(age_s):.2f} s {way} this computer's clock, so its samples or those of "
-                "the others count as late: set all clocks by NTP or PTP"
+                f"/{topic}: its stamps are {_off(age_s)}, so its samples or those of the others count as late: {REMEDY}"
             )
+
+
+def _off(age_s: float) -> str:
+    return f"{abs(age_s):.2f} s {'ahead of' if age_s < 0 else 'behind'} this computer's clock"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from pathlib import Path
 
@@ -33,6 +34,9 @@ def pytest_configure(config: pytest.Config) -> None:
     What an earlier run kept must not answer a test, and what tests keep must not reach the user. Signals, too, are
     what a terminal gives: tests that stop a program work in the background.
     """
+    # Test modules with their asserts taken apart, and modules that a started program loads, are compiled once.
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     for number in (signal.SIGINT, signal.SIGHUP):  # ignored under nohup and in the background: programs inherit that
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -157,6 +159,7 @@ def imports(module: str, source: str, is_package: bool = False, known: frozenset
     return found
 
 
+@cache
 def imports_of(module: str) -> set[str]:
     path = MODULES[module]
     return imports(module, path.read_text(), path.name == "__init__.py")
@@ -188,38 +191,48 @@ def sensing_violations(module: str, names: set[str]) -> set[str]:
     return bad
 
 
-@pytest.mark.parametrize("module", sorted(PLAIN))
-def test_the_bottom_layer_imports_only_the_standard_library_and_itself(module):
-    names = imports_of(module)
-    allowed = BOTTOM if module in BOTTOM else PLAIN
-    assert {n for n in own(names) if n not in allowed | {"cad"}} == set()
-    assert {n for n in names - own(names) if n.split(".")[0] not in sys.stdlib_module_names} == set()
+def violations(modules: Iterable[str], bad: Callable[[str, set[str]], set[str]]) -> dict[str, set[str]]:
+    """What each module imports and must not, without the modules that import nothing such."""
+    found = {module: bad(module, imports_of(module)) for module in sorted(modules)}
+    return {module: names for module, names in found.items() if names}
 
 
-@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("cad")))
-def test_cad_imports_neither_fab_nor_sensing(module):
-    assert {n for n in own(imports_of(module)) if not n.startswith("cad")} == set()
+def modules_of(*packages: str) -> list[str]:
+    """All modules of some packages."""
+    found = [module for module in MODULES if module.split(".")[0] in packages]
+    assert len(found) > 10 * len(packages)
+    return found
 
 
-@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("fab")))
-def test_fab_does_not_import_sensing(module):
-    assert {n for n in own(imports_of(module)) if n.startswith("sensing")} == set()
+def test_the_bottom_layer_imports_only_the_standard_library_and_itself():
+    def bad(module: str, names: set[str]) -> set[str]:
+        allowed = (BOTTOM if module in BOTTOM else PLAIN) | {"cad"}
+        strange = {n for n in names - own(names) if n.split(".")[0] not in sys.stdlib_module_names}
+        return strange | (own(names) - allowed)
+
+    assert violations(PLAIN, bad) == {}
 
 
-@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("sensing")))
-def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart(module):
-    assert sensing_violations(module, imports_of(module)) == set()
+def test_cad_imports_neither_fab_nor_sensing():
+    assert violations(modules_of("cad"), lambda _, names: {n for n in own(names) if not n.startswith("cad")}) == {}
 
 
-@pytest.mark.parametrize("module", sorted(m for m in MODULES if not m.startswith("endcap")))
-def test_nothing_imports_the_facade(module):
-    assert {name for name in imports_of(module) if name.split(".")[0] == "endcap"} == set()
+def test_fab_does_not_import_sensing():
+    assert violations(modules_of("fab"), lambda _, names: {n for n in own(names) if n.startswith("sensing")}) == {}
+
+
+def test_sensing_imports_the_bottom_layer_only_and_the_simulator_stands_apart():
+    assert violations(modules_of("sensing"), sensing_violations) == {}
+
+
+def test_nothing_imports_the_facade():
+    others = modules_of("cad", "fab", "sensing")
+    assert violations(others, lambda _, names: {n for n in names if n.split(".")[0] == "endcap"}) == {}
 
 
 def test_the_runtime_does_not_import_the_verification():
-    runtime = {m for m in MODULES if m.startswith("sensing") and "verification" not in m}
-    found = {m: {n for n in imports_of(m) if "simulator.verification" in n} for m in runtime}
-    assert {m for m, names in found.items() if names} == set()
+    runtime = [module for module in modules_of("sensing") if "verification" not in module]
+    assert violations(runtime, lambda _, names: {n for n in names if "simulator.verification" in n}) == {}
 
 
 def test_every_package_of_sensing_has_its_arrows_and_they_have_no_cycle():

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from fab.checks.check import Check
-from fab.meshing.mesh import to_manifold, volume_mm3
+from fab.meshing.mesh import to_manifold, unique_rows, volume_mm3
 from fab.meshing.self_intersections import self_intersections
 
 if TYPE_CHECKING:
@@ -116,8 +116,8 @@ def shared_mm3(first: manifold3d.Manifold, second: manifold3d.Manifold) -> float
 def twins(first: manifold3d.Manifold, second: manifold3d.Manifold) -> np.ndarray:
     """Faces (mask) of the second body that are faces of the first turned round, corner for corner to the bit."""
     meshes = [body.to_mesh() for body in (first, second)]
-    points = np.concatenate([np.asarray(mesh.vert_properties)[:, :3] for mesh in meshes]).astype(np.float32) + 0
-    _, number = np.unique(np.ascontiguousarray(points).view("V12").ravel(), return_inverse=True)
+    points = np.concatenate([np.asarray(mesh.vert_properties)[:, :3] for mesh in meshes]).astype(np.float32)
+    _, number = unique_rows(points)
     start = len(meshes[0].vert_properties)
     mine = number[np.asarray(meshes[0].tri_verts)[:, ::-1]]
     theirs = number[start + np.asarray(meshes[1].tri_verts, dtype=np.int64)]

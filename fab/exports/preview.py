@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from fab.meshing.mesh import unique_rows
+
 LARGEST_BYTES = 1_400_000  # of the GLB: 1.9 MB as base64 in a page
 SHORT = 32767
 METRE = 1e-3
@@ -48,13 +50,12 @@ def clustered(mesh: trimesh.Trimesh, cell_mm: float) -> trimesh.Trimesh:
         cell_mm: side of a cell.
     """
     cells = np.floor(mesh.vertices / cell_mm).astype(np.int64)
-    _, index = np.unique(cells, axis=0, return_inverse=True)
-    index = index.reshape(-1)
+    _, index = unique_rows(cells - cells.min(axis=0))
     count = np.bincount(index).astype(float)
     points = np.column_stack([np.bincount(index, mesh.vertices[:, k]) / count for k in range(3)])
     faces = index[mesh.faces]
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    _, first = np.unique(unique_rows(np.sort(faces, axis=1))[1], return_index=True)
     return trimesh.Trimesh(points, faces[np.sort(first)], process=False, validate=False)
 
 

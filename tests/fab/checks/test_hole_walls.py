@@ -7,6 +7,7 @@ import math
 import manifold3d
 import pytest
 import trimesh
+from long_cases import others_long
 
 from cad.fasteners import ScrewJoint
 from cad.mold_core import core_body, core_parts
@@ -72,7 +73,7 @@ def test_holes_through_a_block_are_counted():
     assert through_holes(from_manifold(block - deep - tunnel)) == 2  # the blind one broke into it
 
 
-@pytest.mark.parametrize(("diameter", "holes"), [(99.5, 4), (100.5, 2), (104.0, 2)])
+@pytest.mark.parametrize(("diameter", "holes"), others_long([(99.5, 4), (100.5, 2), (104.0, 2)], 2, unpack=True))
 def test_a_low_collar_is_drilled_through_and_a_higher_one_keeps_a_roof(diameter, holes, monkeypatch):
     layout = MoldLayout(EndcapParams(diameter, 7.0))
 
@@ -88,7 +89,7 @@ def test_a_low_collar_is_drilled_through_and_a_higher_one_keeps_a_roof(diameter,
     assert (min_wall_mm(collar()["cup_collar_1"]) < 0.8) == (diameter == 100.5)
 
 
-@pytest.mark.parametrize(("diameter", "wall"), [(250.0, 25.0), (210.0, 19.55), (170.0, 17.0)])
+@pytest.mark.parametrize(("diameter", "wall"), others_long([(170.0, 17.0), (250.0, 25.0), (210.0, 19.55)], unpack=True))
 def test_screws_of_the_core_keep_off_the_cavity_under_a_thick_wall(diameter, wall, monkeypatch):
     """Midway to the neck, as they were, they came within 0.3 mm of the cavity at D=170 T=17, and into it at D=250."""
     layout = MoldLayout(EndcapParams(diameter, wall, (1, 3, 3)))

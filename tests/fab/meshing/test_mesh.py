@@ -13,7 +13,7 @@ import trimesh
 from build123d import Solid
 
 from cad.errors import EndcapError, FileError, GeometryError
-from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, volume_mm3, weld, write_stl
+from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, unique_rows, volume_mm3, weld, write_stl
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -77,6 +77,16 @@ def test_weld_takes_minus_zero_for_zero():
     assert len(weld(soup, np.arange(12).reshape(-1, 3)).vertices) == 4
 
 
+def test_distinct_rows_are_those_of_numpy_in_its_order():
+    rng = np.random.default_rng(3)
+    values = np.array([-np.inf, -3e38, -130.25, -1e-45, -0.0, 0.0, 1e-45, 0.1, 130.25, np.inf], dtype=np.float32)
+    for rows in (rng.choice(values, (4000, 3)), rng.choice(np.array([0, 1, 2**31, 2**32 - 1]), (300, 3))):
+        distinct, places = unique_rows(rows)
+        wanted, back = np.unique(rows + rows.dtype.type(0), axis=0, return_inverse=True)
+        assert np.array_equal(distinct, wanted) and not np.signbit(distinct[distinct == 0]).any()
+        assert np.array_equal(places, back.ravel()) and np.array_equal(distinct[places], rows)
+
+
 def test_weld_drops_collapsed_and_cancelling_triangles():
     flap = np.vstack([FACES, [[0, 0, 1]], [[0, 1, 4]], [[1, 0, 4]]])
     mesh = weld(np.vstack([TETRAHEDRON, [[2.0, 2.0, 2.0]]]), flap)
@@ -131,6 +141,15 @@ def test_manifold_round_trip_keeps_the_volume_and_an_open_mesh_is_refused(ball):
     opened = trimesh.Trimesh(ball.vertices, ball.faces[1:], process=False)
     with pytest.raises(GeometryError, match="not a closed manifold"):
         to_manifold(opened)
+
+
+def test_the_solid_that_was_asked_for_last_is_kept_longest(monkeypatch):
+    monkeypatch.setattr("fab.meshing.mesh.KEPT_SOLIDS", 2)
+    meshes = [trimesh.creation.box((1, 1, side)) for side in (31, 32, 33)]
+    first, second = (to_manifold(mesh) for mesh in meshes[:2])
+    assert to_manifold(meshes[0]) is first
+    to_manifold(meshes[2])
+    assert to_manifold(meshes[0]) is first and to_manifold(meshes[1]) is not second
 
 
 def test_the_volume_is_that_of_the_body_wherever_it_lies(ball):

@@ -17,31 +17,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-BOTTOM = {
-    f"cad.{name}"
-    for name in (
-        "errors",
-        "data_table",
-        "extras",
-        "plain_numbers",
-        "scaling",
-        "feasible",
-        "params",
-        "dots",
-        "lens",
-        "materials",
-        "identity",
-        "typed_folder",
-        "whole_file",
-        "plugins",
-        "messages",
-        "threads",
-        "pools",
-        "options",
-        "design_arguments",
-        "pattern",
-    )
-}
+BOTTOM_NAMES = (
+    "errors data_table extras plain_numbers scaling feasible params dots lens materials identity typed_folder "
+    "whole_file plugins messages threads pools options design_arguments pattern"
+)
+BOTTOM = {f"cad.{name}" for name in BOTTOM_NAMES.split()}
 PLAIN = BOTTOM | {
     f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part", "robot_sides")
 }  # standard library only, too

@@ -102,14 +102,15 @@ robot-model: $(VENV)/all.stamp ## endcap for robot simulators, MJCF and URDF: ma
 coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and their trays
 	@$(BIN)/python -m fab.coupons $(ASKED)
 
-# Four processes on two cores: much of the time tests wait for cameras, browsers and processes.
+# Three processes on two cores: tests wait for cameras, browsers and processes. Each imports all test modules: a fourth
+# takes 30 s of processor time more (40 the first time), and no less of the clock.
 test: $(VENV)/all.stamp ## the tests, but for those marked long: nine to ten minutes on two slow cores, half of that on quick ones
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
-	@$(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder -m 'not long'
+	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m 'not long'
 
 test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: ten minutes on two slow cores
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
-	@$(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder -m long
+	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m long
 
 # Quick: what makes no CAD solids, renders nothing and presses nothing. 80 s of processor time with warm caches.
 QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.py test_extras.py test_makefile.py \

@@ -103,12 +103,12 @@ coupons: $(VENV)/fab.stamp ## fit coupon for the joints, bond specimens and thei
 	@$(BIN)/python -m fab.coupons $(ASKED)
 
 # Three processes on two cores: tests wait for cameras, browsers and processes. Each imports all test modules: a fourth
-# takes 30 s of processor time more (40 the first time), and no less of the clock.
-test: $(VENV)/all.stamp ## the tests, but for those marked long: nine to ten minutes on two slow cores, half of that on quick ones
+# takes 30 s of processor time more, 80 the first time, and no less of the clock.
+test: $(VENV)/all.stamp ## the tests, but for those marked long: nine minutes on two slow cores, the first time ten; half of that on quick ones
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m 'not long'
 
-test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: ten minutes on two slow cores
+test-long: $(VENV)/all.stamp ## the rest of the tests: more sizes, more seeds, other engines, all kernels compiled anew: nine minutes on two slow cores
 	@sh scripts/slicer.sh || echo 'tests that slice will be skipped' >&2
 	@$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m long
 

@@ -17,6 +17,7 @@ from cad.led_placement import LED_COUNT
 from cad.materials import silicone
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
+from fab.led_ring.light import INK_SHARE
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "docs" / "provenance.md"
@@ -138,6 +139,7 @@ CODE: dict[str, tuple[float, ...]] = {
     "LED01": (led_part("driver").value,),
     "LED04": (led_part("r_set").value,),
     "LED05": (led_part("led").value,),
+    "LED09": (INK_SHARE,),
     "BND01": (coupons.WIDTH_MM, coupons.WIDTH_MM, coupons.TENSILE_BLOCK_MM),
     "BND02": (coupons.INTERFERENCE_MM,),
     "BND05": (coupons.WIDTH_MM, coupons.PEEL_MM, coupons.WIDTH_MM, coupons.UNBONDED_MM),
@@ -147,6 +149,13 @@ CODE: dict[str, tuple[float, ...]] = {
 @pytest.mark.parametrize("name", sorted(CODE))
 def test_values_are_those_of_the_code(name):
     assert CODE[name] == pytest.approx(FACTS[name].values, rel=1e-4), name
+
+
+def test_the_ink_is_that_of_the_renderer():
+    from sensing.simulator.render.ink import INK
+    from sensing.simulator.render.skin import SILICONE
+
+    assert pytest.approx(INK[1] / SILICONE[0, 2], rel=5e-3) == INK_SHARE  # green
 
 
 def test_values_of_the_released_pipeline():

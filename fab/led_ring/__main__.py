@@ -68,21 +68,23 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callab
         0.
 
     Raises:
-        ParameterError: LED count outside what the board takes.
+        ParameterError: LED count outside what the board takes, or too few for this dome.
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
     from fab.led_ring.copper import build_copper
     from fab.led_ring.gerber import board_files, read_archive, write_archive
     from fab.led_ring.kicad import kicad_checks, write_project
-    from fab.led_ring.light import dome_light, light_checks
+    from fab.led_ring.light import dome_light, light_checks, require_even
     from fab.led_ring.picture import draw_board, draw_light
     from fab.led_ring.rules import rule_checks
     from fab.led_ring.schematic_check import schematic_checks
 
     places, count = placements(led_count), int(led_count)
     driver = fitted_driver(count)
-    copper, light = build_copper(count), dome_light(params, count)
+    light = dome_light(params, count)
+    require_even(light, params, count)
+    copper = build_copper(count)
     final = exports / folder_name(params, count)
     with whole_folder(final, RECORD, ask) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")

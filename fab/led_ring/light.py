@@ -18,15 +18,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from cad import ring_spacer
+from cad.errors import ParameterError
 from cad.led_placement import LED_COUNT, Placement, placements
 from cad.led_ring import BOARD_THICKNESS_MM
 from cad.params import EndcapParams
+from cad.plain_numbers import plain
 from fab.checks.check import Check
 
 REFLECTANCE = 0.5  # E: white silicone, translucent
 AZIMUTHS = 360
-POLAR_STEP_DEG = 2.0
-RIPPLE = 0.30  # E: half of the swing round a circle over its mean; the dots' contrast is several times that
+POLAR_STEP_DEG = 2.0  # at most
+INK_SHARE = 0.105  # M (LED09): reflectance of ink over that of silicone
+CONTRAST = 4.0  # E: the darkest silicone of a circle over a dot at the circle's brightest place
+# (1 - r) / (INK_SHARE (1 + r)) = CONTRAST, where r is half of the swing round a circle over its mean
+RIPPLE = (1 - CONTRAST * INK_SHARE) / (1 + CONTRAST * INK_SHARE)
 DARKEST = 0.4  # E: darkest over mean
 
 
@@ -78,7 +83,8 @@ def dome_light(params: EndcapParams, led_count: int = LED_COUNT, reflectance: fl
     Raises:
         ParameterError: LED count outside what the board takes.
     """
-    polar = np.arange(0.0, params.view_rim_polar_deg, POLAR_STEP_DEG)
+    rim = params.view_rim_polar_deg
+    polar = np.linspace(0.0, rim, math.ceil(rim / POLAR_STEP_DEG) + 1)
     azimuth = np.arange(AZIMUTHS) * 360.0 / AZIMUTHS
     theta, phi = np.meshgrid(np.radians(polar), np.radians(azimuth), indexing="ij")
     outward = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
@@ -137,6 +143,27 @@ def blocked(source: np.ndarray, wall: np.ndarray, body: Placement) -> np.ndarray
     enter = np.nanmax(np.minimum(first, second), axis=-1)
     leave = np.nanmin(np.maximum(first, second), axis=-1)
     return (enter < leave) & (leave > 0) & (enter < 1)
+
+
+def require_even(light: DomeLight, params: EndcapParams, led_count: int) -> None:
+    """Refuse too few LEDs for a dome that lies near the ring.
+
+    Args:
+        light: of this ring. params: the endcap that it lights. led_count: its LEDs.
+
+    Raises:
+        ParameterError: the light swings too much; the message names how many LEDs do not.
+    """
+    if light.ripple <= RIPPLE or led_count == LED_COUNT:
+        return
+    enough = next((n for n in range(led_count + 1, LED_COUNT) if dome_light(params, n).ripple <= RIPPLE), LED_COUNT)
+    raise ParameterError(
+        f"leds={led_count} lights the rim of D={plain(params.diameter_mm)} T={plain(params.wall_mm)} too unevenly: +-"
+        f"{light.ripple:.0%} round it, at most {RIPPLE:.0%}, so that silicone stays {CONTRAST:g} times as bright as a "
+        f"dot; take leds={enough}",
+        name="leds",
+        value=led_count,
+    )
 
 
 def light_checks(light: DomeLight) -> list[Check]:

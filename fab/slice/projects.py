@@ -247,13 +247,38 @@ def build_project(export: Export, plate: Plate, where: Printer) -> Project:
 def _single_project(export: Export, name: str, where: Printer) -> Project:
     """One part in the middle of its plate."""
     part = _part_of(name)
-    settings = part_settings(part, export.printed[part], where)
+    material = export.printed[part]
     if name == INFILL:
-        return single(name, settings, zone_volumes(export.params, where))
-    mesh = laid_down(part, read_part(export, part), where)
+        return infill_project(export.params, material, where)
+    mesh = read_part(export, part)
     if name == GYROID:
-        settings = replace(settings, grow_mm=round(ROUNDING_MM / 2, 4))
-    return single(name, settings, (Volume(part, mesh),))
+        return gyroid_project(mesh, material, where)
+    return single(name, part_settings(part, material, where), (Volume(part, laid_down(part, mesh, where)),))
+
+
+def infill_project(params: EndcapParams, material: str, where: Printer) -> Project:
+    """The interface whose zone the slicer fills.
+
+    Args:
+        params: the design. material: of the interface. where: the printer.
+
+    Raises:
+        ParameterError: an unknown material, or it does not fit the bed.
+    """
+    return single(INFILL, part_settings(INTERFACE, material, where), zone_volumes(params, where))
+
+
+def gyroid_project(mesh: trimesh.Trimesh, material: str, where: Printer) -> Project:
+    """The interface as its mesh is, outlines moved out for the lines' round sides.
+
+    Args:
+        mesh: the interface with its gyroid, endcap frame, mm. material: of the interface. where: the printer.
+
+    Raises:
+        ParameterError: an unknown material, or it does not fit the bed.
+    """
+    settings = replace(part_settings(INTERFACE, material, where), grow_mm=round(ROUNDING_MM / 2, 4))
+    return single(GYROID, settings, (Volume(INTERFACE, laid_down(INTERFACE, mesh, where)),))
 
 
 def zone_volumes(params: EndcapParams, where: Printer | None = None) -> tuple[Volume, Volume]:

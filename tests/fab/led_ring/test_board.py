@@ -21,7 +21,7 @@ from fab.led_ring.circuit import PINS
 from fab.led_ring.copper import PADS, Track, Via, build_copper
 from fab.led_ring.gerber import board_files, read_archive, regions, write_archive
 from fab.led_ring.kicad import kicad_checks, write_project
-from fab.led_ring.light import dome_light, irradiance
+from fab.led_ring.light import CONTRAST, INK_SHARE, RIPPLE, dome_light, irradiance, light_checks
 from fab.led_ring.rules import edge_distance_mm, envelope, rule_checks
 from fab.led_ring.silk import PAD_GAP_MM, WORDS, word
 
@@ -208,6 +208,24 @@ def test_light_of_the_ring():
     height = params.tip_height_mm - params.wall_mm - 7.55
     square = height**2 + 35.0**2
     assert tip[0] == pytest.approx(height**2 / (math.pi * square**2), rel=1e-9)
+
+
+@pytest.mark.parametrize(("diameter", "wall"), [(98.86, 6.5), (99.54, 9.9), (100.0, 9.99), (250.0, 6.5), (250.0, 25.0)])
+def test_nine_leds_light_every_size_evenly_enough(diameter, wall):
+    light = dome_light(EndcapParams(diameter, wall))
+    assert light.polar_deg[-1] == EndcapParams(diameter, wall).view_rim_polar_deg  # worst there at small D
+    assert all(check.ok for check in light_checks(light))
+
+
+def test_too_few_leds_are_refused_with_a_number_that_does(tmp_path, capsys):
+    assert main(["leds=6", "D=99", "T=8", f"exports={tmp_path}"]) == 2
+    line = capsys.readouterr().err
+    assert "leds=6 lights the rim of D=99 T=8 too unevenly" in line
+    fewest = int(line.split("take leds=")[1])
+    small = EndcapParams(99.0, 8.0)
+    assert [dome_light(small, count).ripple <= RIPPLE for count in (fewest - 1, fewest)] == [False, True]
+    darkest_silicone, brightest_dot = 1 - RIPPLE, INK_SHARE * (1 + RIPPLE)
+    assert darkest_silicone / brightest_dot == pytest.approx(CONTRAST)
 
 
 def test_command_writes_a_whole_folder_or_nothing(tmp_path, capsys):

@@ -248,6 +248,8 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys) -> None:
         read_dots(tmp_path / "dots.csv")
     with pytest.raises(CalibrationError, match="3 dots found, at least 20"):
         calibrate_from_dots(np.zeros((3, 2)), PARAMS, SIZE)
+    with pytest.raises(CalibrationError, match=r"at least 7 needed: this lens sees 4 of .* \(1-3-4\): more"):
+        calibrate_from_dots(np.zeros((4, 2)), EndcapParams(99.46, 9.94, (1, 3, 4)), SIZE)
     rng = np.random.default_rng(0)
     with pytest.raises(CalibrationError, match="pattern not recognised"):
         calibrate_from_dots(rng.uniform(0, 480, (90, 2)), PARAMS, SIZE)

@@ -25,17 +25,19 @@ from cad.params import EndcapParams
 from fab.meshing.gyroid import interface_mesh
 from fab.meshing.mesh import tessellate
 from fab.slice.gcode import read_gcode
+from fab.slice.growth import growth_mm
 from fab.slice.measure import print_figures, zone_figures
 from fab.slice.project_3mf import Project, Volume, single, write_prusa
 from fab.slice.run import find_slicer, slice_to_gcode
-from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
+from fab.slice.settings import part_settings, zone_region
 
 HERE = Path(__file__).parent
 PARAMS = EndcapParams(100.0, 8.0)
 STEPS_MM = (1.6, 1.2, 0.9, 0.6)
 TOLERANCES_MM = (0.5, 0.1, 0.01)
 DENSITIES = (10.0, 10.8)  # uncorrected: what one would ask, and what one finds by trial on a thicker zone
-GROWN = {"explicit": 0.0, "explicit, grown": ROUNDING_MM / 2}
+ZONE_MM = PARAMS.wall_mm - 2 * PARAMS.skin_mm
+GROWN = {"explicit": 0.0, "explicit, grown": growth_mm(ZONE_MM, PARAMS.gyroid)}
 
 
 def main() -> int:
@@ -66,7 +68,7 @@ def explicit_rows() -> list[dict[str, object]]:
 def native_rows() -> list[dict[str, object]]:
     """One row a tolerance at our density, and one a density that is not corrected."""
     settings, rows = part_settings("interface", "TPU 95A"), []
-    right = zone_region(PARAMS.wall_mm - 2 * PARAMS.skin_mm)
+    right = zone_region(ZONE_MM)
     cases = [(tolerance, right, f"tolerance {tolerance:g} mm") for tolerance in TOLERANCES_MM]
     cases += [(0.01, replace(right, density_percent=density), f"asked {density:g} %") for density in DENSITIES]
     cases.append((0.01, replace(right, anchor_mm=None, solid_below_mm2=None), "default anchors"))

@@ -68,7 +68,7 @@ def sliced(params: EndcapParams) -> list[SliceResult]:
     where, slicer = printer(), find_slicer()
     projects = (
         infill_project(params, MATERIAL, where),
-        gyroid_project(interface_mesh(params).mesh, MATERIAL, where),
+        gyroid_project(params, interface_mesh(params).mesh, MATERIAL, where),
     )
     with tempfile.TemporaryDirectory() as folder:
         return [slice_project(slicer, project, Path(folder), params, keep_gcode=False) for project in projects]

@@ -18,6 +18,7 @@ from cad.materials import silicone
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
 from fab.led_ring.light import INK_SHARE
+from fab.slice.growth import BULK, CROSSING, END_MM, PER_MM
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "docs" / "provenance.md"
@@ -140,6 +141,8 @@ CODE: dict[str, tuple[float, ...]] = {
     "LED04": (led_part("r_set").value,),
     "LED05": (led_part("led").value,),
     "LED09": (INK_SHARE,),
+    "GYR07": (BULK, CROSSING, END_MM),
+    "GYR08": (PER_MM,),
     "BND01": (coupons.WIDTH_MM, coupons.WIDTH_MM, coupons.TENSILE_BLOCK_MM),
     "BND02": (coupons.INTERFERENCE_MM,),
     "BND05": (coupons.WIDTH_MM, coupons.PEEL_MM, coupons.WIDTH_MM, coupons.UNBONDED_MM),

@@ -1,7 +1,7 @@
 """Slicer projects of an exported design: every printed part, the interface in both of its forms.
 
 interface_infill    flange and plain zone, which the slicer fills with its own gyroid
-interface_gyroid    the mesh with its explicit gyroid, every outline moved out by half of what round lines take off
+interface_gyroid    the mesh with its explicit gyroid, every outline moved out (:mod:`fab.slice.growth`)
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ import trimesh
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.identity import identity, recorded, require_same
+from cad.interface import zone_radii_mm
 from cad.params import EndcapParams
 from fab.command import exports_words
 from fab.exports.whole_folder import file_sha256
 from fab.meshing.mesh import read_stl, tessellate
+from fab.slice.growth import growth_mm
 from fab.slice.nest import Place, Standing, nested
 from fab.slice.pose import laid_down, standing
 from fab.slice.printers import Printer, require_bed, turned
 from fab.slice.project_3mf import Piece, Project, Volume, single
-from fab.slice.settings import ROUNDING_MM, part_settings, zone_region
+from fab.slice.settings import part_settings, zone_region
 from fab.variant import Variant, variant_of
 
 MANIFEST = "manifest.json"
@@ -252,7 +254,7 @@ def _single_project(export: Export, name: str, where: Printer) -> Project:
         return infill_project(export.params, material, where)
     mesh = read_part(export, part)
     if name == GYROID:
-        return gyroid_project(mesh, material, where)
+        return gyroid_project(export.params, mesh, material, where)
     return single(name, part_settings(part, material, where), (Volume(part, laid_down(part, mesh, where)),))
 
 
@@ -268,22 +270,25 @@ def infill_project(params: EndcapParams, material: str, where: Printer) -> Proje
     return single(INFILL, part_settings(INTERFACE, material, where), zone_volumes(params, where))
 
 
-def gyroid_project(mesh: trimesh.Trimesh, material: str, where: Printer) -> Project:
-    """The interface as its mesh is, outlines moved out for the lines' round sides.
+def gyroid_project(params: EndcapParams, mesh: trimesh.Trimesh, material: str, where: Printer) -> Project:
+    """The interface as its mesh is, outlines moved out by what its lines would lack.
 
     Args:
-        mesh: the interface with its gyroid, endcap frame, mm. material: of the interface. where: the printer.
+        params: the design. mesh: the interface with its gyroid, endcap frame, mm.
+        material: of the interface. where: the printer.
 
     Raises:
         ParameterError: an unknown material, or it does not fit the bed.
     """
-    settings = replace(part_settings(INTERFACE, material, where), grow_mm=round(ROUNDING_MM / 2, 4))
+    inner, outer = zone_radii_mm(params)
+    grow = round(growth_mm(outer - inner, params.gyroid), 4)
+    settings = replace(part_settings(INTERFACE, material, where), grow_mm=grow)
     return single(GYROID, settings, (Volume(INTERFACE, laid_down(INTERFACE, mesh, where)),))
 
 
 def zone_volumes(params: EndcapParams, where: Printer | None = None) -> tuple[Volume, Volume]:
     """Flange and plain zone, each a closed mesh."""
-    from cad.interface import build_flange, build_zone, zone_radii_mm
+    from cad.interface import build_flange, build_zone
 
     inner, outer = zone_radii_mm(params)
     flange = laid_down(INTERFACE, tessellate(build_flange(params)), where)

@@ -1,6 +1,6 @@
-"""Slicing the interface at sizes and gyroid fractions drawn from the whole region, both of its forms.
+"""Slicing the interface at sizes and gyroid fractions drawn from the whole region and at two corners of it, both forms.
 
-    python bench/bench_slice_sizes.py           20 designs, about half an hour on one core; needs PrusaSlicer
+    python bench/bench_slice_sizes.py           12 designs and the corners, about an hour on one core; needs PrusaSlicer
     python bench/bench_slice_sizes.py --count 4 --seed 7
 
 Writes slice_sizes.csv beside this file, a row a design and form: what the gates of ``make slice`` read from the G-code
@@ -28,16 +28,17 @@ from fab.slice.run import find_slicer
 TABLE = Path(__file__).with_name("slice_sizes.csv")
 MATERIAL = "TPU 95A"
 DIAMETERS_MM, LEAST_WALL_MM, WALL_RATIO = (98.86, 250.0), 6.5, 0.1
+CORNERS = EndcapParams(98.86, 6.5, gyroid=0.12), EndcapParams(250.0, 25.0, gyroid=0.12)
 
 
 def main() -> int:
     """Slice, write the table, say what was refused."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20, help="designs")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=12, help="random designs")
+    parser.add_argument("--seed", type=int, default=28)
     options = parser.parse_args()
     rows = []
-    for params in designs(options.count, options.seed):
+    for params in [*designs(options.count, options.seed), *CORNERS]:
         for result in sliced(params):
             rows.append(row(params, result))
             print(*rows[-1].values(), file=sys.stderr)

@@ -134,7 +134,7 @@ def draw(rows: list[dict[str, object]]) -> None:
         axis.set_xscale("log")
         axis.set_xticks([5, 10, 20, 40], ["5", "10", "20", "40"])
         axis.minorticks_off()
-        axis.set_xlim(4, 60)
+        axis.set_xlim(3, 60)
     axes[0].set_title("explicit: a mesh, by the step of its grid in mm", fontsize=9)
     axes[1].set_title("gray line: the least that is accepted", fontsize=9)
     axes[0].legend(fontsize=8)

@@ -51,7 +51,8 @@ def main() -> int:
 
 def designs(count: int, seed: int) -> list[EndcapParams]:
     """Sizes at random; every other one has an end of the range of fractions, every fourth a thin wall."""
-    rng, found = random.Random(seed), []
+    rng = random.Random(seed)
+    found: list[EndcapParams] = []
     while len(found) < count:
         diameter, number = round(rng.uniform(*DIAMETERS_MM), 2), len(found)
         thickest = 8.0 if number % 4 == 3 else WALL_RATIO * diameter

@@ -17,6 +17,7 @@ import tempfile
 from pathlib import Path
 
 from cad.errors import ParameterError
+from cad.feasible import MAX_DIAMETER_MM, MAX_WALL_RATIO, MIN_WALL_MM
 from cad.params import EndcapParams
 from cad.pattern import GYROID_RANGE
 from fab.meshing.gyroid import interface_mesh
@@ -27,8 +28,12 @@ from fab.slice.run import find_slicer
 
 TABLE = Path(__file__).with_name("slice_sizes.csv")
 MATERIAL = "TPU 95A"
-DIAMETERS_MM, LEAST_WALL_MM, WALL_RATIO = (98.86, 250.0), 6.5, 0.1
-CORNERS = EndcapParams(98.86, 6.5, gyroid=0.12), EndcapParams(250.0, 25.0, gyroid=0.12)
+LEAST_MM = 98.86  # the smallest diameter, rounded up
+THIN_MM = 8.0  # a wall below it is thin
+CORNERS = (
+    EndcapParams(LEAST_MM, MIN_WALL_MM, gyroid=GYROID_RANGE[1]),
+    EndcapParams(MAX_DIAMETER_MM, MAX_WALL_RATIO * MAX_DIAMETER_MM / 2, gyroid=GYROID_RANGE[1]),
+)
 
 
 def main() -> int:
@@ -54,9 +59,9 @@ def designs(count: int, seed: int) -> list[EndcapParams]:
     rng = random.Random(seed)
     found: list[EndcapParams] = []
     while len(found) < count:
-        diameter, number = round(rng.uniform(*DIAMETERS_MM), 2), len(found)
-        thickest = 8.0 if number % 4 == 3 else WALL_RATIO * diameter
-        wall = round(rng.uniform(LEAST_WALL_MM, thickest), 2)
+        diameter, number = round(rng.uniform(LEAST_MM, MAX_DIAMETER_MM), 2), len(found)
+        thickest = THIN_MM if number % 4 == 3 else MAX_WALL_RATIO * diameter / 2
+        wall = round(rng.uniform(MIN_WALL_MM, thickest), 2)
         gyroid = GYROID_RANGE[number // 2 % 2] if number % 2 else round(rng.uniform(*GYROID_RANGE), 3)
         try:
             found.append(EndcapParams(diameter, wall, gyroid=gyroid))

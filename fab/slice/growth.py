@@ -1,8 +1,8 @@
 """How far the outlines of the explicit gyroid are moved out, so that its print holds as much plastic as its mesh.
 
 A printed line has round sides: it holds as much as a sheet that is narrower by ROUNDING_MM. With outlines moved out by
-half of that, a long sheet alone would be right. On the G-code of 19 interfaces (D 99.82 to 250, T 6.5 to 25, 8 to 12 %
-of TPU; M, GYR07) the printed volume was then too large by the share
+half of that, a long sheet alone would be right. On the G-code of 19 interfaces (bench/slice_growth.csv: D 99.82 to 250,
+T 6.5 to 25, 8 to 12 % of TPU; M, GYR07) the printed volume was then too large by the share
 
     e = BULK + CROSSING f - END_MM / z        f fraction of TPU, z thickness of the zone in mm
 

@@ -18,7 +18,7 @@ import trimesh
 
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.identity import identity, recorded, require_same
-from cad.interface import zone_radii_mm
+from cad.interface import build_flange, build_zone, zone_radii_mm
 from cad.params import EndcapParams
 from fab.command import exports_words
 from fab.exports.whole_folder import file_sha256
@@ -288,8 +288,6 @@ def gyroid_project(params: EndcapParams, mesh: trimesh.Trimesh, material: str, w
 
 def zone_volumes(params: EndcapParams, where: Printer | None = None) -> tuple[Volume, Volume]:
     """Flange and plain zone, each a closed mesh."""
-    from cad.interface import build_flange, build_zone
-
     inner, outer = zone_radii_mm(params)
     flange = laid_down(INTERFACE, tessellate(build_flange(params)), where)
     return Volume("flange", flange), Volume(

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from cad.pattern import rings_text
 from sensing.calibration.dots import (
     FEWEST_TO_FIT,
     CalibrationError,
     DotPairs,
     fewest_dots,
+    more_dots_words,
     mutual_nearest,
     neighbour_ratio,
     pattern_points,
@@ -53,12 +53,8 @@ def assign_dots(
     points, rings = pattern_points(params)
     fewest = fewest_dots(start, points)
     if len(blobs_px) < fewest:
-        seen = int(start.sees(points).sum())
-        remedy = (
-            f"this lens sees {seen} of the design's dots ({rings_text(params.dot_rings)}): more rings, or more in each"
-            if seen < fewest
-            else "sharper photo, with dots darker than the silicone, or give dots as a CSV"
-        )
+        photo = "sharper photo, with dots darker than the silicone, or give dots as a CSV"
+        remedy = more_dots_words(start, params, photo)
         raise CalibrationError(f"{len(blobs_px)} dots found, at least {fewest} needed: {remedy}")
     best: tuple[int, DotPairs, MountedCamera] | None = None
     for candidate in candidates(blobs_px, points, rings, start, azimuth_hint_deg):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from cad.dots import dot_pattern, dot_position_mm
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.params import EndcapParams
+from cad.pattern import rings_text
 from cad.plain_numbers import stored_number
 from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
@@ -140,6 +141,18 @@ def fewest_dots(camera: MountedCamera, points: Array) -> int:
         camera: the nominal one. points: (n, 3) dots of the pattern, endcap frame, mm.
     """
     return min(FEWEST, max(FEWEST_TO_FIT, math.ceil(FEWEST_SHARE * int(camera.sees(points).sum()))))
+
+
+def more_dots_words(camera: MountedCamera, params: EndcapParams, otherwise: str) -> str:
+    """What to do where a photo shows too few dots.
+
+    Args:
+        camera: the nominal one. params: the design. otherwise: where the design has enough of them for this lens.
+    """
+    seen = int(camera.sees(pattern_points(params)[0]).sum())
+    if seen >= FEWEST_TO_FIT:
+        return otherwise
+    return f"this lens sees {seen} of the design's dots ({rings_text(params.dot_rings)}): more rings, or more in each"
 
 
 def neighbour_ratio(camera: MountedCamera, points: Array) -> Array:

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.calibration.assign import assign_dots
-from sensing.calibration.dots import FEWEST_TO_FIT, CalibrationError, DotPairs, fewest_dots, pattern_points, spacing_px
+from sensing.calibration.dots import (
+    FEWEST_TO_FIT,
+    CalibrationError,
+    DotPairs,
+    fewest_dots,
+    more_dots_words,
+    pattern_points,
+    spacing_px,
+)
 from sensing.calibration.fit import Fit, Problem
 from sensing.calibration.in_place import assign_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS, MountPrior
@@ -134,9 +142,8 @@ def calibrate_from_dots(
     pairs, mounted = placed or assign_dots(found_px, params, start, wide.refine, azimuth_hint_deg)
     pattern = pattern_points(params)[0]
     if len(pairs.blob_index) < (fewest := fewest_dots(start, pattern)):
-        raise CalibrationError(
-            f"{len(pairs.blob_index)} dots matched, at least {fewest} needed: sharper photo or dots CSV"
-        )
+        remedy = more_dots_words(start, params, "sharper photo or dots CSV")
+        raise CalibrationError(f"{len(pairs.blob_index)} dots matched, at least {fewest} needed: {remedy}")
     points, pixels = pattern[pairs.pattern_index], found_px[pairs.blob_index]
     fit = wide.solve(mounted, points, pixels)
     probabilities: dict[str, float] = {}

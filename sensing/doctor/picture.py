@@ -19,6 +19,7 @@ from sensing.calibration.dots import (
     CalibrationError,
     fewest_dots,
     find_blobs,
+    more_dots_words,
     pattern_points,
     sees_whole,
 )
@@ -55,7 +56,7 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
     light = [exposure] if exposure.verdict is Verdict.BAD else [exposure, _evenness(gray)]
     centres, radii = find_blobs(image_bgr, params)
     if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
-        return [*light, _no_dots(len(centres))]
+        return [*light, _no_dots(len(centres), params)]
     dots = [_focus(gray, centres, radii, dot_look(params).scale), _dot_size(radii, centres, params, gray.shape)]
     return [*light, *dots, *_pattern(centres, params, gray.shape)]
 
@@ -89,11 +90,10 @@ def _evenness(gray: Array) -> Finding:
     )  # fmt: skip
 
 
-def _no_dots(count: int) -> Finding:
-    return finding(
-        "dots", Verdict.BAD, f"{count} dots found", "light and focus first; is this the inside of a painted endcap?",
-        {"found": float(count)},
-    )  # fmt: skip
+def _no_dots(count: int, params: EndcapParams) -> Finding:
+    look = "light and focus first; is this the inside of a painted endcap?"
+    fix = more_dots_words(nominal_mount(params), params, look)
+    return finding("dots", Verdict.BAD, f"{count} dots found", fix, {"found": float(count)})
 
 
 def _focus(gray: Array, centres: Array, radii: Array, dot_scale: float) -> Finding:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cad.interface import zone_radii_mm
 from cad.params import EndcapParams
 from fab.meshing.gyroid import interface_mesh
 from fab.slice.growth import BULK, CROSSING, END_MM, growth_mm
@@ -16,6 +19,7 @@ from fab.slice.result import slice_project
 from fab.slice.run import NAMES
 from fab.slice.settings import ROUNDING_MM
 
+TABLE = Path(__file__).parents[2] / "bench" / "slice_growth.csv"
 SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
@@ -25,6 +29,17 @@ def test_outlines_move_less_where_walls_are_thick_or_dense():
     assert growth_mm(right, fraction) == pytest.approx(ROUNDING_MM / 2)
     assert growth_mm(4.5, fraction) > growth_mm(8.0, fraction) > growth_mm(23.0, fraction) > 0
     assert growth_mm(8.0, 0.12) < growth_mm(8.0, 0.08)
+
+
+def test_the_law_is_the_least_squares_of_its_table():
+    rows = np.genfromtxt(TABLE, delimiter=",", names=True)
+    designs = [EndcapParams(row["D_mm"], row["T_mm"], gyroid=row["gyroid_percent"] / 100) for row in rows]
+    radii = np.array([zone_radii_mm(params) for params in designs])
+    excess = rows["fraction_percent"] / rows["gyroid_percent"] - 1
+    terms = np.stack([np.ones(len(rows)), rows["gyroid_percent"] / 100, -1 / np.ptp(radii, axis=1)], axis=1)
+    found, *_ = np.linalg.lstsq(terms, excess, rcond=None)
+    assert found == pytest.approx([BULK, CROSSING, END_MM], rel=2e-3)
+    assert np.std(excess - terms @ found) < 0.0035
 
 
 @pytest.mark.long

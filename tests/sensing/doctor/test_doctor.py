@@ -118,6 +118,12 @@ def test_another_design_shows_in_the_size_of_the_dots():
     assert {each.name: each.verdict for each in picture_findings(image, large)}["dot size"] is GOOD
 
 
+def test_a_design_with_too_few_dots_is_named_and_not_the_focus():
+    blank = np.full((480, 640, 3), 140, np.uint8)
+    for params, fix in ((EndcapParams(99.46, 9.94, (1, 3, 4)), "this lens sees 4 of"), (EndcapParams(130, 8), "focus")):
+        assert fix in {each.name: each.fix for each in picture_findings(blank, params)}["dots"]
+
+
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the released photos are not on this computer")
 def test_the_released_photos_have_nothing_bad_but_the_wide_one_that_lacks_dots_above_and_below():
     for path in sorted(PHOTOS.iterdir()):

@@ -18,7 +18,7 @@ import argparse
 import csv
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from functools import partial
@@ -28,13 +28,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from live_plans import COMMON, COMPUTED, ENDCAPS, MORE, RATE_HZ, RECORDED, Plan, about_run
 from live_probes import IdleProbe, Viewer, clocks
+from live_table import TABLE, draw, save
 
 from cad.errors import FileError
 from cad.params import EndcapParams
@@ -49,15 +46,6 @@ from sensing.live.run import LiveRun, reduce_pauses
 from sensing.live.web.page import PageServer
 from sensing.records import Frame
 from sensing.tracking.zero import take_zero
-
-HERE = Path(__file__).resolve().parent
-
-
-COLUMNS = (
-    "model", "method", "endcaps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
-    "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped",
-    "force_error_n", "torque_error_nm", "contact_right",
-)  # fmt: skip
 
 
 def frames_of(endcap: int, ticks: int) -> list[Frame]:
@@ -215,40 +203,46 @@ def main() -> int:
     if options.recorded:
         measure_recorded(options.seconds)
         return 0
-    params, film = EndcapParams(130, 8), scene_film()
-    asked: list[tuple[str, Path | None, str]] = []
-    try:
-        load_model("default", params)
-        asked += [("default", None, m) for m in ("dots", "lk", "dis", "gelslim")]
-    except FileError as error:
-        print(f"rows of the default model are left out: {error}", file=sys.stderr)
-    if options.weights_paper is not None:
-        asked += [("paper", options.weights_paper, m) for m in ("gelslim", "dots")]
-    rows = []
-    for name, weights, method in asked:
-        model = load_model(name, params, weights, method)
-        about = {"model": name, "method": method}
-        reported, spent_ms = errors(model, film.ticks, options.step)
-        rows.append(about | {"endcaps": ENDCAPS, "rate_hz": RATE_HZ} | reported)
-        print(rows[-1], flush=True)
-        for plan in COMPUTED:
-            rows.append(about | about_run(plan) | {"workers": "computed", "outputs": ""})
-            rows[-1] |= computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step)
-            print(rows[-1], flush=True)
-        if not options.seconds:
-            continue
-        ours = (name, method) == ("default", "dots")
-        for plan in COMMON + (MORE if ours else ()):
-            how = about_run(plan)
-            rows.append(about | how | live(model, plan, options.seconds))
-            print(rows[-1], flush=True)
-        if ours:
-            how = {"endcaps": ENDCAPS, "workers": "6 processes", "rate_hz": RATE_HZ, "outputs": "none"}
-            rows.append(about | how | six_processes(options.seconds))
-            print(rows[-1], flush=True)
+    rows: list[dict[str, Any]] = []
+    for name, weights, method in asked_models(options.weights_paper):
+        for row in measured(name, weights, method, options.step, options.seconds):
+            rows.append(row)
+            print(row, flush=True)
     save(rows)
     draw(rows)
     return 0
+
+
+def asked_models(weights_paper: Path | None) -> list[tuple[str, Path | None, str]]:
+    """(name, weights, tracking method) of the models that can be loaded."""
+    asked: list[tuple[str, Path | None, str]] = []
+    try:
+        load_model("default", EndcapParams(130, 8))
+        asked += [("default", None, m) for m in ("dots", "lk", "dis", "gelslim")]
+    except FileError as error:
+        print(f"rows of the default model are left out: {error}", file=sys.stderr)
+    if weights_paper is not None:
+        asked += [("paper", weights_paper, m) for m in ("gelslim", "dots")]
+    return asked
+
+
+def measured(name: str, weights: Path | None, method: str, step: int, seconds: float) -> Iterator[dict[str, Any]]:
+    """Rows of one model: its errors, what its times on a frame let six endcaps reach, and live runs."""
+    model = load_model(name, EndcapParams(130, 8), weights, method)
+    about = {"model": name, "method": method}
+    reported, spent_ms = errors(model, scene_film().ticks, step)
+    yield about | {"endcaps": ENDCAPS, "rate_hz": RATE_HZ} | reported
+    for plan in COMPUTED:
+        row = about | about_run(plan) | {"workers": "computed", "outputs": ""}
+        yield row | computed(spent_ms, plan.endcaps, plan.rate_hz, plan.in_step)
+    if not seconds:
+        return
+    ours = (name, method) == ("default", "dots")
+    for plan in COMMON + (MORE if ours else ()):
+        yield about | about_run(plan) | live(model, plan, seconds)
+    if ours:
+        how = {"endcaps": ENDCAPS, "workers": "6 processes", "rate_hz": RATE_HZ, "outputs": "none"}
+        yield about | how | six_processes(seconds)
 
 
 def measure_recorded(seconds: float) -> None:
@@ -260,37 +254,10 @@ def measure_recorded(seconds: float) -> None:
     for plan in RECORDED:
         made.append(about | about_run(plan) | live(model, plan, seconds))
         print(made[-1], flush=True)
-    with (HERE / "live.csv").open(newline="") as file:
+    with TABLE.open(newline="") as file:
         kept = [row for row in csv.DictReader(file) if "recording" not in row["outputs"]]
     place = 1 + max(number for number, row in enumerate(kept) if row["outputs"] == "page")
     save(kept[:place] + made + kept[place:])
-
-
-def save(rows: Sequence[Mapping[str, Any]]) -> None:
-    """The table."""
-    with (HERE / "live.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
-
-
-def draw(rows: list[dict]) -> None:
-    """Error against time on a frame."""
-    figure, axis = plt.subplots(figsize=(6, 4))
-    for row in rows:
-        if "force_error_n" in row:
-            mark = "o" if row["model"] == "default" else "s"
-            axis.plot(row["work_ms"], row["force_error_n"], mark)
-            axis.annotate(f" {row['model']}, {row['method']}", (row["work_ms"], row["force_error_n"]))
-    axis.set(xscale="log", xlabel="CPU time on a frame, ms", ylabel="rms force error on the robot scene, N")
-    axis.set_ylim(bottom=0)
-    axis.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
-    axis.minorticks_off()
-    axis.set_xlim(1, 40)
-    axis.grid(alpha=0.3)
-    figure.tight_layout()
-    figure.savefig(HERE / "live.png", dpi=110)
 
 
 if __name__ == "__main__":

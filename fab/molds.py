@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
 from cad.materials import silicones
-from cad.messages import show
+from cad.messages import LOG, show
 from cad.robot_sides import robot_sides
 from cad.whole_file import probe_folder
 from fab.cache import Cache
@@ -21,6 +21,7 @@ from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
+from fab.seen_dots import few_dots_words
 from fab.variant import Variant
 from fab.workers import worker_pool
 
@@ -86,6 +87,8 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 
     where = printer(options["printer"])
     require_printer(variant.layout, where)
+    if words := few_dots_words(variant.params):
+        LOG.warning(f"make molds: {words}")
     asked = None if where.name == DEFAULT_PRINTER else where
     written = export(variant, exports, options["cache"] == "yes", interrupts, asked)
     show(f"{written.folder}: {written.summary}, {written.seconds:.1f} s")

@@ -17,11 +17,13 @@ from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
 from cad.options import PATTERN_DEFAULTS
+from cad.params import EndcapParams
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides, robot_words
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
 from fab.exports.preview import glb
+from fab.seen_dots import few_dots_words, seen_dots
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 
@@ -80,7 +82,7 @@ def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]
     facts = [
         ("height", f"{params.tip_height_mm:.1f} mm above the base's face"),
         ("silicone", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
-        ("dots", f"{len(dot_pattern(params))}"),
+        ("dots", _dots_words(params)),
         ("endcap weighs", f"about {costs.endcap_g:.0f} g with camera and ring"),
         ("mold", f"about {costs.mold_g:.0f} g of PLA"),
         ("printing", f"about {costs.hours:.0f} h, mold, base and interface"),
@@ -139,6 +141,11 @@ def region() -> dict[str, Any]:
             "robot": DEFAULT_ROBOT,
         },
     }
+
+
+def _dots_words(params: EndcapParams) -> str:
+    few = "" if few_dots_words(params) is None else ": too few to calibrate it"
+    return f"{len(dot_pattern(params))}, the camera's picture shows {seen_dots(params)} of them{few}"
 
 
 def _section(layout: MoldLayout) -> list[dict[str, Any]]:

@@ -148,8 +148,7 @@ def _draw_run(
 ) -> None:
     """Pixels begin..end of row y inside one cell, ``low`` of the way down it; ``out`` is changed."""
     (y, begin, end), (gy, gx, low, share), (texels, scale, offset) = run, corner, lookup
-    one, nil = np.float32(1), np.float32(0)
-    stride, most = 4 * texels, np.float32(texels - 1.01)
+    one, nil, stride, most = np.float32(1), np.float32(0), 4 * texels, np.float32(texels - 1.01)
     a0, a1, a2 = weights[0, 0], weights[0, 1], weights[0, 2]  # read once: stores to ``out`` could change them
     s0, s1, s2 = weights[1, 0], weights[1, 1], weights[1, 2]
     g0, g1, g2 = weights[2, 0], weights[2, 1], weights[2, 2]

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from textbook_filter import Textbook
 
 from cad.errors import ParameterError
 from sensing.records import Wrench
-from sensing.wrench.filter import ARM_M, LOST_NIS, MANEUVER_NIS, STANDARD, FilterConfig, Motion, WrenchFilter
+from sensing.wrench.filter import ARM_M, STANDARD, FilterConfig, Motion, WrenchFilter
 
 SIGMA = np.array([0.15] * 3 + [0.02] * 3)
 ARM = np.array([1.0] * 3 + [ARM_M] * 3)
@@ -49,59 +50,31 @@ def test_filter_is_the_batch_gaussian_posterior():
 
 
 def test_steps_are_those_of_the_textbooks_matrices_and_bayes_rule():
-    """Every axis and motion apart with 2 x 2 matrices, Joseph's form as it is printed; the last step is a surprise."""
+    """The last step is a surprise: of it all densities are 0 in floating point."""
     steady = Motion(0.01, 0.5, 1.0, steady=True)
     rng, motions = np.random.default_rng(4), (SINGLE, Motion(walk=40.0), Motion(2.0, 9000.0, 100.0), steady)
-    config, count = FilterConfig(motions, memory=0.8, scatter=SIGMA / 3), len(motions)
     noise = np.array([SIGMA**2 / 9 if motion.steady else SIGMA**2 for motion in motions])
-    tracker = WrenchFilter(config)
+    tracker, book = (
+        WrenchFilter(FilterConfig(motions, memory=0.8, scatter=SIGMA / 3)),
+        Textbook(motions, noise, SIGMA, ARM),
+    )
     tracker.update(wrench(np.zeros(6), 0.0))
-    x = np.zeros((count, 6, 2))
-    rates = np.outer([motion.start_rate for motion in motions], ARM)
-    P = np.stack([noise, 0 * noise, 0 * noise, rates**2], axis=2).reshape(count, 6, 2, 2)
-    probability, lost = np.full((count, 6), 1 / count), 0
     for k, dt in enumerate((0.033, 0.05, 0.033, 0.4, 0.033)):
         measured = SIGMA * rng.normal(size=6) + (k == 4) * 400.0
-        F, G = np.array([[1, dt], [0, 1]]), np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-        for m, motion in enumerate(motions):
-            for axis in range(6):
-                kick = ARM[axis] ** 2 * (motion.acceleration * G + motion.walk * np.diag([dt, 0.0]))
-                x[m, axis], P[m, axis] = F @ x[m, axis], F @ P[m, axis] @ F.T + kick
-        reported = (probability * x[:, :, 0]).sum(axis=0)
-        spread = (probability * (P[:, :, 0, 0] + (x[:, :, 0] - reported) ** 2)).sum(axis=0)
-        nis = ((measured - reported) ** 2 / (spread + (probability * noise).sum(axis=0))).sum()
-        density = stats.norm.pdf(measured, x[:, :, 0], np.sqrt(P[:, :, 0, 0] + noise))
-        if k < 4:  # of the surprise all densities are 0 in floating point
-            probability = probability**0.8 * density
-            probability = np.maximum(probability / probability.sum(axis=0), 1e-3)
-            probability /= probability.sum(axis=0)
-        innovation = measured - x[:, :, 0]
-        squares = innovation**2 / (P[:, :, 0, 0] + noise)
-        surprise = squares.sum(axis=1).min() > MANEUVER_NIS
-        assert surprise == (k == 4)
-        for m, motion in enumerate(motions):
-            for axis in range(6):
-                if surprise:
-                    P[m, axis] += np.diag([innovation[m, axis] ** 2, (motion.start_rate * ARM[axis]) ** 2])
-                elif motion.steady and squares[m, axis] > LOST_NIS:
-                    P[m, axis] += np.diag([innovation[m, axis] ** 2, 0.0])
-                    lost += 1
-                K = P[m, axis][:, :1] / (P[m, axis][0, 0] + noise[m, axis])
-                keep = np.eye(2) - K @ np.array([[1.0, 0.0]])
-                x[m, axis] += K[:, 0] * innovation[m, axis]
-                P[m, axis] = keep @ P[m, axis] @ keep.T + noise[m, axis] * K @ K.T
+        book.predict(dt)
+        nis = book.nis(measured)
+        if k < 4:
+            book.weigh(measured)
+        assert book.correct(measured) == (k == 4)
         after = tracker.update(wrench(measured, tracker._last.time_s + dt))
         assert tracker.nis == pytest.approx(nis, rel=1e-9)
-        assert tracker._state == pytest.approx(x.transpose(0, 2, 1), rel=1e-9)
-        assert tracker._covariance == pytest.approx(
-            np.stack([P[:, :, 0, 0], P[:, :, 0, 1], P[:, :, 1, 1]], axis=1), rel=1e-9
-        )
+        assert tracker._state == pytest.approx(book.x.transpose(0, 2, 1), rel=1e-9)
+        covariance = np.stack([book.P[:, :, 0, 0], book.P[:, :, 0, 1], book.P[:, :, 1, 1]], axis=1)
+        assert tracker._covariance == pytest.approx(covariance, rel=1e-9)
         if k < 4:
-            value = (probability * x[:, :, 0]).sum(axis=0)
-            assert np.concatenate([after.force_n, after.torque_nm]) == pytest.approx(value, rel=1e-9)
-            variance = (probability * (P[:, :, 0, 0] + SIGMA**2 - noise + (x[:, :, 0] - value) ** 2)).sum(axis=0)
-            assert after.covariance.diagonal() == pytest.approx(variance, rel=1e-9)
-    assert lost
+            assert np.concatenate([after.force_n, after.torque_nm]) == pytest.approx(book.value(), rel=1e-9)
+            assert after.covariance.diagonal() == pytest.approx(book.variance(), rel=1e-9)
+    assert book.lost
 
 
 @pytest.mark.parametrize("rate_hz", [30, 60, 120])

@@ -13,13 +13,12 @@ from build123d import Edge, Face, Plane, Solid, Vector, Wire
 
 from cad.dots import Dot, dot_pattern
 from cad.jigsaw import core_prisms
-from cad.mold_layout import MoldLayout
+from cad.mold_layout import PILOT_RADIUS_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part, Recipe
 from cad.pattern import LEAST_BRIDGE_MM, pitch_mm
 from cad.solids import cut_holes, drill, fused, intersected, one_solid, revolved
 
-PILOT_RADIUS_MM = 1.3  # S: hole for an M3 screw that cuts its thread in PLA
 PILOT_DEPTH_MM = 14.0
 APART_MM = 0.01  # far beyond the kernel's tolerance: spheres this near count as meeting
 COLOR = (0.93, 0.62, 0.22)

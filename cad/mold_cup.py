@@ -16,6 +16,7 @@ from cad.mold_layout import (
     FLANGE_TAB_BEYOND_MM,
     FLANGE_TAB_OFFSET_MM,
     FLANGE_TAB_RADIUS_MM,
+    PILOT_RADIUS_MM,
     PIN_DEPTH_MM,
     PIN_SOCKET_RADIUS_MM,
     MoldLayout,
@@ -28,7 +29,6 @@ from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 BOWL, COLLAR = (tuple(f"cup_{half}_{k}" for k in (1, 2, 3)) for half in ("bowl", "collar"))  # names of the segments
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
 SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
-PILOT_RADIUS_MM = 1.3  # S: M3 that cuts its thread in PLA
 TIP_HOLE_RADIUS_MM = 1.6  # an M3's tip is chamfered; 0.9 mm of PLA to the cavity
 GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
 # Rise over run of the cone under the bowl's skirt. 1 prints without support, as steeper ones do; at some sizes

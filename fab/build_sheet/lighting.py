@@ -14,12 +14,18 @@ from fab.checks.check import Check
 from fab.led_ring.bom import ring_bom
 from fab.led_ring.budget import CAMERA_A, RING_A, USB_A, driver_checks, warmest_room_c
 from fab.led_ring.driver import fitted_driver
-from fab.led_ring.light import dome_light, light_checks
+from fab.led_ring.light import dome_light, light_checks, require_even
 
 
 def ring_checks(params: EndcapParams) -> list[Check]:
-    """Driver and light of the usual ring on this dome."""
-    return [*driver_checks(fitted_driver()), *light_checks(dome_light(params))]
+    """Driver and light of the usual ring on this dome.
+
+    Raises:
+        ParameterError: the camera at hand sees where the ring's light is too uneven.
+    """
+    light = dome_light(params)
+    require_even(light, params, LED_COUNT)
+    return [*driver_checks(fitted_driver()), *light_checks(light)]
 
 
 def draw_ring_light(params: EndcapParams, folder: Path) -> Path:

@@ -21,6 +21,7 @@ from cad import ring_spacer
 from cad.errors import ParameterError
 from cad.led_placement import LED_COUNT, Placement, placements
 from cad.led_ring import BOARD_THICKNESS_MM
+from cad.lens import camera_module
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.checks.check import Check
@@ -146,21 +147,28 @@ def blocked(source: np.ndarray, wall: np.ndarray, body: Placement) -> np.ndarray
 
 
 def require_even(light: DomeLight, params: EndcapParams, led_count: int) -> None:
-    """Refuse too few LEDs for a dome that lies near the ring.
+    """Refuse a ring whose light is too uneven where the dome lies near it.
 
     Args:
         light: of this ring. params: the endcap that it lights. led_count: its LEDs.
 
     Raises:
-        ParameterError: the light swings too much; the message names how many LEDs do not.
+        ParameterError: the light swings too much; the message names how many LEDs do not, or, where all that the ring
+            takes do, what else helps.
     """
-    if light.ripple <= RIPPLE or led_count == LED_COUNT:
+    if light.ripple <= RIPPLE:
         return
-    enough = next((n for n in range(led_count + 1, LED_COUNT) if dome_light(params, n).ripple <= RIPPLE), LED_COUNT)
+    counts = range(led_count + 1, LED_COUNT + 1)
+    enough = next((count for count in counts if dome_light(params, count).ripple <= RIPPLE), None)
+    module = camera_module()
+    low = f"{module.name} sees down to it from {module.stack_mm:g} mm over its seat"
+    fix = (
+        f"take leds={enough}" if enough else f"{low}: take a thinner wall, a larger D or a camera with a higher stack"
+    )
     raise ParameterError(
         f"leds={led_count} lights the rim of D={plain(params.diameter_mm)} T={plain(params.wall_mm)} too unevenly: +-"
         f"{light.ripple:.0%} round it, at most {RIPPLE:.0%}, so that silicone stays {CONTRAST:g} times as bright as a "
-        f"dot; take leds={enough}",
+        f"dot; {fix}",
         name="leds",
         value=led_count,
     )

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from shapely import LineString, Point, Polygon, unary_union
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
 from cad.led_placement import placements
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM, led_ring_part
+from cad.lens import camera_module
 from cad.params import EndcapParams
+from fab.build_sheet.lighting import ring_checks
 from fab.led_ring.__main__ import main
 from fab.led_ring.circuit import PINS
 from fab.led_ring.copper import PADS, Track, Via, build_copper
@@ -226,6 +228,18 @@ def test_too_few_leds_are_refused_with_a_number_that_does(tmp_path, capsys):
     assert [dome_light(small, count).ripple <= RIPPLE for count in (fewest - 1, fewest)] == [False, True]
     darkest_silicone, brightest_dot = 1 - RIPPLE, INK_SHARE * (1 + RIPPLE)
     assert darkest_silicone / brightest_dot == pytest.approx(CONTRAST)
+
+
+def test_a_camera_that_looks_too_low_for_all_nine_leds_is_named(tmp_path, capsys, monkeypatch):
+    low = replace(camera_module(), name="low camera", stack_mm=14.0)
+    for user in ("cad.scaling", "fab.led_ring.light"):
+        monkeypatch.setattr(f"{user}.camera_module", lambda: low)
+    assert main(["D=100", "T=10", f"exports={tmp_path}"]) == 2 and list(tmp_path.iterdir()) == []
+    line = capsys.readouterr().err
+    assert "leds=9 lights the rim of D=100 T=10 too unevenly" in line
+    assert "low camera sees down to it from 14 mm over its seat: take a thinner wall, a larger D" in line
+    with pytest.raises(ParameterError, match="a camera with a higher stack"):
+        ring_checks(EndcapParams(100.0, 10.0))
 
 
 def test_command_writes_a_whole_folder_or_nothing(tmp_path, capsys):

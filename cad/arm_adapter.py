@@ -15,16 +15,20 @@ from typing import TYPE_CHECKING
 from cad import base
 from cad.fasteners import ScrewJoint
 from cad.part import Part
-from cad.robot_sides import DEFAULT_ROBOT, HUB_RADIUS_MM, robot_side
+from cad.robot_sides import (
+    BORE_RADIUS_MM,
+    DEFAULT_ROBOT,
+    GROOVE_AZIMUTH_DEG,
+    GROOVE_HALF_WIDTH_MM,
+    HUB_RADIUS_MM,
+    robot_side,
+)
 
 if TYPE_CHECKING:
     from cad.params import EndcapParams
 
 THICKNESS_MM = 20.0  # M
-BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 5 mm inside the heads of the flange's screws
-GROOVE_HALF_WIDTH_MM = 6.0  # E: from the bore outward, between two arms, for the cable
 GROOVE_DEPTH_MM = 10.0  # E
-GROOVE_AZIMUTH_DEG = 0.0  # between two arms, between two screws of either pattern
 SCREW_RADIUS_MM = 2.25  # M: M4 through
 HEAD_RADIUS_MM = 4.125  # M
 HEAD_DEPTH_MM = 6.0  # E: M4 x 20 then holds 6 mm of the insert

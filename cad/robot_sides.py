@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,7 +19,10 @@ TABLE = Path(__file__).with_name("robot_sides.csv")
 DEFAULT_ROBOT = "iso_9409_1_50_4_m6"
 ELEMENTS = ("screw", "pin", "none")
 HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
+BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 2.4 mm inside the heads of the flange's screws
+GROOVE_AZIMUTH_DEG, GROOVE_HALF_WIDTH_MM = 0.0, 6.0  # E: from the bore outward, between two arms, for the cable
 LEAST_WALL_MM = 3.0  # E: PLA round a head
+LEAST_RIB_MM = 0.8  # E: two lines of a 0.4 mm nozzle between two holes, a hole and the bore, a hole and the groove
 PIN = re.compile(r"ISO 2338 ([\d.]+) m6 ")  # a pin as it is ordered; its diameter in mm
 
 
@@ -53,6 +57,11 @@ class RobotHoles:
         return tuple((self.circle_radius_mm * math.cos(a), self.circle_radius_mm * math.sin(a)) for a in angles)
 
     @property
+    def widest_mm(self) -> float:
+        """Radius of the hole or of its head's pocket, whichever is wider."""
+        return max(self.hole_diameter_mm, self.head_diameter_mm) / 2
+
+    @property
     def ream_mm(self) -> float | None:
         """Diameter H7 to ream a pin's hole to, which is printed no wider than the pin; None where it has room."""
         pin = PIN.match(self.order_as)
@@ -80,8 +89,16 @@ def robot_sides() -> dict[str, tuple[RobotHoles, ...]]:
         FileError: a missing or unreadable table, naming the line.
     """
     sides: dict[str, list[RobotHoles]] = {}
-    for row in read_table(TABLE, _row, "pattern", "element").values():
-        sides.setdefault(row.pattern, []).extend([row.holes] if row.holes else [])
+
+    def add(text: dict[str, str]) -> Row:
+        row = _row(text)
+        found = sides.setdefault(row.pattern, [])
+        if row.holes:
+            _require_apart(row.holes, found)
+            found.append(row.holes)
+        return row
+
+    read_table(TABLE, add, "pattern", "element")
     return {name: tuple(holes) for name, holes in sides.items()}
 
 
@@ -129,5 +146,29 @@ def _row(row: dict[str, str]) -> Row:
         raise ValueError(f"head_diameter_mm={head:g} is not larger than the hole's {hole:g}")
     if circle + max(head, hole) / 2 > HUB_RADIUS_MM - LEAST_WALL_MM:
         raise ValueError(f"circle_radius_mm={circle:g}: holes come nearer than {LEAST_WALL_MM:g} mm to the hub's edge")
+    if circle - max(head, hole) / 2 < BORE_RADIUS_MM + LEAST_RIB_MM:
+        raise ValueError(f"circle_radius_mm={circle:g}: holes open into the cable's bore of {2 * BORE_RADIUS_MM:g} mm")
     turn = number(row, "first_azimuth_deg")
     return Row(row["pattern"], RobotHoles(row["element"], int(count), circle, turn, hole, head, depth, row["order_as"]))
+
+
+def _require_apart(holes: RobotHoles, others: Sequence[RobotHoles]) -> None:
+    """Refuse holes that open into the cable's groove or into other holes of their pattern.
+
+    Those of one row are apart where none opens into the groove: it leaves over 55 degrees between two of them.
+    """
+    groove, places = math.radians(GROOVE_AZIMUTH_DEG), holes.places_mm
+    for x, y in places:
+        along, across = x * math.cos(groove) + y * math.sin(groove), y * math.cos(groove) - x * math.sin(groove)
+        if along > 0 and abs(across) < GROOVE_HALF_WIDTH_MM + holes.widest_mm + LEAST_RIB_MM:
+            raise ValueError(
+                f"first_azimuth_deg={holes.first_azimuth_deg:g}: a hole opens into the cable's groove at azimuth "
+                f"{GROOVE_AZIMUTH_DEG:g}, {2 * GROOVE_HALF_WIDTH_MM:g} mm wide: turn the pattern"
+            )
+    for other in others:
+        least = holes.widest_mm + other.widest_mm + LEAST_RIB_MM
+        if any(math.dist(a, b) < least for a in places for b in other.places_mm):
+            raise ValueError(
+                f"first_azimuth_deg={holes.first_azimuth_deg:g}: a {holes.element} and a {other.element} open into "
+                "each other"
+            )

@@ -162,9 +162,7 @@ def require_even(light: DomeLight, params: EndcapParams, led_count: int) -> None
     enough = next((count for count in counts if dome_light(params, count).ripple <= RIPPLE), None)
     module = camera_module()
     low = f"{module.name} sees down to it from {module.stack_mm:g} mm over its seat"
-    fix = (
-        f"take leds={enough}" if enough else f"{low}: take a thinner wall, a larger D or a camera with a higher stack"
-    )
+    fix = f"take leds={enough}" if enough else f"{low}: take a thinner wall, a larger D or a camera with a higher stack"
     raise ParameterError(
         f"leds={led_count} lights the rim of D={plain(params.diameter_mm)} T={plain(params.wall_mm)} too unevenly: +-"
         f"{light.ripple:.0%} round it, at most {RIPPLE:.0%}, so that silicone stays {CONTRAST:g} times as bright as a "

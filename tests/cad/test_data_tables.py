@@ -36,3 +36,27 @@ def test_a_bad_row_is_named_by_its_line(table, row, expected, tmp_path):
     with pytest.raises(FileError, match=rf"{path.name} line {line} \(.*") as caught:
         read_table(copy, make, *key)
     assert expected in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (("mine,screw,4,15.75,45,5.5,9.25,5,x,E,",), "open into the cable's bore of 34 mm"),  # ISO 9409-1-31.5-4-M5
+        (("mine,screw,4,25,0,6.6,11.25,6,x,E,",), "opens into the cable's groove at azimuth 0"),
+        (("mine,screw,8,25,22.5,6.6,11.25,6,x,E,",), "opens into the cable's groove at azimuth 0"),
+        (("mine,screw,12,25,30,6.6,12.5,6,x,E,",), "opens into the cable's groove at azimuth 0"),
+        (("mine,screw,4,25,45,6.6,11.25,6,x,E,", "mine,pin,1,25,60,6,0,0,x,E,"), "open into each other"),
+        (("mine,screw,2,25,45,6.6,11.25,6,x,E,", "mine,pin,1,25,90,6,0,0,x,E,"), None),
+        (("mine,screw,2,25,180,6.6,11.25,6,x,E,",), "opens into the cable's groove at azimuth 0"),  # the other at 0
+    ],
+)
+def test_holes_of_a_robots_side_stay_holes(rows, expected, tmp_path, monkeypatch):
+    copy = tmp_path / "robot_sides.csv"
+    copy.write_text(robot_sides.TABLE.read_text() + "".join(f"{row}\n" for row in rows))
+    monkeypatch.setattr(robot_sides, "TABLE", copy)
+    read = robot_sides.robot_sides.__wrapped__
+    if expected is None:
+        assert len(read()["mine"]) == len(rows)
+        return
+    with pytest.raises(FileError, match=rf"robot_sides.csv line \d+ \(mine .*{expected}"):
+        read()

@@ -22,6 +22,7 @@ from fab.slice.excluded import Rectangle, corners, gap_mm, outline, read_rectang
 PRINTER_TABLE = Path(__file__).with_name("printers.csv")
 DEFAULT_PRINTER = "generic256"
 MARGIN_MM = 4.0  # round the part: brim and the width of a line
+NOZZLE_RANGE_MM = (0.3, 0.45)  # E: the lines of all prints are 0.45 mm wide, which is 1 to 1.5 times the nozzle
 PROBE_C = 170  # E: of the nozzle while it probes: warm, and nothing drips
 
 
@@ -232,6 +233,12 @@ def _less(where: Printer) -> str:
 
 def _printer(row: dict[str, str]) -> Printer:
     width, depth, height, nozzle = (positive(row, f"{n}_mm") for n in ("width", "depth", "height", "nozzle"))
+    if not NOZZLE_RANGE_MM[0] <= nozzle <= NOZZLE_RANGE_MM[1]:
+        low, high = NOZZLE_RANGE_MM
+        raise ValueError(
+            f"nozzle_mm={nozzle:g} outside {low:g}..{high:g}: walls and gyroid are printed in lines of 0.45 mm; fit a "
+            "nozzle of 0.4"
+        )
     levelling, end = (tuple(line for line in row[name].split("|") if line) for name in ("levelling", "end"))
     return Printer(
         row["name"],

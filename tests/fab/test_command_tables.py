@@ -7,7 +7,9 @@ from importlib import import_module
 import pytest
 
 from cad import materials
+from cad.errors import FileError
 from fab.slice import printers
+from fab.slice.settings import LINE_MM
 
 
 @pytest.fixture
@@ -51,3 +53,17 @@ def test_a_printer_that_cannot_be_read_is_one_line(tmp_path, monkeypatch, capsys
         printers.printers.cache_clear()
     errors = capsys.readouterr().err.strip().splitlines()
     assert len(errors) == 1 and errors[0].startswith("make slice: printers.csv line 2")
+
+
+@pytest.mark.parametrize(("nozzle", "is_refused"), [("0.25", True), ("0.3", False), ("0.4", False), ("0.6", True)])
+def test_a_nozzle_that_lays_no_line_of_our_width_is_refused(nozzle, is_refused, tmp_path, monkeypatch):
+    assert pytest.approx((LINE_MM / 1.5, LINE_MM)) == printers.NOZZLE_RANGE_MM
+    table = tmp_path / "printers.csv"
+    head, first, *_ = printers.PRINTER_TABLE.read_text().splitlines()
+    table.write_text(f"{head}\n{first.replace(',0.4,', f',{nozzle},', 1)}\n")
+    monkeypatch.setattr(printers, "PRINTER_TABLE", table)
+    if not is_refused:
+        assert printers.printers.__wrapped__()["mk4"].nozzle_mm == float(nozzle)
+        return
+    with pytest.raises(FileError, match=rf"printers.csv line 2 \(mk4\): nozzle_mm={nozzle} outside 0.3..0.45: .*0.4"):
+        printers.printers.__wrapped__()

@@ -20,6 +20,7 @@ from fab.cache import Cache
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
+from fab.pot_life import short_pot_life_words
 from fab.progress import Progress
 from fab.seen_dots import few_dots_words
 from fab.variant import Variant
@@ -87,7 +88,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 
     where = printer(options["printer"])
     require_printer(variant.layout, where)
-    if words := few_dots_words(variant.params):
+    for words in filter(None, (few_dots_words(variant.params), short_pot_life_words(variant.layout))):
         LOG.warning(f"make molds: {words}")
     asked = None if where.name == DEFAULT_PRINTER else where
     written = export(variant, exports, options["cache"] == "yes", interrupts, asked)

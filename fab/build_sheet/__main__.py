@@ -119,12 +119,14 @@ def _collect(
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures
     from fab.checks.check import Check
     from fab.checks.extraction import core_path
+    from fab.pot_life import require_pot_life
     from fab.recipe import overflow_checks, overflow_of, recipe, shell_volume_mm3
     from fab.steps.endcap import all_steps
 
     progress("parts and screws")
     shop = open_workshop(export)
     mix = recipe(shell_volume_mm3(export.manifest), overflow_of(shop.layout), export.variant.silicone)
+    require_pot_life(shop.layout, mix)
     depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.beyond_mm3)
     ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
     steps = all_steps(shop.layout, ways)

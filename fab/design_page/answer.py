@@ -23,6 +23,7 @@ from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
 from fab.exports.preview import glb
+from fab.pot_life import short_pot_life_words
 from fab.seen_dots import few_dots_words, seen_dots
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
@@ -82,6 +83,7 @@ def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]
     facts = [
         ("height", f"{params.tip_height_mm:.1f} mm above the base's face"),
         ("silicone", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
+        *_late(variant),
         ("dots", _dots_words(params)),
         ("endcap weighs", f"about {costs.endcap_g:.0f} g with camera and ring"),
         ("mold", f"about {costs.mold_g:.0f} g of PLA"),
@@ -141,6 +143,11 @@ def region() -> dict[str, Any]:
             "robot": DEFAULT_ROBOT,
         },
     }
+
+
+def _late(variant: Variant) -> list[tuple[str, str]]:
+    words = short_pot_life_words(variant.layout)
+    return [] if words is None else [("no time to cast", words)]
 
 
 def _dots_words(params: EndcapParams) -> str:

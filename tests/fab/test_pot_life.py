@@ -1,0 +1,48 @@
+"""Time to cast: what is said before anything is printed, and what the sheet refuses."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from cad.errors import ParameterError
+from cad.leak import cast_volume_mm3
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab import molds
+from fab.design_page.answer import answer
+from fab.pot_life import require_pot_life, short_pot_life_words
+from fab.recipe import overflow_of, recipe
+
+QUICK = "Dragon Skin 10 Medium"
+
+
+def test_the_words_give_the_minutes_and_silicones_that_have_time():
+    layout = MoldLayout(EndcapParams(250.0, 25.0), silicone=QUICK)
+    words = short_pot_life_words(layout) or ""
+    assert "3.2 l take 24 min to mix, pour and close, and the pot life is 20" in words
+    named = words.split("take ")[-1].split(", a thinner wall")[0].split(", ")
+    assert named and QUICK not in named and "Ecoflex 00-30" not in named  # that one creeps through joints of 0.15
+    for name in named:
+        assert short_pot_life_words(MoldLayout(EndcapParams(250.0, 25.0), silicone=name)) is None
+    assert short_pot_life_words(MoldLayout(EndcapParams(180.0, 10.0), silicone=QUICK)) is None
+
+
+def test_the_sheet_refuses_by_the_recipe_of_the_mesh():
+    layout = MoldLayout(EndcapParams(250.0, 25.0), silicone=QUICK)
+    with pytest.raises(ParameterError, match="pot life is 20: take Smooth-Sil 950"):
+        require_pot_life(layout, recipe(cast_volume_mm3(layout.params), overflow_of(layout), QUICK))
+    require_pot_life(layout, recipe(1e6, overflow_of(layout), QUICK))
+
+
+def test_molds_and_the_page_say_it_at_the_start(monkeypatch, capsys, tmp_path):
+    made = SimpleNamespace(folder=tmp_path, summary="made", seconds=0.0)
+    monkeypatch.setattr(molds, "export", lambda *_: made)
+    size = ["D=250", "T=25", f"exports={tmp_path}"]
+    assert molds.main([*size, f"material={QUICK}"]) == 0
+    assert capsys.readouterr().err.startswith(f"make molds: material='{QUICK}': 3.2 l take 24 min")
+    assert molds.main(size) == 0 and capsys.readouterr().err == ""
+    knobs = {"D": "250", "T": "25", "joint_clearance": "0.15"}
+    assert "the pot life is 20" in dict(answer({**knobs, "material": QUICK})["facts"])["no time to cast"]
+    assert "no time to cast" not in dict(answer(knobs)["facts"])

@@ -1,4 +1,4 @@
-"""Is there time to cast? Whether a silicone stays pourable until the mold is closed, said before anything is printed."""
+"""Is there time to cast? Whether a silicone stays pourable until its mold is closed, said before anything is made."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def short_pot_life_words(layout: MoldLayout, mix: Recipe | None = None) -> str |
     others = [name for name in silicones() if name != layout.silicone and _has_time(layout, name)]
     choice = f"take {', '.join(others)}, " if others else "take "
     return (
-        f"material={layout.silicone!r}: {mix.cast_volume_mm3 / 1e6:.1f} l take {mix.timeline[-1].end_min:g} min to mix, "
-        f"pour and close, and the pot life is {mix.silicone.pot_life_min:g}: {choice}a thinner wall or a smaller D"
+        f"material={layout.silicone!r}: {mix.cast_volume_mm3 / 1e6:.1f} l take {mix.timeline[-1].end_min:g} min to "
+        f"mix, pour and close, and the pot life is {mix.silicone.pot_life_min:g}: {choice}a thinner wall or a smaller D"
     )
 
 

@@ -2,52 +2,54 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from cad.errors import ParameterError
 from cad.leak import cast_volume_mm3
-from cad.materials import silicones
+from cad.materials import silicone, silicones
 from cad.mold_layout import MoldLayout
-from fab.recipe import Recipe, overflow_of, recipe
+from fab.recipe import timeline
 
 
-def short_pot_life_words(layout: MoldLayout, mix: Recipe | None = None) -> str | None:
+def short_pot_life_words(layout: MoldLayout, volume_mm3: float | None = None) -> str | None:
     """What to say of a silicone that thickens before the mold is closed; ``None`` where there is time.
 
     Args:
         layout: the design and its silicone.
-        mix: its recipe; by default that of the cast's closed form.
+        volume_mm3: of the cast; by default its closed form, which needs no CAD kernel.
     """
-    mix = mix or _mix(layout)
-    if mix.pot_life_to_spare_min >= 0:
+    volume = cast_volume_mm3(layout.params) if volume_mm3 is None else volume_mm3
+    row, closed_min = silicone(layout.silicone), _closed_min(layout.silicone, volume)
+    if closed_min <= row.pot_life_min:
         return None
-    others = [name for name in silicones() if name != layout.silicone and _has_time(layout, name)]
+    others = [name for name in silicones() if _fits(layout, name, volume)]
     choice = f"take {', '.join(others)}, " if others else "take "
     return (
-        f"material={layout.silicone!r}: {mix.cast_volume_mm3 / 1e6:.1f} l take {mix.timeline[-1].end_min:g} min to "
-        f"mix, pour and close, and the pot life is {mix.silicone.pot_life_min:g}: {choice}a thinner wall or a smaller D"
+        f"material={row.name!r}: {volume / 1e6:.1f} l take {closed_min:g} min to mix, pour and close, and the pot life "
+        f"is {row.pot_life_min:g}: {choice}a thinner wall or a smaller D"
     )
 
 
-def require_pot_life(layout: MoldLayout, mix: Recipe) -> None:
+def require_pot_life(layout: MoldLayout, volume_mm3: float) -> None:
     """Refuse a cast that thickens before its mold is closed.
 
     Args:
-        layout: the design and its silicone. mix: its recipe.
+        layout: the design and its silicone. volume_mm3: of the cast.
 
     Raises:
         ParameterError: there is no time; the line names the silicones that give it.
     """
-    if words := short_pot_life_words(layout, mix):
+    if words := short_pot_life_words(layout, volume_mm3):
         raise ParameterError(words, name="material", value=layout.silicone)
 
 
-def _mix(layout: MoldLayout) -> Recipe:
-    return recipe(cast_volume_mm3(layout.params), overflow_of(layout), layout.silicone)
+def _closed_min(name: str, volume_mm3: float) -> float:
+    """Minutes from the first touch of the two parts to the closed mold."""
+    return timeline(silicone(name), volume_mm3)[-1].end_min
 
 
-def _has_time(layout: MoldLayout, silicone: str) -> bool:
+def _fits(layout: MoldLayout, name: str, volume_mm3: float) -> bool:
+    """Whether another silicone has the time, and stays in joints of this clearance."""
     try:
-        return _mix(replace(layout, silicone=silicone)).pot_life_to_spare_min >= 0
-    except ParameterError:  # it creeps through joints of this clearance
+        MoldLayout(layout.params, layout.joint_clearance_mm, name)
+    except ParameterError:
         return False
+    return _closed_min(name, volume_mm3) <= silicone(name).pot_life_min

@@ -177,12 +177,17 @@ def recipe(
         expected,
         expected * LOW_MASS_RATIO,
         1000 / row.density_g_cm3,
-        _timeline(row, cast_volume_mm3, total),
+        timeline(row, cast_volume_mm3, surplus),
     )
 
 
-def _timeline(row: Silicone, cast_volume_mm3: float, mixed_g: float) -> tuple[TimelineStep, ...]:
-    """Steps after the two parts meet; degassing takes what the pot life leaves, or is left out."""
+def timeline(row: Silicone, cast_volume_mm3: float, surplus: float = SURPLUS) -> tuple[TimelineStep, ...]:
+    """Steps after the two parts meet; degassing takes what the pot life leaves, or is left out.
+
+    Args:
+        row: the silicone. cast_volume_mm3: of the shell. surplus: share mixed over the cast's own mass.
+    """
+    mixed_g = cast_volume_mm3 * row.density_g_cm3 / 1000 * (1 + surplus)
     mix = _half_minutes_up(MIX_MIN + MIX_MIN_PER_KG * max(0.0, mixed_g / 1000 - EASY_KG))
     pour = _half_minutes_up(max(POUR_MIN, cast_volume_mm3 / 1000 * row.viscosity_pa_s / POUR_PA_ML / 60))
     left = (row.pot_life_min - SPARE_MIN - mix - pour - CLOSE_MIN) // SHOWN_MIN * SHOWN_MIN

@@ -126,7 +126,7 @@ def _collect(
     progress("parts and screws")
     shop = open_workshop(export)
     mix = recipe(shell_volume_mm3(export.manifest), overflow_of(shop.layout), export.variant.silicone)
-    require_pot_life(shop.layout, mix)
+    require_pot_life(shop.layout, mix.cast_volume_mm3)
     depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.beyond_mm3)
     ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
     steps = all_steps(shop.layout, ways)

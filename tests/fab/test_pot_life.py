@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -32,8 +34,26 @@ def test_the_words_give_the_minutes_and_silicones_that_have_time():
 def test_the_sheet_refuses_by_the_recipe_of_the_mesh():
     layout = MoldLayout(EndcapParams(250.0, 25.0), silicone=QUICK)
     with pytest.raises(ParameterError, match="pot life is 20: take Smooth-Sil 950"):
-        require_pot_life(layout, recipe(cast_volume_mm3(layout.params), overflow_of(layout), QUICK))
-    require_pot_life(layout, recipe(1e6, overflow_of(layout), QUICK))
+        require_pot_life(layout, cast_volume_mm3(layout.params))
+    require_pot_life(layout, 1e6)
+    mix = recipe(2.3e6, overflow_of(layout), QUICK)  # the sheet's own clock
+    with pytest.raises(ParameterError, match=f"take {mix.timeline[-1].end_min:g} min"):
+        require_pot_life(layout, mix.cast_volume_mm3)
+
+
+def test_nothing_of_it_loads_the_cad_kernel():
+    """An unchanged design comes out of the cache in a second: the kernel alone takes four."""
+    made = "from types import SimpleNamespace as N; molds.export = lambda *_: N(folder='', summary='', seconds=0.0)"
+    asked = f"molds.main(['D=250', 'T=25', 'material={QUICK}', 'dots=1-3-4', 'exports=/tmp'])"
+    check = "import sys; assert not {'build123d', 'OCP'} & set(sys.modules), 'loaded'"
+    run = subprocess.run(
+        [sys.executable, "-c", f"from fab import molds; {made}; assert {asked} == 0; {check}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "the pot life is 20" in run.stderr
 
 
 def test_molds_and_the_page_say_it_at_the_start(monkeypatch, capsys, tmp_path):

@@ -182,7 +182,7 @@ def _draw(rows: list[dict[str, str]]) -> None:
     other = max(float(row["other_work_ratio"]) for row in rows)
     axis.set_xlabel(f"seconds; other programs took up to {100 * other:.0f} % of the cores")
     axis.legend(loc="lower right")
-    axis.margins(x=0.12)
+    axis.margins(x=0.16)
     figure.tight_layout()
     figure.savefig(HERE / "molds.png")
 

@@ -17,12 +17,12 @@ from cad.messages import LOG, show
 from cad.robot_sides import robot_sides
 from cad.whole_file import probe_folder
 from fab.cache import Cache
+from fab.camera_view import few_dots_words
 from fab.checks.check import require_passed
 from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
 from fab.pot_life import short_pot_life_words
 from fab.progress import Progress
-from fab.seen_dots import few_dots_words
 from fab.variant import Variant
 from fab.workers import worker_pool
 

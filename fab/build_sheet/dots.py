@@ -3,29 +3,21 @@
 A gore is the strip of the inner surface between two meridians: along its middle, lengths from the tip are true; across,
 lengths on each parallel are true. Cut out, its dots punched out, and laid into the dome from the tip, it has a dent
 under every hole: so dents are found that are hard to see, and those without ink.
-
-Notes:
-    The camera's picture is that of the lens of the module at hand (:mod:`cad.lens`), as drawn frames have it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-from cad.dots import Dot, dot_pattern, dot_position_mm
-from cad.lens import camera_module
+from cad.dots import Dot, dot_pattern
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Drawing
+from fab.camera_view import FRAME_PX, SQUARE_PX, camera_pixels, disc_px, dot_outline_px
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]  # centre, half the width, half the height
 MARGIN_MM = 4.0
-DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
-CIRCLE_DEG = 92.0  # off the axis: the released lens's circle ends there on the photo of 720 rows (M)
-OUTLINE_POINTS = 32  # of a dot in the picture
-FRAME_PX = (640.0, 480.0)
-SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
 SPLIT = 6  # gores at the least
 PAGE_WIDTH_MM = 180.0  # of the text on A4: two gores side by side, with a space between
 SPACE_MM = 2.0
@@ -61,92 +53,9 @@ def gore_of(dot: Dot, count: int) -> int:
     return round(dot.azimuth_deg * count / 360.0 + 1e-9) % count if dot.ring else 0
 
 
-def camera_pixels(params: EndcapParams) -> dict[Dot, tuple[float, float]]:
-    """Where the dots should appear (x right, y down, frame of 640 x 480): of those alone that the lens sees."""
-    places = {dot: dot_position_mm(params, dot) for dot in dot_pattern(params)}
-    return {dot: pixel for dot, place in places.items() if (pixel := _pixel(params, place)) is not None}
-
-
-def dot_outline_px(params: EndcapParams, dot: Dot) -> list[Point]:
-    """Points round the edge of a dot as the camera sees it: of those that the lens sees.
-
-    Args:
-        params: design. dot: of its pattern.
-    """
-    polar, azimuth = math.radians(dot.polar_deg), math.radians(dot.azimuth_deg)
-    radius = params.inner_radius_mm
-    wide = math.asin(params.dot_radius_mm / radius)
-    points = []
-    for turn in (2 * math.pi * k / OUTLINE_POINTS for k in range(OUTLINE_POINTS)):
-        along, across = math.sin(wide) * math.cos(turn), math.sin(wide) * math.sin(turn)
-        outward = math.cos(wide) * math.sin(polar) + along * math.cos(polar)
-        x = outward * math.cos(azimuth) - across * math.sin(azimuth)
-        y = outward * math.sin(azimuth) + across * math.cos(azimuth)
-        z = math.cos(wide) * math.cos(polar) - along * math.sin(polar)
-        points.append(_pixel(params, (radius * x, radius * y, params.centre_height_mm + radius * z)))
-    return [point for point in points if point is not None]
-
-
-def _pixel(params: EndcapParams, place_mm: tuple[float, float, float]) -> Point | None:
-    """Where a place in the endcap frame appears; None where the lens does not see it."""
-    x, y, z = place_mm
-    off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
-    if math.degrees(off_axis) > camera_module().max_half_angle_deg:
-        return None
-    reach, azimuth = lens_px(off_axis), math.atan2(y, x)
-    return FRAME_PX[0] / 2 + reach * math.cos(azimuth), FRAME_PX[1] / 2 + reach * math.sin(azimuth)
-
-
-def lens_px(off_axis: float) -> float:
-    """Distance from the frame's centre, px: Kannala and Brandt 2006, doi:10.1109/TPAMI.2006.153, radial terms.
-
-    Args:
-        off_axis: angle from the optical axis, rad.
-    """
-    module = camera_module()
-    radial = 1.0 + sum(k * off_axis ** (2 * power) for power, k in enumerate(module.k, start=1))
-    return module.focal_per_row * FRAME_PX[1] * off_axis * radial
-
-
 def repeat_deg(params: EndcapParams) -> float:
     """Turn after which the pattern looks alike: 360 over the greatest common divisor of its rings' counts."""
     return 360.0 / math.gcd(*params.dot_rings[1:])
-
-
-def disc_px() -> float:
-    """Radius at which the picture of the shell ends."""
-    return lens_px(math.radians(DISC_DEG))
-
-
-def edge_px() -> tuple[float, float]:
-    """Least and largest radius at which the bright disc ends: with the shell, or with the circle of the lens."""
-    return disc_px(), lens_px(math.radians(CIRCLE_DEG))
-
-
-def edge_cuts_px(radius: float) -> tuple[float | None, float | None]:
-    """How far from the corner a circle cuts the frame's upper and lower, and its left and right edge.
-
-    Args:
-        radius: of the circle about the frame's centre, px.
-
-    Returns:
-        Two distances, px; None where it does not cut that edge.
-    """
-    half_width, half_height = FRAME_PX[0] / 2, FRAME_PX[1] / 2
-
-    def from_corner(along: float, across: float) -> float | None:
-        return along - math.sqrt(radius**2 - across**2) if across < radius < math.hypot(along, across) else None
-
-    return from_corner(half_width, half_height), from_corner(half_height, half_width)
-
-
-def dots_in(pixels: Iterable[tuple[float, float]], width: float, height: float) -> int:
-    """How many points lie in a centred rectangle of the frame.
-
-    Args:
-        pixels: (x, y) in the frame, px. width, height: of the rectangle, px.
-    """
-    return sum(abs(x - FRAME_PX[0] / 2) <= width / 2 and abs(y - FRAME_PX[1] / 2) <= height / 2 for x, y in pixels)
 
 
 def first_light(params: EndcapParams) -> Drawing:

@@ -14,20 +14,9 @@ from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import (
-    FRAME_PX,
-    SCALE_LINE_MM,
-    SQUARE_PX,
-    camera_pixels,
-    dots_in,
-    edge_cuts_px,
-    edge_px,
-    first_light,
-    gores,
-    repeat_deg,
-    ruler,
-)
+from fab.build_sheet.dots import SCALE_LINE_MM, first_light, gores, repeat_deg, ruler
 from fab.build_sheet.steps import stage_blocks, steps
+from fab.camera_view import FRAME_PX, SQUARE_PX, camera_pixels, dots_in, edge_cuts_px, edge_px, seen_dots
 
 CENTRED_PX = 10.0  # E: so far from the frame's middle may the camera's be
 
@@ -107,8 +96,7 @@ def assembling(data: SheetData) -> list[Block]:
 def light_check(data: SheetData) -> list[Block]:
     """What the first frame should show."""
     params = data.layout.params
-    pixels = camera_pixels(params).values()
-    frame, square = dots_in(pixels, *FRAME_PX), dots_in(pixels, SQUARE_PX, SQUARE_PX)
+    frame, square = seen_dots(params), dots_in(camera_pixels(params).values(), SQUARE_PX, SQUARE_PX)
     # Photos of the released sensor count for its own size and camera only.
     is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
     of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")

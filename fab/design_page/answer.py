@@ -19,12 +19,12 @@ from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLa
 from cad.options import PATTERN_DEFAULTS
 from cad.params import EndcapParams
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides, robot_words
+from fab.camera_view import few_dots_words, seen_dots
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
 from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
 from fab.exports.preview import glb
 from fab.pot_life import short_pot_life_words
-from fab.seen_dots import few_dots_words, seen_dots
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 

@@ -16,13 +16,13 @@ from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_words
+from fab import camera_view
 from fab.bom import bom_lines
 from fab.build_sheet import __main__ as command
-from fab.build_sheet import dots as drawings
 from fab.build_sheet.blocks import Document, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import camera_pixels, ruler
+from fab.build_sheet.dots import ruler
 from fab.build_sheet.finishing import light_check, painting
 from fab.build_sheet.html import write_html
 from fab.build_sheet.lighting import led_ring, ring_checks
@@ -30,6 +30,7 @@ from fab.build_sheet.pdf import write_pdf
 from fab.build_sheet.pictures import fill_depth_mm, poured_mesh
 from fab.build_sheet.prints import prints
 from fab.build_sheet.steps import filled
+from fab.camera_view import camera_pixels
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light
 from fab.recipe import overflow_of, recipe
@@ -105,7 +106,7 @@ def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sen
 
 def test_dots_that_a_narrow_lens_does_not_see_are_painted_and_not_counted(monkeypatch):
     narrow = replace(camera_module(), max_half_angle_deg=60.0)
-    monkeypatch.setattr(drawings, "camera_module", lambda: narrow)
+    monkeypatch.setattr(camera_view, "camera_module", lambda: narrow)
     data = SheetData(MoldLayout(PARAMS), {}, None, MIX, [], [], [], [], 0.0, {"dots": Path("dots.png")})
     table = next(block for block in painting(data) if isinstance(block, Table))
     assert sum(int(row[1]) for row in table.rows) == len(dot_pattern(PARAMS)) > len(camera_pixels(PARAMS))

@@ -12,8 +12,8 @@ from cad.params import EndcapParams
 from fab.build_sheet import finishing
 from fab.build_sheet.blocks import Paragraph, Table
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.dots import FRAME_PX, camera_pixels, edge_cuts_px, edge_px
 from fab.build_sheet.finishing import edge_words, light_check
+from fab.camera_view import FRAME_PX, camera_pixels, edge_cuts_px, edge_px
 from fab.recipe import recipe
 from sensing.calibration.picture import draw_fit
 from sensing.sources.__main__ import main as sources

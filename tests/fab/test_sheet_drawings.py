@@ -11,7 +11,8 @@ from shapely import LinearRing, Point, box, unary_union
 
 from cad.dots import dot_pattern, dot_position_mm
 from cad.params import EndcapParams
-from fab.build_sheet.dots import camera_pixels, disc_px, dot_outline_px, dots_in, first_light, gore_of, gores, ruler
+from fab.build_sheet.dots import first_light, gore_of, gores, ruler
+from fab.camera_view import camera_pixels, disc_px, dot_outline_px, dots_in
 from sensing.camera.nominal import nominal_mount
 
 PARAMS = EndcapParams(130.0, 8.0)

@@ -11,8 +11,8 @@ from bench.sizes import option_sizes
 from cad.lens import VARIABLE, camera_modules
 from cad.params import EndcapParams
 from fab import molds
+from fab.camera_view import FEWEST, few_dots_words, seen_dots
 from fab.design_page.answer import answer
-from fab.seen_dots import FEWEST, few_dots_words, seen_dots
 from sensing.calibration.dots import FEWEST_TO_FIT, pattern_points
 from sensing.camera.nominal import nominal_mount
 

@@ -41,10 +41,10 @@ def test_the_sheet_refuses_by_the_recipe_of_the_mesh():
         require_pot_life(layout, mix.cast_volume_mm3)
 
 
-def test_nothing_of_it_loads_the_cad_kernel():
+def test_nothing_of_it_loads_the_cad_kernel(tmp_path):
     """An unchanged design comes out of the cache in a second: the kernel alone takes four."""
     made = "from types import SimpleNamespace as N; molds.export = lambda *_: N(folder='', summary='', seconds=0.0)"
-    asked = f"molds.main(['D=250', 'T=25', 'material={QUICK}', 'dots=1-3-4', 'exports=/tmp'])"
+    asked = f"molds.main(['D=250', 'T=25', 'material={QUICK}', 'dots=1-3-4', 'exports={tmp_path}'])"
     check = "import sys; assert not {'build123d', 'OCP'} & set(sys.modules), 'loaded'"
     run = subprocess.run(
         [sys.executable, "-c", f"from fab import molds; {made}; assert {asked} == 0; {check}"],

@@ -28,7 +28,8 @@ from fab.molds import load_libraries, make_molds
 TABLE = Path(__file__).with_name("molds_where.csv")
 # What no other line holds, and the function, in its file, that does it and nothing else.
 PIECES = {
-    "sweeps of the steps, screws on their way, balance of volumes": ("fab/checks/gates.py", "silicone_gates"),
+    "sweeps of the steps to the collar": ("fab/checks/gates.py", "sweep_gates"),
+    "sweeps of the later steps, screws on their way, balance of volumes": ("fab/checks/gates.py", "silicone_gates"),
     "pictures": ("fab/exports/writer.py", "write_pictures"),
     "cup, base, hardware: solids and meshes": ("fab/packed.py", "packed_group"),
     "core, shell, interface: solids": ("fab/design.py", "build_core_solids"),
@@ -39,8 +40,9 @@ PIECES = {
     "gyroid and nuts": ("fab/checks/gates.py", "_interface_checks"),
     "overlaps of the assemblies": ("fab/checks/gates.py", "_overlap_checks"),
     "wall, bumps, leak, air": ("fab/checks/gates.py", "cavity_gates"),
-    "ways out of core and cup": ("fab/checks/gates.py", "run_gates"),
-    "joints, screw axes, walls, overhangs, beds": ("fab/checks/gates.py", "fit_gates"),
+    "ways out of core and cup": ("fab/checks/gates.py", "extraction_gates"),
+    "joints, screw axes": ("fab/checks/gates.py", "solid_gates"),
+    "through holes, walls, overhangs, beds": ("fab/checks/gates.py", "print_gates"),
     "3MF": ("fab/exports/writer.py", "write_3mf"),
     "STL": ("fab/exports/writer.py", "write_meshes"),
     "STEP": ("fab/exports/writer.py", "write_solids"),
@@ -53,14 +55,6 @@ INSIDE = {  # of these the rest counts, once those that run inside of them are t
         "core, shell, interface: solids",
         "interface with its gyroid: mesh",
         "gyroid's imprint in the shell",
-    ),
-    "ways out of core and cup": (
-        "sweeps of the steps, screws on their way, balance of volumes",
-        "files of each part, read back",
-        "gyroid and nuts",
-        "overlaps of the assemblies",
-        "wall, bumps, leak, air",
-        "joints, screw axes, walls, overhangs, beds",
     ),
 }
 

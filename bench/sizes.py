@@ -212,7 +212,7 @@ def used_shares(checks: Iterable[Check]) -> dict[str, float]:
 
 def make(size: Size) -> Made:
     """Make one size and run every gate on its files."""
-    from fab.checks.gates import run_gates
+    from fab.checks.gates import start_gates
     from fab.design import build_design
     from fab.exports import writer
 
@@ -223,7 +223,7 @@ def make(size: Size) -> Made:
             folder = Path(name)
             writer.write_meshes(design, folder)
             writer.write_solids(design, folder)
-            checks = run_gates(design, folder, Inline(), lambda _: None)
+            checks = start_gates(design, folder, Inline()).checks(lambda _: None)
         failed = [f"{check.name} = {check.value:.4g}, wanted {check.limit}" for check in checks if not check.ok]
     except EndcapError as error:
         failed = [str(error)]

@@ -24,14 +24,15 @@ from fab.exports.whole_folder import whole_folder
 from fab.pot_life import short_pot_life_words
 from fab.progress import Progress
 from fab.variant import Variant
-from fab.workers import worker_pool
+from fab.workers import memory_bytes, usable_cores, worker_pool
 
 if TYPE_CHECKING:
     from fab.checks.check import Check
     from fab.design import Design
     from fab.slice.printers import Printer
 
-WORKERS = 2  # the gyroid beside the solids, then mesh checks side by side
+MOST_WORKERS = 4  # more gain little (bench/bench_molds_cores.py): by then it is this process that takes longest
+WORKER_BYTES = 4 << 30  # of the computer's memory for each worker beyond two: at D=250 T=25 it takes 1 GB (M)
 RECORD = "manifest.json"
 
 HELP = """\
@@ -162,12 +163,17 @@ def cached_molds(
     load_libraries(progress)
     interrupts.raise_swallowed()
     # Forked once the libraries are loaded, so that no worker loads them again, and before one starts a thread.
-    with worker_pool(WORKERS) as workers:
+    with worker_pool(worker_count()) as workers:
         summary = make_molds(variant, folder, workers, progress, cache if use_cache else None, where)
     if use_cache:
         progress("cache")
         cache.store(key, folder, sorted(path.name for path in folder.iterdir()), {"summary": summary})
     return summary
+
+
+def worker_count() -> int:
+    """Processes that share the work with this one: two, or as many as cores and memory allow."""
+    return max(2, min(usable_cores(), memory_bytes() // WORKER_BYTES, MOST_WORKERS))
 
 
 def load_libraries(progress: Progress) -> None:
@@ -201,7 +207,7 @@ def make_molds(
     Raises:
         ChecksFailedError: a check failed.
     """
-    from fab.checks.gates import run_gates
+    from fab.checks.gates import start_gates
     from fab.design import build_design
     from fab.exports import writer as files
     from fab.exports.index_page import write_index
@@ -218,10 +224,11 @@ def make_molds(
             path = folder / f"{name}.3mf"
             pending.append(workers.submit(kept_file, keeper, "3MF", design.meshes[name], path, files.write_3mf))
     files.write_solids(design, folder)
-    progress("assemblies, preview")  # the workers still draw: after the last check this process would do it alone
+    gates = start_gates(design, folder, workers, cache)
+    progress("assemblies, preview")  # while the workers check
     files.write_assemblies(design, folder)
     preview = preview_glb(design, files.exploded_offsets_mm(design))
-    checks = [*run_gates(design, folder, workers, progress, cache), *_bed_checks(design, where)]
+    checks = [*gates.checks(progress), *_bed_checks(design, where)]
     require_passed(checks, f"at {variant.words}")
     progress("pictures")
     for job in pending:

@@ -28,6 +28,18 @@ class WorkerLostError(EndcapError):
     """A worker process ended before its work was done."""
 
 
+def usable_cores() -> int:
+    """Cores that this process may use; where the system does not say which, all of the computer's."""
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def memory_bytes() -> int:
+    """Memory of this computer."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
 @contextmanager
 def worker_pool(count: int) -> Iterator[Executor]:
     """Workers, all started at once; on any error they are killed before the error goes on.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 from pathlib import Path
 
 import trimesh
@@ -28,7 +29,7 @@ from fab.checks.cavity import (
     wall_check,
 )
 from fab.checks.check import Check
-from fab.checks.extraction import Extraction, core_path, extract_core, extract_cup
+from fab.checks.extraction import Extraction, Leg, core_path, extract_core, extract_cup
 from fab.checks.fit import bed_check, clearance_checks, overhang_check, screw_axis_checks
 from fab.checks.gyroid import gyroid_checks
 from fab.checks.hole_walls import hole_wall_checks
@@ -47,48 +48,67 @@ from fab.steps.sweep import step_bodies, sweep_checks
 
 SHELL = "shell"
 CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
+FIRST_OF_SECOND_HALF = "centre_out"  # the step at which the sweeps are divided into two jobs of about the same length
 LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
 
 
-def run_gates(
-    design: Design, folder: Path, workers: Executor, progress: Progress, cache: Cache | None = None
-) -> list[Check]:
-    """Run every check of a written folder.
+@dataclass(frozen=True)
+class Gates:
+    """Every check of a written folder, under way in other processes.
+
+    Attributes:
+        design: what was written.
+        before: jobs whose checks come first in the manifest, those of the whole mold and of the endcap.
+        after: jobs of single parts.
+    """
+
+    design: Design
+    before: Sequence[Future[list[Check]]]
+    after: Sequence[Future[list[Check]]]
+
+    def checks(self, progress: Progress) -> list[Check]:
+        """All checks, in a fixed order, passed or not.
+
+        Args:
+            progress: called with the name of each step as it begins.
+        """
+        progress("checks: joints, screw axes")
+        solids = solid_gates(self.design)  # here: the other processes have meshes alone
+        progress("checks: ways out, sweeps, cavity")
+        before = [check for job in self.before for check in job.result()]
+        progress("checks: walls, gyroid, files")
+        return [*before, *solids, *(check for job in self.after for check in job.result())]
+
+
+def start_gates(design: Design, folder: Path, workers: Executor, cache: Cache | None = None) -> Gates:
+    """Start every check of a written folder, the longest first.
 
     Args:
         design: what was written.
         folder: where its files lie.
-        workers: processes for the checks of single meshes.
-        progress: called with the name of each step as it begins.
+        workers: processes that check.
         cache: where checks of unchanged parts are kept from run to run.
-
-    Returns:
-        All checks, in a fixed order, passed or not.
     """
     made = [part for part in design.parts.values() if part.role != "bought"]
     files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
     meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
+    layout, cast_mm3 = design.layout, mesh_volume_mm3(design, SHELL)
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
-    progress("checks: way out")
-    paths = {name: core_path(design.layout, name, mesh) for name, mesh in pieces.items() if name.startswith("core_")}
-    steps = all_steps(design.layout, paths)
+    paths = {name: core_path(layout, name, mesh) for name, mesh in pieces.items() if name.startswith("core_")}
+    steps = all_steps(layout, paths)
     swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
-    cast_mm3 = mesh_volume_mm3(design, SHELL)
-    sweeps = workers.submit(silicone_gates, design.layout, steps, swept, cast_mm3, design.robot)  # the longest first
-    gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     assemblies = {"endcap": PRODUCT, "mold": (*design.mold, "interface")}
+    cut = [step.key for step in steps].index(FIRST_OF_SECOND_HALF)
+    first = workers.submit(sweep_gates, layout, steps[:cut], swept)
+    second = workers.submit(silicone_gates, layout, steps, cut, swept, cast_mm3, design.robot)
+    ways = workers.submit(extraction_gates, layout, pieces, paths)
+    gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # together: both hold the interface
-    cavity = workers.submit(cavity_gates, design.layout, meshes, cast_mm3)
+    cavity = workers.submit(cavity_gates, layout, meshes, cast_mm3)
+    printed = [part.name for part in made if part.role == "printed"]
+    walls = workers.submit(print_gates, layout, meshes, printed)
     single = [_submit(workers, design, part, files[part.name], folder, cache) for part in made]
-    ways = [*extract_core(design.layout, pieces, paths), *extract_cup(design.layout, pieces)]
-    checks = extraction_checks(ways, design.layout.joint_clearance_mm)
-    progress("checks: fit")
-    fit = fit_gates(design, meshes)
-    progress("checks: sweeps, cavity, gyroid and files")
-    checks += sweeps.result() + cavity.result() + overlaps.result() + fit
-    for pending in (*single, gyroid):
-        checks += pending.result()
-    return checks
+    return Gates(design, (ways, first, second, cavity, overlaps), (walls, *single, gyroid))
 
 
 def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
@@ -107,23 +127,34 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
     ]
 
 
+def sweep_gates(layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
+    """Sweeps of steps.
+
+    Args:
+        layout: mold sizes. steps: that are swept. meshes: of all parts but the silicone shell, by name.
+    """
+    return sweep_checks(layout, steps, step_bodies(layout, steps, meshes))
+
+
 def silicone_gates(
     layout: MoldLayout,
     steps: Sequence[Step],
+    swept_from: int,
     meshes: Mapping[str, trimesh.Trimesh],
     cast_mm3: float,
     robot: str = DEFAULT_ROBOT,
 ) -> list[Check]:
-    """Sweeps of the steps and their screws, and the balance: what the closed mold encloses is made once for all.
+    """Sweeps of the later steps, all screws, and the balance: what the closed mold encloses is made once for all.
 
     Args:
-        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
-        cast_mm3: volume of the silicone shell. robot: what the arm adapter fits.
+        layout: mold sizes. steps: of the whole work. swept_from: index of the first that is swept here.
+        meshes: of all parts but the silicone shell, by name. cast_mm3: volume of the silicone shell.
+        robot: what the arm adapter fits.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     opened = opened_space(layout, pieces)
     bodies = step_bodies(layout, steps, meshes, opened)
-    sweeps = sweep_checks(layout, steps, bodies)
+    sweeps = sweep_checks(layout, steps[swept_from:], bodies)
     fits = fit_joints(layout, meshes)
     sweeps += fastener_checks(layout.params, steps, bodies, fits, robot) + [
         check for fit in fits for check in fit.checks
@@ -132,20 +163,39 @@ def silicone_gates(
     return [*sweeps, balance_check(layout, pieces, meshes["interface"], cast_mm3, opened)]
 
 
-def fit_gates(design: Design, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Clearances, screw axes, through holes, walls, overhangs, beds."""
-    checks = [
+def extraction_gates(
+    layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh], paths: Mapping[str, tuple[Leg, ...]]
+) -> list[Check]:
+    """Ways out of core and cup.
+
+    Args:
+        layout: mold sizes. pieces: meshes of cup and core, by name. paths: ways of the core's pieces.
+    """
+    ways = [*extract_core(layout, pieces, paths), *extract_cup(layout, pieces)]
+    return extraction_checks(ways, layout.joint_clearance_mm)
+
+
+def solid_gates(design: Design) -> list[Check]:
+    """Clearances of the joints and screw axes, on the solids."""
+    return [
         *clearance_checks(design.layout, {name: part.solid for name, part in design.parts.items()}),
         *screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout),
-        *through_hole_checks(design.layout, meshes),
     ]
-    for name, part in design.parts.items():
-        if part.role == "printed":
-            checks.append(bed_check(name, meshes[name]))
-        if part.role == "printed" and name != "interface":  # its walls are those of its gyroid and its nut pockets
+
+
+def print_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], printed: Sequence[str]) -> list[Check]:
+    """Through holes, beds, walls, overhangs.
+
+    Args:
+        layout: mold sizes. meshes: of all parts, by name. printed: names of those that are printed.
+    """
+    checks = through_hole_checks(layout, meshes)
+    for name in printed:
+        checks.append(bed_check(name, meshes[name]))
+        if name != "interface":  # its walls are those of its gyroid and its nut pockets
             checks.append(min_wall_check(name, meshes[name]))
         if name.startswith("cup_"):
-            checks.append(overhang_check(design.layout, name, meshes[name]))
+            checks.append(overhang_check(layout, name, meshes[name]))
     return checks
 
 

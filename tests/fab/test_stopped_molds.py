@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,6 +40,11 @@ class Inline(Executor):
         return future
 
 
+def gate(patch: pytest.MonkeyPatch, checks: Callable[[object], list[Check]]) -> None:
+    """Let these be all the checks that a run makes."""
+    patch.setattr("fab.checks.gates.start_gates", lambda *_: SimpleNamespace(checks=checks))
+
+
 @pytest.fixture
 def stub(monkeypatch, tmp_path_factory):
     """Everything after the design replaced by writers of one small file, and one gate that holds."""
@@ -56,7 +62,7 @@ def stub(monkeypatch, tmp_path_factory):
     monkeypatch.setattr("fab.exports.writer.exploded_offsets_mm", lambda _: {})
     monkeypatch.setattr("fab.exports.preview_parts.preview_glb", lambda *_: b"glb")
     monkeypatch.setattr("fab.exports.index_page.write_index", lambda *a: (a[-1] / "index.html").write_text("page"))
-    monkeypatch.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 1.0, low=1)])
+    gate(monkeypatch, lambda _: [Check("shell.watertight", 1.0, low=1)])
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
 
@@ -116,7 +122,7 @@ def test_a_full_disk_is_said_before_what_the_cache_holds_is_made_again(stub, tmp
 
 
 def test_a_failing_gate_names_the_check_and_leaves_nothing(stub, tmp_path, capsys):
-    stub.setattr("fab.checks.gates.run_gates", lambda *_: [Check("shell.watertight", 0.0, low=1), Check("a", 0.0)])
+    gate(stub, lambda _: [Check("shell.watertight", 0.0, low=1), Check("a", 0.0)])
     assert molds.main([f"exports={tmp_path}"]) == 1
     err = capsys.readouterr().err
     assert "shell.watertight = 0, wanted >= 1" in err and "1 of 2 checks failed" in err
@@ -135,20 +141,20 @@ def test_interruption_leaves_nothing(stub, tmp_path, capsys):
     def interrupted(*_):
         signal.raise_signal(signal.SIGINT)
 
-    stub.setattr("fab.checks.gates.run_gates", interrupted)
+    gate(stub, interrupted)
     assert molds.main([f"exports={tmp_path}"]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert left_in(tmp_path) == []
 
 
 @pytest.mark.parametrize(
-    "step", ["exports.writer.write_meshes", "checks.gates.run_gates", "exports.writer.write_manifest"]
+    "step", ["exports.writer.write_meshes", "checks.gates.start_gates", "exports.writer.write_manifest"]
 )
 def test_an_interruption_that_a_library_swallows_ends_the_run_at_its_next_step(stub, tmp_path, step, capsys):
     def swallowed(*_):
         with suppress(BaseException):
             signal.raise_signal(signal.SIGINT)
-        return [Check("shell.watertight", 1.0, low=1)]
+        return SimpleNamespace(checks=lambda _: [Check("shell.watertight", 1.0, low=1)])
 
     stub.setattr(f"fab.{step}", swallowed)
     stub.setattr("fab.cache.Cache.store", lambda *_: pytest.fail("kept"))
@@ -199,7 +205,7 @@ def started_with_workers(exports: Path) -> tuple[subprocess.Popen[str], list[int
     process = start(*SMALL, f"exports={exports}")
     for _ in range(1200):
         time.sleep(0.1)
-        if len(workers := workers_of(process)) == molds.WORKERS:
+        if len(workers := workers_of(process)) == molds.worker_count():
             time.sleep(1.0)  # into the work
             assert any(name.startswith(".D100_T8.partial-") for name in os.listdir(exports))
             return process, workers

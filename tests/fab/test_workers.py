@@ -1,8 +1,15 @@
-"""Workers that are killed in the middle of something."""
+"""Workers that are killed in the middle of something, and how many there are."""
 
+import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+from fab import molds
+from fab.workers import memory_bytes, usable_cores
 
 ROOT = Path(__file__).resolve().parents[2]
 CUT_RESULT = """
@@ -32,3 +39,26 @@ def test_an_interruption_while_a_worker_writes_its_result_ends(tmp_path):
     command = [sys.executable, "-c", CUT_RESULT, str(tmp_path / "begun")]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert (run.stdout, run.returncode) == ("ended\n", 0)
+
+
+def test_cores_are_those_that_this_process_may_use(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 7}, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    assert usable_cores() == 3
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert usable_cores() == 64
+
+
+@pytest.mark.parametrize(
+    ("cores", "memory_gb", "workers"),
+    [(1, 64, 2), (2, 64, 2), (3, 64, 3), (64, 64, molds.MOST_WORKERS), (8, 12, 3), (8, 8, 2), (8, 2, 2)],
+)
+def test_molds_use_the_cores_that_there_are_as_far_as_memory_goes(monkeypatch, cores, memory_gb, workers):
+    monkeypatch.setattr(molds, "usable_cores", lambda: cores)
+    monkeypatch.setattr(molds, "memory_bytes", lambda: memory_gb << 30)
+    assert molds.worker_count() == workers
+
+
+def test_the_memory_of_this_computer_holds_this_program():
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # kB, on macOS bytes
+    assert used * (1 if sys.platform == "darwin" else 1024) < memory_bytes() < 1 << 50

@@ -28,8 +28,8 @@ from fab.molds import load_libraries, make_molds
 TABLE = Path(__file__).with_name("molds_where.csv")
 # What no other line holds, and the function, in its file, that does it and nothing else.
 PIECES = {
-    "sweeps of the steps to the collar": ("fab/checks/gates.py", "sweep_gates"),
-    "sweeps of the later steps, screws on their way, balance of volumes": ("fab/checks/gates.py", "silicone_gates"),
+    "sweeps of steps past silicone, balance of volumes": ("fab/checks/gates.py", "demold_gates"),
+    "sweeps of other steps, screws on their way": ("fab/checks/gates.py", "mold_gates"),
     "pictures": ("fab/exports/writer.py", "write_pictures"),
     "cup, base, hardware: solids and meshes": ("fab/packed.py", "packed_group"),
     "core, shell, interface: solids": ("fab/design.py", "build_core_solids"),

@@ -48,7 +48,6 @@ from fab.steps.sweep import step_bodies, sweep_checks
 
 SHELL = "shell"
 CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
-FIRST_OF_SECOND_HALF = "centre_out"  # the step at which the sweeps are divided into two jobs of about the same length
 LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
 
 
@@ -98,9 +97,8 @@ def start_gates(design: Design, folder: Path, workers: Executor, cache: Cache | 
     steps = all_steps(layout, paths)
     swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
     assemblies = {"endcap": PRODUCT, "mold": (*design.mold, "interface")}
-    cut = [step.key for step in steps].index(FIRST_OF_SECOND_HALF)
-    first = workers.submit(sweep_gates, layout, steps[:cut], swept)
-    second = workers.submit(silicone_gates, layout, steps, cut, swept, cast_mm3, design.robot)
+    demold = workers.submit(demold_gates, layout, steps, swept, cast_mm3)
+    mold = workers.submit(mold_gates, layout, steps, swept, design.robot)
     ways = workers.submit(extraction_gates, layout, pieces, paths)
     gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # together: both hold the interface
@@ -108,7 +106,7 @@ def start_gates(design: Design, folder: Path, workers: Executor, cache: Cache | 
     printed = [part.name for part in made if part.role == "printed"]
     walls = workers.submit(print_gates, layout, meshes, printed)
     single = [_submit(workers, design, part, files[part.name], folder, cache) for part in made]
-    return Gates(design, (ways, first, second, cavity, overlaps), (walls, *single, gyroid))
+    return Gates(design, (ways, mold, demold, cavity, overlaps), (walls, *single, gyroid))
 
 
 def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
@@ -127,40 +125,45 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
     ]
 
 
-def sweep_gates(layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Sweeps of steps.
-
-    Args:
-        layout: mold sizes. steps: that are swept. meshes: of all parts but the silicone shell, by name.
-    """
-    return sweep_checks(layout, steps, step_bodies(layout, steps, meshes))
-
-
-def silicone_gates(
-    layout: MoldLayout,
-    steps: Sequence[Step],
-    swept_from: int,
-    meshes: Mapping[str, trimesh.Trimesh],
-    cast_mm3: float,
-    robot: str = DEFAULT_ROBOT,
+def mold_gates(
+    layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], robot: str = DEFAULT_ROBOT
 ) -> list[Check]:
-    """Sweeps of the later steps, all screws, and the balance: what the closed mold encloses is made once for all.
+    """Sweeps of the steps that pass no silicone, and the screws of all steps.
 
     Args:
-        layout: mold sizes. steps: of the whole work. swept_from: index of the first that is swept here.
-        meshes: of all parts but the silicone shell, by name. cast_mm3: volume of the silicone shell.
+        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
         robot: what the arm adapter fits.
+    """
+    bodies = step_bodies(layout, steps, meshes)  # manifold3d makes the silicone's when it is asked for: not here
+    fits = fit_joints(layout, meshes)
+    return [
+        *sweep_checks(layout, [step for step in steps if not _passes_silicone(step)], bodies),
+        *fastener_checks(layout.params, steps, bodies, fits, robot),
+        *(check for fit in fits for check in fit.checks),
+        *hole_wall_checks([fit.joint for fit in fits], meshes),
+    ]
+
+
+def demold_gates(
+    layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float
+) -> list[Check]:
+    """Sweeps of the steps that pass the silicone, and the balance: what the closed mold encloses is made once for both.
+
+    Args:
+        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
+        cast_mm3: volume of the silicone shell.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     opened = opened_space(layout, pieces)
-    bodies = step_bodies(layout, steps, meshes, opened)
-    sweeps = sweep_checks(layout, steps[swept_from:], bodies)
-    fits = fit_joints(layout, meshes)
-    sweeps += fastener_checks(layout.params, steps, bodies, fits, robot) + [
-        check for fit in fits for check in fit.checks
+    passing = [step for step in steps if _passes_silicone(step)]
+    return [
+        *sweep_checks(layout, passing, step_bodies(layout, passing, meshes, opened)),
+        balance_check(layout, pieces, meshes["interface"], cast_mm3, opened),
     ]
-    sweeps += hole_wall_checks([fit.joint for fit in fits], meshes)
-    return [*sweeps, balance_check(layout, pieces, meshes["interface"], cast_mm3, opened)]
+
+
+def _passes_silicone(step: Step) -> bool:
+    return any(SHELL in (*move.parts, *move.past) for move in step.moves)
 
 
 def extraction_gates(

@@ -103,8 +103,9 @@ def start_gates(design: Design, folder: Path, workers: Executor, cache: Cache | 
     gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
     overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # together: both hold the interface
     cavity = workers.submit(cavity_gates, layout, meshes, cast_mm3)
-    printed = [part.name for part in made if part.role == "printed"]
-    walls = workers.submit(print_gates, layout, meshes, printed)
+    walls = workers.submit(
+        print_gates, layout, {part.name: meshes[part.name] for part in made if part.role == "printed"}
+    )
     single = [_submit(workers, design, part, files[part.name], folder, cache) for part in made]
     return Gates(design, (ways, mold, demold, cavity, overlaps), (walls, *single, gyroid))
 
@@ -186,19 +187,19 @@ def solid_gates(design: Design) -> list[Check]:
     ]
 
 
-def print_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], printed: Sequence[str]) -> list[Check]:
+def print_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
     """Through holes, beds, walls, overhangs.
 
     Args:
-        layout: mold sizes. meshes: of all parts, by name. printed: names of those that are printed.
+        layout: mold sizes. meshes: of the printed parts, by name.
     """
     checks = through_hole_checks(layout, meshes)
-    for name in printed:
-        checks.append(bed_check(name, meshes[name]))
+    for name, mesh in meshes.items():
+        checks.append(bed_check(name, mesh))
         if name != "interface":  # its walls are those of its gyroid and its nut pockets
-            checks.append(min_wall_check(name, meshes[name]))
+            checks.append(min_wall_check(name, mesh))
         if name.startswith("cup_"):
-            checks.append(overhang_check(layout, name, meshes[name]))
+            checks.append(overhang_check(layout, name, mesh))
     return checks
 
 

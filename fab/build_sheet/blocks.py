@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+OPTION = "--[a-z][a-z-]*"  # of a command: a line that ends behind its hyphens is typed with a space in it
+
 
 @dataclass(frozen=True)
 class Heading:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from cad.dots import dot_pattern
 from cad.plain_numbers import plain
 from cad.robot_sides import fixing_words, robot_words
@@ -71,10 +73,15 @@ def _cover(data: SheetData) -> list[Block]:
     ]
 
 
+def short_limit(limit: str) -> str:
+    """A limit to four figures, so that it takes one line: an edge's tolerance of 3e-7 mm makes 0.0989997 of 0.099."""
+    return re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.4g}", limit)
+
+
 def _gates(data: SheetData) -> list[Block]:
     """All gates, two a row: they are for whoever doubts, not for the bench."""
     cells = [
-        (_breakable(c["name"]), f"{c['value']:.5g}", c["limit"] if c["ok"] else f"{c['limit']} FAILED")
+        (_breakable(c["name"]), f"{c['value']:.4g}", short_limit(c["limit"]) if c["ok"] else f"{c['limit']} FAILED")
         for c in sorted(data.checks, key=lambda c: bool(c["ok"]))
     ]
     half = -(-len(cells) // 2)

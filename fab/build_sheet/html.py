@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import base64
+import re
 from html import escape
 from pathlib import Path
 
-from fab.build_sheet.blocks import Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.blocks import OPTION, Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
 
 _STYLE = """
 @page { size: A4; margin: 16mm 15mm; }
@@ -29,6 +30,7 @@ section.step { display: grid; grid-template-columns: 1fr 84mm; gap: 5mm; break-i
 section.words { grid-template-columns: 1fr; }
 section.step h3 { margin: 0 0 1mm; font-size: 11pt; }
 section.step ul { margin: 0; padding-left: 5mm; }
+.option { white-space: nowrap; }
 .drawing { display: inline-block; vertical-align: top; break-inside: avoid; margin: 1mm; }
 """
 
@@ -45,11 +47,16 @@ def write_html(document: Document, path: Path) -> None:
     )
 
 
+def _words(text: str) -> str:
+    """Escaped, no option of a command broken behind its hyphens."""
+    return re.sub(OPTION, r'<span class="option">\g<0></span>', escape(text))
+
+
 def _block(block: Block) -> str:
     if isinstance(block, Heading):
         return f"<h{block.level}>{escape(block.text)}</h{block.level}>"
     if isinstance(block, Paragraph):
-        return f"<p>{escape(block.text)}</p>"
+        return f"<p>{_words(block.text)}</p>"
     if isinstance(block, Picture):
         width = f' style="width:{100 * block.width_ratio:.0f}%"'
         return f"<figure>{_image(block.path, width)}<figcaption>{escape(block.caption)}</figcaption></figure>"
@@ -81,11 +88,11 @@ def _table(table: Table) -> str:
 
 
 def _cell(cell: str | Path) -> str:
-    return _image(cell) if isinstance(cell, Path) else escape(cell)
+    return _image(cell) if isinstance(cell, Path) else _words(cell)
 
 
 def _step(step: Step) -> str:
-    lines = "".join(f"<li>{escape(line)}</li>" for line in step.lines)
+    lines = "".join(f"<li>{_words(line)}</li>" for line in step.lines)
     if not step.picture:
         title = f"<h3>{escape(step.number)} {escape(step.title)}</h3>"
         return f'<section class="step words"><div>{title}<ul>{lines}</ul></div></section>'

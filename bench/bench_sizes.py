@@ -43,7 +43,7 @@ from fab.workers import end_with_parent, memory_bytes, usable_cores
 HERE = Path(__file__).parent
 TABLE = HERE / "sizes.csv"
 TASKS_A_WORKER = 10  # the kernel gives little back: three gigabytes after ten large sizes
-WORKER_BYTES = 4 << 30  # three, and something to spare
+WORKER_BYTES = 7 << 29  # three gigabytes, and something to spare
 KEY = ("D_mm", "T_mm", "clearance_mm", "options")
 HEADER = ("kind", *KEY, "code", "cpu_s", "checks", "failed", *WATCHED)
 NUMBERS = ("D", "T", "joint_clearance")

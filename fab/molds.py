@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from fab.slice.printers import Printer
 
 MOST_WORKERS = 4  # more gain little (bench/bench_molds_cores.py): by then it is this process that takes longest
-WORKER_BYTES = 4 << 30  # of the computer's memory for each worker beyond two: at D=250 T=25 it takes 1 GB (M)
+WORKER_BYTES = (
+    7 << 29
+)  # of memory for each: of 16 GB, which are said to be 15.5, four; at D=250 T=25 one takes 1 GB (M)
 RECORD = "manifest.json"
 
 HELP = """\

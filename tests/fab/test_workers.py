@@ -51,11 +51,20 @@ def test_cores_are_those_that_this_process_may_use(monkeypatch):
 
 @pytest.mark.parametrize(
     ("cores", "memory_gb", "workers"),
-    [(1, 64, 2), (2, 64, 2), (3, 64, 3), (64, 64, molds.MOST_WORKERS), (8, 12, 3), (8, 8, 2), (8, 2, 2)],
+    [
+        (1, 64, 2),
+        (2, 64, 2),
+        (3, 64, 3),
+        (64, 64, molds.MOST_WORKERS),
+        (8, 15.5, 4),
+        (8, 12, 3),
+        (8, 7.6, 2),
+        (8, 2, 2),
+    ],
 )
 def test_molds_use_the_cores_that_there_are_as_far_as_memory_goes(monkeypatch, cores, memory_gb, workers):
     monkeypatch.setattr(molds, "usable_cores", lambda: cores)
-    monkeypatch.setattr(molds, "memory_bytes", lambda: memory_gb << 30)
+    monkeypatch.setattr(molds, "memory_bytes", lambda: int(memory_gb * 2**30))
     assert molds.worker_count() == workers
 
 

@@ -13,9 +13,7 @@ Writes bench/molds_cores.csv: cores, processes, seconds.
 
 from __future__ import annotations
 
-import argparse
 import csv
-import os
 import pickle
 import sys
 import tempfile
@@ -28,8 +26,8 @@ from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from fab import molds
-from fab.command import VARIANT_DEFAULTS, parse_variant
+from bench.bench_molds_where import variant_on_one_core
+from fab import molds, workers
 
 TABLE = Path(__file__).with_name("molds_cores.csv")
 CORES = (1, 2, 3, 4, 6, 8, 12)
@@ -125,14 +123,7 @@ def wall_s(work: Work, cores: int, workers: int) -> float:
 
 def main() -> None:
     """Do the work once, compute, write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_molds_cores.py"
-    )
-    parser.add_argument("D", nargs="?", default="130")
-    parser.add_argument("T", nargs="?", default="8")
-    options = parser.parse_args()
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
-    variant, work = parse_variant({**VARIANT_DEFAULTS, "D": options.D, "T": options.T}), Work()
+    variant, work = variant_on_one_core(__doc__, "bench_molds_cores.py"), Work()
     timed = Timed(work)
     molds.load_libraries(print)
     with tempfile.TemporaryDirectory(prefix="molds-") as folder:
@@ -145,13 +136,13 @@ def main() -> None:
         writer.writerow(("cores", "processes", "wall_s"))
         for cores in CORES:
             with (
-                mock.patch.object(molds, "usable_cores", lambda n=cores: n),
-                mock.patch.object(molds, "memory_bytes", lambda: 1 << 50),
+                mock.patch.object(workers, "usable_cores", lambda n=cores: n),
+                mock.patch.object(workers, "memory_bytes", lambda: 1 << 50),
             ):
-                workers = molds.worker_count()
-            seconds = wall_s(work, cores, workers)
-            print(f"{cores:2d} cores, {workers + 1} processes: {seconds:5.1f} s")
-            writer.writerow((cores, workers + 1, f"{seconds:.1f}"))
+                count = molds.worker_count()
+            seconds = wall_s(work, cores, count)
+            print(f"{cores:2d} cores, {count + 1} processes: {seconds:5.1f} s")
+            writer.writerow((cores, count + 1, f"{seconds:.1f}"))
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench.sizes import Inline
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.molds import load_libraries, make_molds
+from fab.variant import Variant
 
 TABLE = Path(__file__).with_name("molds_where.csv")
 # What no other line holds, and the function, in its file, that does it and nothing else.
@@ -61,15 +62,8 @@ INSIDE = {  # of these the rest counts, once those that run inside of them are t
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_molds_where.py"
-    )
-    parser.add_argument("D", nargs="?", default="130")
-    parser.add_argument("T", nargs="?", default="8")
-    options = parser.parse_args()
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
+    variant = variant_on_one_core(__doc__, "bench_molds_where.py")
     load_libraries(print)
-    variant = parse_variant({**VARIANT_DEFAULTS, "D": options.D, "T": options.T})
     profile = cProfile.Profile(time.process_time)
     with tempfile.TemporaryDirectory(prefix="molds-") as folder:
         start = time.process_time()
@@ -82,6 +76,22 @@ def main() -> None:
         writer.writerows((what, f"{seconds:.2f}", f"{seconds / all_s:.3f}") for what, seconds in rows)
     for what, seconds in rows:
         print(f"{seconds:6.1f} s {100 * seconds / all_s:5.1f} %  {what}")
+
+
+def variant_on_one_core(description: str | None, program: str) -> Variant:
+    """The size of the command line, D=130 T=8 unless typed; from here on this process keeps to one core.
+
+    Args:
+        description: of the program. program: its name.
+    """
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter, prog=program
+    )
+    parser.add_argument("D", nargs="?", default="130")
+    parser.add_argument("T", nargs="?", default="8")
+    options = parser.parse_args()
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
+    return parse_variant({**VARIANT_DEFAULTS, "D": options.D, "T": options.T})
 
 
 def where(stats: pstats.Stats, all_s: float) -> list[tuple[str, float]]:

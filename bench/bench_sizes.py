@@ -38,12 +38,11 @@ from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.mold_layout import JOINT_CLEARANCE_MM
 from cad.options import DESIGN_DEFAULTS, PATTERN_DEFAULTS, parse_design, parse_length, parse_options
 from cad.plain_numbers import plain
-from fab.workers import end_with_parent, memory_bytes, usable_cores
+from fab.workers import end_with_parent, processes_with_room
 
 HERE = Path(__file__).parent
 TABLE = HERE / "sizes.csv"
 TASKS_A_WORKER = 10  # the kernel gives little back: three gigabytes after ten large sizes
-WORKER_BYTES = 7 << 29  # three gigabytes, and something to spare
 KEY = ("D_mm", "T_mm", "clearance_mm", "options")
 HEADER = ("kind", *KEY, "code", "cpu_s", "checks", "failed", *WATCHED)
 NUMBERS = ("D", "T", "joint_clearance")
@@ -75,8 +74,8 @@ def _options() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, prog="bench_sizes.py"
     )
     parser.add_argument("--seconds", type=float, default=600.0, help="start no size after so long (default: 600)")
-    most = max(1, min(usable_cores(), memory_bytes() // WORKER_BYTES))
-    parser.add_argument("--workers", type=int, default=most, help="processes (default: as cores and memory allow)")
+    room = processes_with_room()
+    parser.add_argument("--workers", type=int, default=room, help="processes (default: as cores and memory allow)")
     parser.add_argument("--only", choices=sorted(set(KINDS) - {"named"}), help="one kind of sizes")
     form = "D/T[/CLEARANCE][/OPTION=...]"
     parser.add_argument("--size", action="append", type=_named, default=[], metavar=form, help="a size of your own")

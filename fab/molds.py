@@ -24,7 +24,7 @@ from fab.exports.whole_folder import whole_folder
 from fab.pot_life import short_pot_life_words
 from fab.progress import Progress
 from fab.variant import Variant
-from fab.workers import memory_bytes, usable_cores, worker_pool
+from fab.workers import processes_with_room, worker_pool
 
 if TYPE_CHECKING:
     from fab.checks.check import Check
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from fab.slice.printers import Printer
 
 MOST_WORKERS = 4  # more gain little (bench/bench_molds_cores.py): by then it is this process that takes longest
-WORKER_BYTES = (
-    7 << 29
-)  # of memory for each: of 16 GB, which are said to be 15.5, four; at D=250 T=25 one takes 1 GB (M)
 RECORD = "manifest.json"
 
 HELP = """\
@@ -175,7 +172,7 @@ def cached_molds(
 
 def worker_count() -> int:
     """Processes that share the work with this one: two, or as many as cores and memory allow."""
-    return max(2, min(usable_cores(), memory_bytes() // WORKER_BYTES, MOST_WORKERS))
+    return max(2, min(processes_with_room(), MOST_WORKERS))
 
 
 def load_libraries(progress: Progress) -> None:

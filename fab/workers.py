@@ -22,6 +22,9 @@ from cad.pools import let_a_cut_result_end
 from fab.exports.whole_folder import ENDING_SIGNALS
 
 PR_SET_PDEATHSIG = 1  # S: linux/prctl.h
+# Of memory for each process: of 16 GB, which are said to be 15.5, four. One more takes 1 GB in `make molds` at
+# D=250 T=25, and holds three after ten large sizes of the survey (M).
+PROCESS_BYTES = 7 << 29
 
 
 class WorkerLostError(EndcapError):
@@ -38,6 +41,11 @@ def usable_cores() -> int:
 def memory_bytes() -> int:
     """Memory of this computer."""
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def processes_with_room() -> int:
+    """How many processes cores and memory allow, one at the least."""
+    return max(1, min(usable_cores(), memory_bytes() // PROCESS_BYTES))
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from fab import molds
+from fab import workers as workers_module
 from fab.workers import memory_bytes, usable_cores
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,8 +64,8 @@ def test_cores_are_those_that_this_process_may_use(monkeypatch):
     ],
 )
 def test_molds_use_the_cores_that_there_are_as_far_as_memory_goes(monkeypatch, cores, memory_gb, workers):
-    monkeypatch.setattr(molds, "usable_cores", lambda: cores)
-    monkeypatch.setattr(molds, "memory_bytes", lambda: int(memory_gb * 2**30))
+    monkeypatch.setattr(workers_module, "usable_cores", lambda: cores)
+    monkeypatch.setattr(workers_module, "memory_bytes", lambda: int(memory_gb * 2**30))
     assert molds.worker_count() == workers
 
 

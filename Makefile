@@ -90,7 +90,7 @@ live: $(VENV)/all.stamp ## wrench and contact, live: make live [D=180 T=10 OPTIO
 	@$(BIN)/python -m sensing.live $(DESIGN) $(OPTIONS)
 
 study: $(VENV)/all.stamp ## what a design will feel, before printing: make study D=130 T=8; the map of all: make study
-	@$(BIN)/python -m sensing.study $(foreach name,D T dots dot_mm material load error exports,$(if $($(name)),"$(name)=$$$(name)"))
+	@$(BIN)/python -m sensing.study $(foreach name,D T dots dot_mm gyroid material load error exports,$(if $($(name)),"$(name)=$$$(name)"))
 
 endcap: $(VENV)/all.stamp ## everything of one size in one folder: molds, slices, sheet, ring, weights, study: make endcap D=180 T=10
 	@sh scripts/slicer.sh || echo 'slicer projects will be left out' >&2

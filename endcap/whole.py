@@ -27,7 +27,7 @@ from cad.typed_folder import typed_folder
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
-from fab.variant import Variant, coupons_command, sensing_options
+from fab.variant import Variant, coupons_command
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
 PAGE = "start.html"
@@ -86,12 +86,11 @@ class Wanted:
         """The commands in order."""
         params, material, folder = self.variant.params, self.variant.silicone, self.folder
         _, diameter, _, wall, *dots = design_words(params)
-        own = sensing_options(params)
         design = (f"D={diameter}", f"T={wall}")
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
         printed = (*whole, *self.printer_option)
         train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
-        of_study = (*design, *(f"{name}={value}" for name, value in own.items()), f"material={material}")
+        of_study = (*design, *(f"{name}={value}" for name, value in params.option_words.items()), f"material={material}")
         return [
             Step("molds", "fab.molds", printed),
             Step("slicer projects", "fab.slice", printed, optional=True),

@@ -92,7 +92,7 @@ def coupons_command(silicone: str) -> str:
 
 
 def sensing_options(params: EndcapParams) -> dict[str, str]:
-    """Options of a design that its weights and its study depend on, as typed; the gyroid is the CAD's alone.
+    """Options of a design that its weights depend on, as typed; the gyroid is none of them.
 
     Args:
         params: the design; D and T are not among them.

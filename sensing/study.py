@@ -24,14 +24,13 @@ from cad.typed_folder import typed_folder
 from cad.whole_file import make_folder, replace_file
 
 EXPORTS = "exports"
-DOTS = {name: PATTERN_DEFAULTS[name] for name in ("dots", "dot_mm")}
 OPTIONS = {
-    "D": "", "T": "", **DOTS, "material": DEFAULT_SILICONE, "load": "", "error": "", "exports": EXPORTS, "folder": "",
+    "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "", "exports": EXPORTS, "folder": "",
 }  # fmt: skip
 HELP = """\
 options, as NAME=VALUE; two numbers at the start are D and T:
   D=130 T=8             the design: writes exports/D130_T8/study/: study.html, study.csv, study.json
-  dots=1-6-10-12-16-18-20 dot_mm=4   its dots, as in make molds
+  dots=1-6-10-12-16-18-20 dot_mm=4 gyroid=0.1   its dots and its gyroid, as in make molds
   material='Smooth-Sil 950'   row of cad/materials.csv
   (neither D nor T)     the map of all designs in all silicones: exports/study/: map.html, map.csv
   load=120 error=0.6    with the map: three designs that bear so many newtons with so small an error an axis
@@ -72,7 +71,7 @@ def _options(words: Sequence[str]) -> dict[str, str]:
     found = parse_options([*design, *numbers[2:], *words[len(numbers) :]], OPTIONS)
     if found["D"] and (found["load"] or found["error"]):
         raise ParameterError("load and error ask for a design: leave D and T out", name="load")
-    if not found["D"] and (other := [name for name, usual in DOTS.items() if found[name] != usual]):
+    if not found["D"] and (other := [name for name, usual in PATTERN_DEFAULTS.items() if found[name] != usual]):
         raise ParameterError(f"{other[0]} is of a design: give D and T, too", name=other[0])
     if bool(found["load"]) != bool(found["error"]):
         raise ParameterError("load and error belong together, as in load=120 error=0.6", name="load")

@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 
 from cad.errors import ParameterError
+from cad.options import parse_design
 from endcap import whole
 from endcap.whole import PAGE, Step, make, parsed
+from sensing import study
 
 MADE = {"checks": [{"name": "a"}, {"name": "b"}]}
 
@@ -64,6 +66,14 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
     ):
         assert words in page
     assert not list(tmp_path.rglob("*.part"))
+
+
+def test_the_study_is_of_the_very_design(tmp_path):
+    """It refuses slices of another one, and a gyroid of one's own makes another one."""
+    options = ["D=180", "T=10", "dots=1-8-12-16-20-24", "dot_mm=4.4", "gyroid=0.09", f"exports={tmp_path}"]
+    wanted = parsed(options)
+    words = next(step.words for step in wanted.steps() if step.module == "sensing.study")
+    assert parse_design(study._options(words)) == wanted.variant.params
 
 
 def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):

@@ -37,7 +37,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text or pictures under a header; numbers are text already. ``widths`` are relative."""
+    """Rows of text or pictures; numbers are text already. ``widths`` are relative. A table may have no header."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str | Path, ...], ...]

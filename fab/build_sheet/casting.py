@@ -18,7 +18,7 @@ def silicone(data: SheetData) -> list[Block]:
         Heading("Silicone", 1),
         *safety(data),
         Heading("What to weigh"),
-        Table(("", ""), _recipe_rows(recipe), (1, 3)),
+        Table((), _recipe_rows(recipe), (1, 3)),
         Heading("Clock, from the moment A and B meet"),
         Table(("when", "what"), (*clock, closed), (1, 3)),
         Heading("Check the pour by weight"),

@@ -46,7 +46,8 @@ def build_document(data: SheetData) -> Document:
 def _cover(data: SheetData) -> list[Block]:
     params, recipe = data.layout.params, data.recipe
     facts = [
-        ("made by", f"{make_command('molds', data)} (joint clearance {data.layout.joint_clearance_mm:g})"),
+        ("made by", make_command("molds", data)),
+        ("joints", f"{data.layout.joint_clearance_mm:g} a side"),
         ("silicone dome", f"{plain(params.diameter_mm)} outside, wall {plain(params.wall_mm)}, {height_words(params)}"),
         ("dots", f"{len(dot_pattern(params))} dents of {params.dot_mm:g} diameter, {params.dent_depth_mm:.3g} deep"),
         ("silicone", f"{recipe.silicone.name}: {recipe.part_a_g:.1f} g A + {recipe.part_b_g:.1f} g B"),
@@ -62,7 +63,7 @@ def _cover(data: SheetData) -> list[Block]:
     facts += cost_facts(data)
     return [
         Picture(data.pictures["cover"], "what you will build", COVER_RATIO),
-        Table(("", ""), tuple(facts), (1, 4)),
+        Table((), tuple(facts), (1, 4)),
         Paragraph(
             "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
             "buy, cast, demold, paint, assemble, test. What stops the cure is in the chapter Silicone: no latex. "

@@ -79,12 +79,11 @@ def _image(path: Path, style: str = "") -> str:
 def _table(table: Table) -> str:
     total = sum(table.widths)
     columns = "".join(f'<col style="width:{100 * width / total:.1f}%">' for width in table.widths)
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
+    cells = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
+    head = f"<thead><tr>{cells}</tr></thead>" if cells else ""
     rows = "\n".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
     style = ' class="small"' if table.is_small else ""
-    return (
-        f"<table{style}><colgroup>{columns}</colgroup><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>"
-    )
+    return f"<table{style}><colgroup>{columns}</colgroup>{head}<tbody>\n{rows}\n</tbody></table>"
 
 
 def _cell(cell: str | Path) -> str:

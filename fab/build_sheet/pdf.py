@@ -81,7 +81,8 @@ class _Printer:
         """A table that repeats its header on every page."""
         columns = ", ".join(f"{width:g}fr" for width in table.widths)
         size = "6.8pt" if table.is_small else "8pt"
-        head = ", ".join(f"strong({_text(cell)})" for cell in table.header)
+        titles = ", ".join(f"strong({_text(cell)})" for cell in table.header)
+        head = f"table.header({titles}), " if titles else ""
         cells = ", ".join(
             self.image(cell, "height: 15mm") if isinstance(cell, Path) else _text(cell)
             for row in table.rows
@@ -90,7 +91,7 @@ class _Printer:
         inset = "1.1mm" if table.is_small else "1.5mm"
         return (
             f"#[#set text({size})\n#table(columns: ({columns}), inset: (x: 1.5mm, y: {inset}), align: horizon + left, "
-            f'stroke: (x, y) => (bottom: 0.5pt + rgb("#d5dade")), table.header({head}), {cells})]'
+            f'stroke: (x, y) => (bottom: 0.5pt + rgb("#d5dade")), {head}{cells})]'
         )
 
     def step(self, step: Step) -> str:

@@ -38,17 +38,18 @@ options, as NAME=VALUE:
   plates=nested    parts side by side on as few plates as fit; single: one job for each part
   parts=all        or names with commas, for example parts=interface_infill,base: only these are sliced, each by itself,
                    and nothing is written
-  gcode=no         yes: keep the G-code beside the projects
+  gcode=no         yes: keep the G-code beside the projects (slices anew)
+  cache=no         slice everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit), or kept
 
 Writes D130_T8/slice/: <plate>.prusa.3mf, <plate>.orca.3mf and slice.json, whole, after every gate has held.
 exit status: 0 written; 1 a gate failed; 2 bad input, no export, or no PrusaSlicer; 130 interrupted
 """
 COMMAND = Command(
     "make slice",
-    f"{VARIANT_USAGE} [printer=NAME] [exports=DIR] [plates=single] [parts=NAMES] [gcode=yes]",
+    f"{VARIANT_USAGE} [printer=NAME] [exports=DIR] [plates=single] [parts=NAMES] [gcode=yes] [cache=no]",
     "Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
     HELP,
-    {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "plates": "nested", "parts": "all", "gcode": "no"},
+    {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "plates": "nested", "parts": "all", "gcode": "no", "cache": "yes"},
 )
 
 
@@ -60,12 +61,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant = parse_variant(options)
-    if options["gcode"] not in ("yes", "no"):
-        raise ParameterError(f"gcode={options['gcode']} is neither yes nor no", name="gcode")
+    for name in ("gcode", "cache"):
+        if options[name] not in ("yes", "no"):
+            raise ParameterError(f"{name}={options[name]} is neither yes nor no", name=name)
     if options["plates"] not in ("nested", "single"):
         raise ParameterError(f"plates={options['plates']} is neither nested nor single", name="plates")
     how = SliceOptions(
-        printer(options["printer"]), options["plates"] == "nested", options["parts"], options["gcode"] == "yes"
+        printer(options["printer"]),
+        options["plates"] == "nested",
+        options["parts"],
+        options["gcode"] == "yes",
+        options["cache"] == "yes",
     )
     return slice_design(variant, Path(options["exports"]), how, interrupts.raise_swallowed)
 
@@ -79,12 +85,14 @@ class SliceOptions:
         is_nested: whether parts share plates.
         parts: ``all``, or names with commas; then each is sliced by itself and nothing is written.
         keep_gcode: whether the G-code stays beside the projects.
+        use_cache: whether plates sliced by earlier runs are taken from the cache, and new ones kept there.
     """
 
     printer: Printer
     is_nested: bool = True
     parts: str = "all"
     keep_gcode: bool = False
+    use_cache: bool = True
 
 
 def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callable[[], None] = lambda: None) -> int:
@@ -134,7 +142,9 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
             "checks": [check.record(6) for check in checks],
         }
         write_record(folder, RECORD, record)
-    show(f"{export.folder / FOLDER}: {len(results)} projects in two dialects, all {len(checks)} gates held")
+    kept = sum(result.is_kept for result in results)
+    words = f" ({kept} unchanged, from the cache)" if kept else ""
+    show(f"{export.folder / FOLDER}: {len(results)} projects in two dialects{words}, all {len(checks)} gates held")
     return 0
 
 
@@ -167,11 +177,12 @@ def _timed(slicer: str, export: Export, plate: Plate, folder: Path, how: SliceOp
 
 def _slice_one(slicer: str, export: Export, plate: Plate, folder: Path, how: SliceOptions) -> SliceResult:
     """Build, write, slice and measure one plate."""
+    from fab.cache import Cache
     from fab.slice.projects import build_project
     from fab.slice.result import slice_project
 
     project = build_project(export, plate, how.printer)
-    return slice_project(slicer, project, folder, export.params, how.keep_gcode)
+    return slice_project(slicer, project, folder, export.params, how.keep_gcode, Cache() if how.use_cache else None)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -12,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from cad.params import EndcapParams
+from fab.cache import Cache
 from fab.checks.check import Check
-from fab.slice.gcode import read_gcode
-from fab.slice.measure import PrintFigures, ZoneFigures, print_figures, zone_figures
+from fab.exports.whole_folder import file_sha256
+from fab.slice.measure import PrintFigures, ZoneFigures
 from fab.slice.project_3mf import Project, write_orca, write_prusa
-from fab.slice.run import ModelInfo, model_info, slice_to_gcode
+from fab.slice.run import ModelInfo
 from fab.slice.settings import PrintSettings, Region
+from fab.slice.sliced import keep_sliced, measure_project, read_sliced, sliced_key
 
 FRACTION_TOLERANCE = 0.005  # of the zone's volume, for example 10 +- 0.5 %
 GRAMS_TOLERANCE = 0.005  # our sum over the moves against the slicer's: a move lost in reading shows here
@@ -74,6 +75,7 @@ class SliceResult:
         info: what the slicer saw.
         warnings: what the slicer said while slicing.
         files: written projects, file name -> SHA-256.
+        is_kept: whether an earlier run sliced the same project.
     """
 
     name: str
@@ -86,6 +88,7 @@ class SliceResult:
     info: ModelInfo
     warnings: tuple[str, ...]
     files: Mapping[str, str]
+    is_kept: bool = False
 
     @property
     def mold_share(self) -> float:
@@ -131,7 +134,9 @@ class SliceResult:
         }
 
 
-def slice_project(slicer: str, project: Project, folder: Path, params: EndcapParams, keep_gcode: bool) -> SliceResult:
+def slice_project(
+    slicer: str, project: Project, folder: Path, params: EndcapParams, keep_gcode: bool, cache: Cache | None = None
+) -> SliceResult:
     """Write both projects of a part, slice it with PrusaSlicer and measure the moves.
 
     Args:
@@ -139,7 +144,8 @@ def slice_project(slicer: str, project: Project, folder: Path, params: EndcapPar
         project: what to print.
         folder: receives ``<name>.prusa.3mf`` and ``<name>.orca.3mf``, and ``<name>.gcode`` if it is kept.
         params: the design.
-        keep_gcode: whether the G-code stays.
+        keep_gcode: whether the G-code stays; then the project is sliced anew.
+        cache: where the numbers of earlier runs are; ``None`` slices anew.
 
     Raises:
         FileError: the slicer refused the project, or a file could not be written.
@@ -147,25 +153,27 @@ def slice_project(slicer: str, project: Project, folder: Path, params: EndcapPar
     prusa, orca = folder / f"{project.name}.prusa.3mf", folder / f"{project.name}.orca.3mf"
     write_prusa(project, prusa)
     write_orca(project, orca)
-    info = model_info(slicer, prusa)
+    key = sliced_key(cache, slicer, project, prusa, params) if cache else ""
+    sliced = read_sliced(cache, key) if cache and not keep_gcode else None
     with tempfile.TemporaryDirectory(dir=folder, prefix=".gcode-") as scratch:
         gcode = (folder if keep_gcode else Path(scratch)) / f"{project.name}.gcode"
-        warnings = slice_to_gcode(slicer, prusa, gcode, project.printer)
-        moves = read_gcode(gcode)
-    figures = print_figures(moves, project.settings.filament, project.printer)
-    is_interface = project.name.startswith("interface")
-    return SliceResult(
+        sliced = sliced or measure_project(slicer, project, prusa, gcode, params)
+    result = SliceResult(
         project.name,
-        _piece_results(project, moves.piece_shares(), figures.grams),
+        _piece_results(project, sliced.shares, sliced.figures.grams),
         tuple(volume.name for volume in project.volumes),
         sum(len(volume.mesh.faces) for volume in project.volumes),
-        figures,
-        zone_figures(moves, params, project.printer) if is_interface else None,
+        sliced.figures,
+        sliced.zone,
         params.gyroid,
-        info,
-        warnings,
-        {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (prusa, orca)},
+        sliced.info,
+        sliced.warnings,
+        {path.name: file_sha256(path) for path in (prusa, orca)},
+        sliced.is_kept,
     )
+    if cache and not sliced.is_kept and all(check.ok for check in result.checks):
+        keep_sliced(cache, key, sliced)
+    return result
 
 
 def _piece_results(project: Project, shares: Mapping[str, float], grams: float) -> tuple[PieceResult, ...]:

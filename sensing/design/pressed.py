@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cad import scaling
 from cad.materials import DEFAULT_SILICONE, Silicone, silicone
 from cad.params import EndcapParams
+from cad.pattern import RELEASED_GYROID
 from sensing.design.bound import Bound, DesignBound
 from sensing.simulator.similarity.library import load_library
 from sensing.simulator.similarity.node import CAPACITY_DEPTHS, CAPACITY_TILTS_DEG
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 TILTS_DEG = (10.0, 25.0, 40.0, 50.0)
 PARTS = (0.15, 0.5, 0.9)  # of the weights' range, at which bounds are given
 ELONGATION_SHARE = 0.5  # E: of the elongation at break, that a cast part may see again and again
-GYROID_FRACTION = 0.093  # M: printed volume fraction of TPU in the interlock (facts: 9.3 to 9.4 %)
+GYROID_FRACTION = 0.093  # M: volume fraction of TPU in the interlock of the released gyroid (facts: 9.3 to 9.4 %)
 # E: of the range, by diameter, of weights that know all paths. Labels gave 1.3, 0.9 and 0.5 to 0.7 % where held-out
 # paths lay among those of training (60 principal fields), 2.1, 0.8 to 1.0 and 0.5 to 0.9 % where the hardest were held
 # out (120; bench/similarity.csv); pictures of D=165 0.5 % (bench/similarity_pictures.csv)
@@ -169,7 +170,8 @@ class Study:
         start, top = scaling.FLANGE_THICKNESS_MM, scaling.FLANGE_THICKNESS_MM + scaling.INTERLOCK_DEPTH_MM
         tip = self.params.tip_height_mm
         whole, zone = (self._between(start, height) for height in (tip, min(top, tip)))
-        return (whole - GYROID_FRACTION * zone) / 1000
+        tpu = GYROID_FRACTION * self.params.gyroid / RELEASED_GYROID
+        return (whole - tpu * zone) / 1000
 
     def _between(self, low_mm: float, high_mm: float) -> float:
         """Volume of the wall between two heights, mm3."""

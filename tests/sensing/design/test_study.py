@@ -73,6 +73,13 @@ def test_the_volume_is_that_of_the_wall_by_quadrature():
     assert RELEASED.volume_cm3 == pytest.approx(float(np.trapezoid(volume, height)) / 1000, rel=1e-4)
 
 
+def test_a_denser_gyroid_takes_the_place_of_silicone():
+    released, dense = (Study(EndcapParams(130, 8, gyroid=gyroid)) for gyroid in (0.10, 0.12))
+    zone = released._between(6.0, 31.0) / 1000
+    assert released.volume_cm3 - dense.volume_cm3 == pytest.approx(0.2 * GYROID_FRACTION * zone)
+    assert dense.range_n == released.range_n
+
+
 def test_the_released_endcap_agrees_with_the_simulators_report():
     """docs/verification.md: 20 N at 4.525 mm, 35 N at 7.466 mm (tilt 30, friction 0.5)."""
     curve = RELEASED.curves[1]

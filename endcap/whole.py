@@ -87,10 +87,11 @@ class Wanted:
         params, material, folder = self.variant.params, self.variant.silicone, self.folder
         _, diameter, _, wall, *dots = design_words(params)
         design = (f"D={diameter}", f"T={wall}")
+        pattern = (f"{name}={value}" for name, value in params.option_words.items())
         whole = (*shlex.split(self.variant.words), f"exports={self.exports}")
         printed = (*whole, *self.printer_option)
         train = ("--design", diameter, wall, *dots, "--silicone", material, "--unless-there", "--copy-to", str(folder))
-        of_study = (*design, *(f"{name}={value}" for name, value in params.option_words.items()), f"material={material}")
+        of_study = (*design, *pattern, f"material={material}")
         return [
             Step("molds", "fab.molds", printed),
             Step("slicer projects", "fab.slice", printed, optional=True),

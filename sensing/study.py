@@ -25,7 +25,8 @@ from cad.whole_file import make_folder, replace_file
 
 EXPORTS = "exports"
 OPTIONS = {
-    "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "", "exports": EXPORTS, "folder": "",
+    "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "",
+    "exports": EXPORTS, "folder": "",
 }  # fmt: skip
 HELP = """\
 options, as NAME=VALUE; two numbers at the start are D and T:

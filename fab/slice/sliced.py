@@ -81,7 +81,11 @@ def sliced_key(cache: Cache, slicer: str, project: Project, written: Path, param
 
 
 def read_sliced(cache: Cache, key: str) -> Sliced | None:
-    """What an earlier run made of the same project; ``None`` where none did."""
+    """What an earlier run made of the same project; ``None`` where none did.
+
+    Args:
+        cache: where it is kept. key: what it is found by.
+    """
     if (entry := cache.read(key)) is None:
         return None
     values = entry[1]
@@ -97,7 +101,12 @@ def read_sliced(cache: Cache, key: str) -> Sliced | None:
 
 
 def keep_sliced(cache: Cache, key: str, sliced: Sliced) -> None:
-    """Keep it for later runs."""
+    """Keep it for later runs.
+
+    Args:
+        cache: where it is kept. key: what it is found by.
+        sliced: what came out.
+    """
     cache.keep(key, {}, {name: value for name, value in asdict(sliced).items() if name != "is_kept"})
 
 

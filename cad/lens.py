@@ -10,6 +10,7 @@ to four photos; :mod:`sensing.camera.nominal` says how and makes a camera of the
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -76,6 +77,16 @@ def camera_module() -> CameraModule:
             value=name,
         )
     return known[name]
+
+
+def camera_setting() -> str:
+    """The setting of another module than the released one, as it is typed before a command; else empty.
+
+    Raises:
+        ParameterError, FileError: see :func:`camera_module`.
+    """
+    name = camera_module().name
+    return "" if name == RELEASED_MODULE else f"{VARIABLE}={shlex.quote(name)} "
 
 
 def _module(row: dict[str, str]) -> CameraModule:

@@ -28,6 +28,7 @@ from cad.whole_file import replace_file
 from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
 from fab.variant import Variant, coupons_command
+from sensing.interpreter import typed_command
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
 PAGE = "start.html"
@@ -263,17 +264,18 @@ def _short(value: str, unit: str) -> str:
 
 
 def _next(wanted: Wanted, folder: Path) -> str:
-    words, params, material = wanted.variant.words, wanted.variant.params, wanted.variant.silicone
-    words = " ".join((words, *wanted.printer_option)) + exports_words(wanted.exports)
-    design = " ".join(design_words(params))
-    other = f" --silicone {shlex.quote(material)}" if material != DEFAULT_SILICONE else ""
+    params, material = wanted.variant.params, wanted.variant.silicone
+    design = design_words(params)
+    other = ("--silicone", material) if material != DEFAULT_SILICONE else ()
+    sheet = " ".join((wanted.variant.command("sheet"), *wanted.printer_option)) + exports_words(wanted.exports)
+    calibrate = ("--photo", "a.jpg", *design, "--out", "camera.json", "--picture", "fit.png")
     coupons = coupons_command(material) + exports_words(wanted.exports)
     return "\n".join([
         f"{coupons:<64} # print the fit coupon first; give what fits as joint_clearance=",
-        f"{'make sheet ' + words:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",
-        f"python -m sensing.live {design}{other}    # the simulated robot of this size, with its weights",
-        f"python -m sensing.calibrate --photo a.jpg {design} --out camera.json --picture fit.png",
-        f"python -m sensing.live --camera 0 {design}{other}",
+        f"{sheet:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",
+        f"{typed_command('sensing.live', *design, *other)}    # the simulated robot of this size, with its weights",
+        typed_command("sensing.calibrate", *calibrate),
+        typed_command("sensing.live", "--camera", "0", *design, *other),
     ])  # fmt: skip
 
 

@@ -7,7 +7,7 @@ Every part of a group goes this way, whichever process made it, so its files are
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from io import BytesIO
 from typing import Literal
 
@@ -18,6 +18,7 @@ from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.camera import camera_part
 from cad.led_ring import led_ring_part
+from cad.lens import camera_module
 from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.part import Part, Role
@@ -81,6 +82,7 @@ def packed_group(group: Group, layout: MoldLayout, cache: Cache | None, robot: s
     if cache is None:
         return make()
     depends_on = {"design": layout.params.digest, "tolerance_mm": tolerance_mm, "robot": robot}
+    depends_on["camera"] = asdict(camera_module())
     return _kept(cache, cache.key(group, depends_on), make)
 
 

@@ -1,4 +1,4 @@
-"""One variant of a design: the two numbers, the joint clearance of your printer, the silicone, and the robot.
+"""One variant of a design: the two numbers, the joint clearance of your printer, the silicone, robot and camera.
 
 The folder of a variant names everything that differs from the default, so no variant overwrites another.
 """
@@ -8,9 +8,10 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from cad.lens import RELEASED_MODULE, camera_module, camera_setting
 from cad.materials import DEFAULT_SILICONE
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
@@ -48,7 +49,10 @@ class Variant:
 
     @property
     def label(self) -> str:
-        """Name of the folder: ``D130_T8``, ``D130_T8_c0.2``, ``D130_T8_Dragon-Skin-30``, ``D130_T8_blank``."""
+        """Name of the folder: ``D130_T8``, ``D130_T8_c0.2``, ``D130_T8_Dragon-Skin-30``, ``D130_T8_blank``.
+
+        The camera module that the environment names is part of it, too.
+        """
         parts = [self.params.label]
         if self.layout.joint_clearance_mm != JOINT_CLEARANCE_MM:
             parts.append(f"c{plain(self.layout.joint_clearance_mm)}")
@@ -56,16 +60,19 @@ class Variant:
             parts.append(file_name(self.silicone))
         if self.robot != DEFAULT_ROBOT:
             parts.append(file_name(self.robot))
+        if (module := camera_module().name) != RELEASED_MODULE:
+            parts.append(file_name(module))
         return "_".join(parts)
 
     @property
-    def identity(self) -> dict[str, float | str]:
+    def identity(self) -> dict[str, Any]:
         """Everything that makes this variant what it is, for digests."""
         return {
             "design": self.params.digest,
             "joint_clearance_mm": self.layout.joint_clearance_mm,
             "silicone": self.silicone,
             "robot": self.robot,
+            "camera": asdict(camera_module()),
         }
 
     @property
@@ -80,6 +87,14 @@ class Variant:
         if self.robot != DEFAULT_ROBOT:
             words.append(f"robot={shlex.quote(self.robot)}")
         return " ".join(words)
+
+    def command(self, target: str) -> str:
+        """A command of make for it: ``make slice D=130 T=8``, with the camera module that the environment names.
+
+        Args:
+            target: of make.
+        """
+        return f"{camera_setting()}make {target} {self.words}"
 
 
 def coupons_command(silicone: str) -> str:

@@ -61,7 +61,7 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
         "1066 g",
         "base.stl",
         "study/study.csv",
-        "--diameter 180 --wall 10",
+        "sensing.live --diameter 180 --wall 10 --silicone &#x27;Dragon Skin 20&#x27;",
         "make coupons material=&#x27;Dragon Skin 20&#x27; exports=",
     ):
         assert words in page

@@ -8,7 +8,7 @@ from __future__ import annotations
 import shlex
 
 from cad.design_arguments import design_words
-from cad.lens import RELEASED_MODULE, VARIABLE, camera_module
+from cad.lens import camera_setting
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
@@ -29,7 +29,7 @@ def make_command(target: str, data: SheetData, printer: str | None = None) -> st
         printer: that is named; by default the sheet's own, where it is not the one that make takes by itself.
     """
     named = printer_words(printer or (data.molds_printer if target == "molds" else data.printer))
-    return f"{camera_setting()}make {target} {Variant(data.layout, data.robot).words}{named}{data.exports_option}"
+    return f"{Variant(data.layout, data.robot).command(target)}{named}{data.exports_option}"
 
 
 def ring_command(data: SheetData) -> str:
@@ -64,9 +64,3 @@ def train_command(params: EndcapParams, silicone: str) -> str:
     return camera_setting() + " ".join(
         ("make train", f"D={plain(params.diameter_mm)}", f"T={plain(params.wall_mm)}", *words)
     )
-
-
-def camera_setting() -> str:
-    """The setting of another camera module, as it is typed before a command."""
-    name = camera_module().name
-    return "" if name == RELEASED_MODULE else f"{VARIABLE}={name} "

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from cad.errors import FileError, ParameterError
+from cad.lens import camera_setting
 from fab.slice.projects import Export
 
 EVERY = "*"  # stands for all keys of a table whose entries have one form
@@ -34,7 +35,7 @@ def read_slices(export: Export) -> dict[str, Any] | None:
     path = export.folder / "slice" / "slice.json"
     if not path.exists():
         return None
-    again = f"run `make slice {export.words}` again"
+    again = f"run `{camera_setting()}make slice {export.words}` again"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -97,7 +97,7 @@ def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]
         "section": _section(variant.layout),
         "label": variant.label,
         "commands": [
-            f"make {target} {variant.words}{printer_words(choice.printer)}{exports_option}"
+            f"{variant.command(target)}{printer_words(choice.printer)}{exports_option}"
             for target in ("molds", "slice", "sheet")
         ],
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.dots import dot_pattern
+from cad.lens import camera_setting
 from cad.materials import silicone
 from cad.plain_numbers import plain
 from cad.robot_sides import DEFAULT_ROBOT
@@ -119,10 +120,10 @@ def _next_steps(variant: Variant, manifest: Mapping[str, Any]) -> str:
     where = printer(str(manifest.get("printer", DEFAULT_PRINTER)))
     asked = printer_words(where.name)
     steps = (
-        (f"make slice {variant.words}{asked}", f"slicer projects, in slice/ ({where.title}; printer=NAME for another)"),
-        (f"make sheet {variant.words}", "what to buy, print, mix, cast, assemble and test, in sheet/build_sheet.pdf"),
-        (f"make ring {design}", "LED ring: board files for a board house, beside this folder"),
-        (f"make molds {variant.words}{asked}", "makes this folder again"),
+        (f"{variant.command('slice')}{asked}", f"slicer projects, in slice/ ({where.title}; printer=NAME for another)"),
+        (variant.command("sheet"), "what to buy, print, mix, cast, assemble and test, in sheet/build_sheet.pdf"),
+        (f"{camera_setting()}make ring {design}", "LED ring: board files for a board house, beside this folder"),
+        (f"{variant.command('molds')}{asked}", "makes this folder again"),
     )  # fmt: skip
     width = max(len(command) for command, _ in steps)
     lines = "\n".join(f"{escape(command.ljust(width))}  # {escape(words)}" for command, words in steps)

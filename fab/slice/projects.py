@@ -79,7 +79,7 @@ def read_export(variant: Variant, exports: Path) -> Export:
         FileError: it is missing, unreadable or of other parameters; the message has the command that makes it.
     """
     folder = exports / variant.label
-    again = f"run `make molds {variant.words}{exports_words(exports)}`"
+    again = f"run `{variant.command('molds')}{exports_words(exports)}`"
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         found, digest = variant_of(variant.params, manifest), manifest["digest"]
@@ -123,7 +123,9 @@ def _others(variant: Variant, exports: Path) -> str:
     for path in sorted(exports.glob(f"{variant.params.label}_*/{MANIFEST}")):
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, EndcapError):
             manifest = json.loads(path.read_text(encoding="utf-8"))
-            found.append(variant_of(variant.params, manifest).words)
+            other = variant_of(variant.params, manifest)
+            if other.label == path.parent.name:  # not of another camera module
+                found.append(other.words)
     return f", or name what has been made: {'; '.join(found)}" if found else ""
 
 

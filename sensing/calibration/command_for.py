@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 from cad.design_arguments import design_words
 from cad.params import EndcapParams
-from sensing.interpreter import typed_python
+from sensing.interpreter import typed_command
 
 RELEASED = design_words(EndcapParams(130.0, 8.0))
 
@@ -23,4 +22,4 @@ def calibrate_command(params: EndcapParams, out: Path | str, zero: Path | None =
     words = design_words(params)
     design = () if words == RELEASED else words
     trust = ("--trust-design",) if trusted else ()
-    return shlex.join((typed_python(), "-m", "sensing.calibrate", *picture, *design, *trust, "--out", str(out)))
+    return typed_command("sensing.calibrate", *picture, *design, *trust, "--out", str(out))

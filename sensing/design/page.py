@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from html import escape
 
 from cad.design_arguments import design_words
+from cad.lens import camera_setting
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.plain_numbers import plain
 from sensing.design.figures import Figure, blind_direction
 from sensing.design.plots import bound_bars, dots_picture, load_curves, map_panels
 from sensing.design.pressed import Study
 from sensing.design.region import Choice, Place
+from sensing.interpreter import typed_command
 from sensing.wrench.weight_files import command_for, find_weights
 
 STYLE = """
@@ -62,8 +64,8 @@ def _next(study: Study) -> str:
     made = {"D": plain(params.diameter_mm), "T": plain(params.wall_mm), **params.option_words}
     made |= {"material": shlex.quote(study.silicone)} if other else {}
     words = " ".join(f"{name}={value}" for name, value in made.items())
-    live = (*design_words(params), *(("--silicone", shlex.quote(study.silicone)) if other else ()))
-    return f"make molds {words}\nmake endcap {words}\npython -m sensing.live {' '.join(live)}"
+    live = typed_command("sensing.live", *design_words(params), *(("--silicone", study.silicone) if other else ()))
+    return "\n".join((f"{camera_setting()}make molds {words}", f"{camera_setting()}make endcap {words}", live))
 
 
 def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cad.errors import FileError
+from cad.lens import camera_setting
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 
@@ -67,7 +68,7 @@ def sliced_prints(params: EndcapParams, path: Path) -> Prints:
     """
     named = {"D": plain(params.diameter_mm), "T": plain(params.wall_mm), **params.option_words}
     words = " ".join(f"{name}={value}" for name, value in named.items())
-    again = f"run make slice {words} again, or move it away"
+    again = f"run {camera_setting()}make slice {words} again, or move it away"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         digest, projects = record["digest"], [p for p in record["projects"] if p["name"] != SECOND_FORM]

@@ -8,11 +8,11 @@ from functools import cached_property
 from pathlib import Path
 
 from cad.errors import ParameterError
-from cad.materials import DEFAULT_SILICONE
 from cad.whole_file import make_folder, replace_file
 from sensing.design.figures import Figure, as_csv, as_record, blind_direction, figures
 from sensing.design.pressed import Study
 from sensing.design.prints import Prints
+from sensing.wrench.weight_files import endcap_label
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,8 @@ class Report:
 
     @property
     def label(self) -> str:
-        """Name of its folder under exports: the design, and the silicone where it is not the default."""
-        label = self.study.params.label
-        return label if self.study.silicone == DEFAULT_SILICONE else f"{label}_{self.study.silicone.replace(' ', '-')}"
+        """Name of its folder under exports: the design, silicone and camera module where they are not the defaults."""
+        return endcap_label(self.study.params, self.study.silicone)
 
     def write(self, folder: str | Path) -> Path:
         """Write study.csv, study.json and study.html; returns the page.

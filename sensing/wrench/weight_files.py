@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from cad.errors import FileError
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
-from sensing.interpreter import typed_python
+from sensing.interpreter import typed_command
 
 FORMAT = "endcap-wrench-2"
 SHIPPED = Path(__file__).parents[1] / "weights"
@@ -28,8 +27,8 @@ def weights_folder() -> Path:
     return Path(data) / "endcap-toolkit" / "weights"
 
 
-def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
-    """File name of a design's weights: ``D180_T10.safetensors``, ``D180_T10_Dragon-Skin-30.safetensors``.
+def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
+    """Name of an endcap as sensing tells it from others: ``D180_T10``, ``D180_T10_Dragon-Skin-30``.
 
     Another camera module than the released one is part of the name, too.
 
@@ -38,7 +37,16 @@ def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """
     pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
     other = "".join("_" + re.sub(r"[^A-Za-z0-9.-]+", "-", name) for name, usual in pairs if name != usual)
-    return f"{params.label}{other}.safetensors"
+    return f"{params.label}{other}"
+
+
+def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
+    """File name of a design's weights: ``D180_T10.safetensors``, ``D180_T10_Dragon-Skin-30.safetensors``.
+
+    Args:
+        params: the design. silicone: row of cad/materials.csv.
+    """
+    return f"{endcap_label(params, silicone)}.safetensors"
 
 
 def find_weights(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> Path | None:
@@ -60,7 +68,7 @@ def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """
     other = () if silicone == DEFAULT_SILICONE else ("--silicone", silicone)
     _, diameter, _, wall, *dots = design_words(params)
-    return shlex.join((typed_python(), "-m", "sensing.train", "--design", diameter, wall, *dots, *other))
+    return typed_command("sensing.train", "--design", diameter, wall, *dots, *other)
 
 
 def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from cad.lens import VARIABLE
 from cad.params import EndcapParams
 from sensing.calibration.command_for import calibrate_command
-from sensing.interpreter import typed_python
+from sensing.interpreter import typed_command, typed_python
 from sensing.live.core.endcaps_file import live_command
 from sensing.wrench.weight_files import command_for
 
@@ -54,3 +55,11 @@ def test_all_commands_to_be_pasted_name_it(checkout):
     assert command_for(design) == ".venv/bin/python -m sensing.train --design 142 7.5"
     assert calibrate_command(design, "a.json").startswith(".venv/bin/python -m sensing.calibrate ")
     assert live_command(Path("endcaps.toml")) == ".venv/bin/python -m sensing.live --config endcaps.toml"
+
+
+def test_another_camera_module_is_named_before_it(checkout, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "ELP-USBFHD01M-L170")
+    assert typed_command("sensing.live", "--silicone", "Dragon Skin 30") == (
+        f"{VARIABLE}=ELP-USBFHD01M-L170 .venv/bin/python -m sensing.live --silicone 'Dragon Skin 30'"
+    )
+    assert command_for(EndcapParams(142, 7.5)).startswith(f"{VARIABLE}=ELP-USBFHD01M-L170 .venv/bin/python -m ")

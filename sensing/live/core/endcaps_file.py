@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import tomllib
 from dataclasses import fields
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from cad.errors import FileError, printable
 from cad.whole_file import replace_file
-from sensing.interpreter import typed_python
+from sensing.interpreter import typed_command
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
 from sensing.wrench.relaxation import MOST_TERMS
 
@@ -63,7 +62,7 @@ def save_config(config: LiveConfig, path: Path) -> None:
 
 def live_command(path: Path) -> str:
     """The command that reads such a file, ready to be pasted."""
-    return shlex.join((typed_python(), "-m", "sensing.live", "--config", str(path)))
+    return typed_command("sensing.live", "--config", str(path))
 
 
 def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:

@@ -1,0 +1,57 @@
+"""Another camera module makes another base: its variant has a folder, a cache entry and commands of its own."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from cad.errors import FileError
+from cad.lens import VARIABLE
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab import packed
+from fab.cache import Cache
+from fab.slice.projects import read_export
+from fab.variant import Variant
+
+OTHER = "ELP-USBFHD01M-L170"
+RELEASED = Variant(MoldLayout(EndcapParams(130.0, 8.0)))
+
+
+@pytest.fixture
+def other_camera(monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    usual = RELEASED.label, RELEASED.identity, RELEASED.command("slice")
+    monkeypatch.setenv(VARIABLE, OTHER)
+    return usual
+
+
+def test_its_folder_identity_and_commands_name_it(other_camera):
+    label, identity, command = other_camera
+    assert (label, command) == ("D130_T8", "make slice D=130 T=8")
+    assert RELEASED.label == f"D130_T8_{OTHER}"
+    assert RELEASED.command("slice") == f"{VARIABLE}={OTHER} make slice D=130 T=8"
+    assert RELEASED.identity != identity and json.dumps(RELEASED.identity)
+
+
+def test_base_and_camera_of_another_module_are_not_taken_from_the_cache(monkeypatch, tmp_path):
+    keys = []
+    monkeypatch.setattr(packed, "_kept", lambda _, key, __: keys.append(key) or [])
+    for module in ("", OTHER, ""):
+        monkeypatch.setenv(VARIABLE, module)
+        packed.packed_group("hardware", RELEASED.layout, Cache(tmp_path))
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_a_missing_export_is_made_with_its_module_and_the_others_are_not_named(other_camera, tmp_path, monkeypatch):
+    folder = tmp_path / RELEASED.label
+    folder.mkdir()
+    made = {"joint_clearance_mm": 0.15, "silicone": "Smooth-Sil 950"}
+    (folder / "manifest.json").write_text(json.dumps(made))
+    blank = Variant(RELEASED.layout, "blank")
+    with pytest.raises(FileError, match=rf"run `{VARIABLE}={OTHER} make molds D=130 T=8 robot=blank .*been made: D=130"):
+        read_export(blank, tmp_path)
+    monkeypatch.delenv(VARIABLE)
+    with pytest.raises(FileError, match=r"run `make molds D=130 T=8 exports=\S+` first$"):
+        read_export(RELEASED, tmp_path)

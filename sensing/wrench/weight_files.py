@@ -28,7 +28,7 @@ def weights_folder() -> Path:
 
 
 def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
-    """Name of an endcap as sensing tells it from others: ``D180_T10``, ``D180_T10_Dragon-Skin-30``.
+    """Name of an endcap, for files and folders of sensing: ``D180_T10``, ``D180_T10_Dragon-Skin-30``.
 
     Another camera module than the released one is part of the name, too.
 

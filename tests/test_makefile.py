@@ -14,7 +14,7 @@ from cad.design_arguments import design_of
 from cad.params import EndcapParams
 from cad.pattern import parse_rings
 from fab.build_sheet.commands import train_command
-from sensing import train
+from sensing import study, train
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
@@ -119,3 +119,11 @@ def test_the_training_command_of_the_build_sheet_reaches_the_program_as_that_des
     options.diameter, options.wall = options.design
     assert design_of(options) == EndcapParams(142.0, 7.5, params.dot_rings, 3.5)
     assert options.silicone == "Dragon Skin 30"
+
+
+def test_every_option_of_the_study_reaches_it(workshop):
+    values = {**study.OPTIONS, "D": "187.3", "T": "9"}
+    words = [f"{name}={value}" for name, value in values.items() if value]
+    done = make("study", *words, folder=workshop)
+    assert done.returncode == 0, done.stderr
+    assert set(words) <= set(done.stdout.splitlines())

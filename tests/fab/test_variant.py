@@ -50,7 +50,7 @@ def test_a_missing_export_is_made_with_its_module_and_the_others_are_not_named(o
     made = {"joint_clearance_mm": 0.15, "silicone": "Smooth-Sil 950"}
     (folder / "manifest.json").write_text(json.dumps(made))
     blank = Variant(RELEASED.layout, "blank")
-    with pytest.raises(FileError, match=rf"run `{VARIABLE}={OTHER} make molds D=130 T=8 robot=blank .*been made: D=130"):
+    with pytest.raises(FileError, match=rf"`{VARIABLE}={OTHER} make molds D=130 T=8 robot=blank .*been made: D=130"):
         read_export(blank, tmp_path)
     monkeypatch.delenv(VARIABLE)
     with pytest.raises(FileError, match=r"run `make molds D=130 T=8 exports=\S+` first$"):

@@ -152,14 +152,16 @@ def _sliced_and_gated(
     slicer: str, export: Export, plates: Sequence[Plate], folder: Path, how: SliceOptions, ask: Callable[[], None]
 ) -> tuple[list[SliceResult], list[Check]]:
     """Slice side by side, print the summary, and insist on the gates."""
+    from fab.slice.projects import GYROID
     from fab.slice.result import summary
 
+    longest_first = sorted(plates, key=lambda plate: plate.name != GYROID)  # or one process would wait for it at the end
     with Progress(ask) as progress, worker_pool(WORKERS) as workers:
-        pending = [workers.submit(_timed, slicer, export, plate, folder, how) for plate in plates]
+        pending = {plate.name: workers.submit(_timed, slicer, export, plate, folder, how) for plate in longest_first}
         results = []
-        for done, (plate, future) in enumerate(zip(plates, pending, strict=True)):
+        for done, plate in enumerate(plates):
             progress(f"{plate.name} ({done + 1} of {len(plates)})")
-            result, seconds = future.result()
+            result, seconds = pending[plate.name].result()
             results.append(result)
             progress.done(seconds)
     show(summary(results, how.parts == "all"))

@@ -155,9 +155,9 @@ def _sliced_and_gated(
     from fab.slice.projects import GYROID
     from fab.slice.result import summary
 
-    longest_first = sorted(plates, key=lambda plate: plate.name != GYROID)  # or one process would wait for it at the end
+    first = sorted(plates, key=lambda plate: plate.name != GYROID)  # the longest, which one process would end alone
     with Progress(ask) as progress, worker_pool(WORKERS) as workers:
-        pending = {plate.name: workers.submit(_timed, slicer, export, plate, folder, how) for plate in longest_first}
+        pending = {plate.name: workers.submit(_timed, slicer, export, plate, folder, how) for plate in first}
         results = []
         for done, plate in enumerate(plates):
             progress(f"{plate.name} ({done + 1} of {len(plates)})")

@@ -139,7 +139,10 @@ def _collect(
         *ring_checks(export.params),
     ]
     require_passed(checks, f"at {export.variant.label}")
-    pictures = step_pictures(shop, steps, depth, folder, progress) | _other_pictures(export, shop, folder)
+    pictures = step_pictures(shop, steps, depth, folder, progress)
+    progress("pictures: parts, ring light")
+    pictures |= _other_pictures(export, shop, folder)
+    progress("beds")
     records = [check.record(FIGURES) for check in checks]
     listed = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
     every = list({check["name"]: check for check in listed}.values())  # screws gate both export and sheet

@@ -213,6 +213,7 @@ def step_pictures(
         if things:
             progress(f"picture: {step.key}")
             pictures[step.key] = draw(things, LOOKS[step.look], folder / f"{step.key}.jpg")
+    progress("picture: dots")
     dots = [shop.part("shell"), shop.part("interface"), Thing(dots_mesh(shop.layout), INK)]
     pictures["dots"] = draw(dots, LOOKS["into the dome"], folder / "dots.jpg")
     return pictures

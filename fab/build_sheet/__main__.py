@@ -139,9 +139,7 @@ def _collect(
         *ring_checks(export.params),
     ]
     require_passed(checks, f"at {export.variant.label}")
-    pictures = step_pictures(shop, steps, depth, folder, progress)
-    progress("pictures: parts, ring light")
-    pictures |= _other_pictures(export, shop, folder)
+    pictures = step_pictures(shop, steps, depth, folder, progress) | _other_pictures(export, shop, folder, progress)
     progress("beds")
     records = [check.record(FIGURES) for check in checks]
     listed = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
@@ -164,8 +162,9 @@ def _lines(
     return for_steps(with_spools(bom_lines(export.manifest, shop.fits, mix, sliced), plastics), steps)
 
 
-def _other_pictures(export: Export, shop: Workshop, folder: Path) -> dict[str, Path]:
+def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:
     """Pictures beside those of the steps, by their names in the sheet."""
+    progress("pictures: parts, ring light")
     from fab.build_sheet.lighting import draw_ring_light
     from fab.build_sheet.pictures import thumbnails
 

@@ -113,7 +113,7 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
         FileError: no export, or a file cannot be read or written.
         ParameterError: a part does not fit the printer's bed.
     """
-    from fab.slice.projects import nested_plates, project_names, read_export, single_plates
+    from fab.slice.projects import project_names, read_export, single_plates
     from fab.slice.run import find_slicer, slicer_version
 
     slicer = find_slicer()
@@ -130,7 +130,7 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
             checks = _sliced_and_gated(slicer, export, plates, Path(scratch), replace(how, keep_gcode=False), ask)[1]
         show(f"{variant.label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
         return 0
-    plates = nested_plates(export, how.printer) if how.is_nested else single_plates(names)
+    plates = _side_by_side(export, how.printer, ask) if how.is_nested else single_plates(names)
     with whole_folder(export.folder / FOLDER, RECORD, ask) as folder:
         results, checks = _sliced_and_gated(slicer, export, plates, folder, how, ask)
         record = {
@@ -146,6 +146,15 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
     words = f" ({kept} unchanged, from the cache)" if kept else ""
     show(f"{export.folder / FOLDER}: {len(results)} projects in two dialects{words}, all {len(checks)} gates held")
     return 0
+
+
+def _side_by_side(export: Export, where: Printer, ask: Callable[[], None]) -> list[Plate]:
+    """Plates with as many parts as fit."""
+    from fab.slice.projects import nested_plates
+
+    with Progress(ask) as progress:
+        progress("parts side by side on plates")
+        return nested_plates(export, where)
 
 
 def _sliced_and_gated(

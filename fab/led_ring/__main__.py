@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
+from cad.lens import RELEASED_MODULE, camera_module
 from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
@@ -18,6 +19,7 @@ from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
+from fab.variant import file_name
 
 RECORD = "led_ring.json"
 HELP = f"""\
@@ -123,6 +125,8 @@ def folder_name(params: EndcapParams, led_count: int) -> str:
         parts.append(params.label)
     if led_count != LED_COUNT:
         parts.append(f"{led_count}leds")
+    if (module := camera_module().name) != RELEASED_MODULE:
+        parts.append(file_name(module))
     return "_".join(parts)
 
 

@@ -12,6 +12,7 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab import packed
 from fab.cache import Cache
+from fab.led_ring.__main__ import folder_name
 from fab.slice.projects import read_export
 from fab.variant import Variant
 
@@ -33,6 +34,7 @@ def test_its_folder_identity_and_commands_name_it(other_camera):
     assert RELEASED.label == f"D130_T8_{OTHER}"
     assert RELEASED.command("slice") == f"{VARIABLE}={OTHER} make slice D=130 T=8"
     assert RELEASED.identity != identity and json.dumps(RELEASED.identity)
+    assert folder_name(EndcapParams(150.0, 9.0), 8) == f"led_ring_D150_T9_8leds_{OTHER}"
 
 
 def test_base_and_camera_of_another_module_are_not_taken_from_the_cache(monkeypatch, tmp_path):

@@ -60,9 +60,7 @@ class Variant:
             parts.append(file_name(self.silicone))
         if self.robot != DEFAULT_ROBOT:
             parts.append(file_name(self.robot))
-        if (module := camera_module().name) != RELEASED_MODULE:
-            parts.append(file_name(module))
-        return "_".join(parts)
+        return "_".join((*parts, *camera_words()))
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -106,15 +104,6 @@ def coupons_command(silicone: str) -> str:
     return "make coupons" + ("" if silicone == DEFAULT_SILICONE else f" material={shlex.quote(silicone)}")
 
 
-def sensing_options(params: EndcapParams) -> dict[str, str]:
-    """Options of a design that its weights depend on, as typed; the gyroid is none of them.
-
-    Args:
-        params: the design; D and T are not among them.
-    """
-    return {name: value for name, value in params.option_words.items() if name != "gyroid"}
-
-
 def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
     """The variant that an export's manifest names.
 
@@ -126,6 +115,12 @@ def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
     """
     layout = MoldLayout(params, float(manifest["joint_clearance_mm"]), str(manifest["silicone"]))
     return Variant(layout, str(manifest.get("robot", DEFAULT_ROBOT)))
+
+
+def camera_words() -> tuple[str, ...]:
+    """What another camera module than the released one adds to the name of a folder; nothing for the released one."""
+    name = camera_module().name
+    return () if name == RELEASED_MODULE else (file_name(name),)
 
 
 def file_name(text: str) -> str:

@@ -164,10 +164,10 @@ def _lines(
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:
     """Pictures beside those of the steps, by their names in the sheet."""
-    progress("pictures: parts, ring light")
     from fab.build_sheet.lighting import draw_ring_light
     from fab.build_sheet.pictures import thumbnails
 
+    progress("pictures: parts, ring light")
     pictures = {f"thumb_{name}": path for name, path in thumbnails(shop, folder).items()}
     pictures |= {"cover": export.folder / "exploded.png", "section": export.folder / "section.png"}
     return pictures | {"ring_light": draw_ring_light(export.params, folder)}

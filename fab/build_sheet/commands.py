@@ -14,7 +14,7 @@ from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
 from fab.slice.printers import printer_words
-from fab.variant import Variant, coupons_command, sensing_options
+from fab.variant import Variant, coupons_command
 
 INTERPRETER = ".venv/bin/python"
 RELEASED = EndcapParams(130.0, 8.0)
@@ -58,7 +58,7 @@ def train_command(params: EndcapParams, silicone: str) -> str:
     is_released = design_words(params) == design_words(RELEASED) and silicone == DEFAULT_SILICONE
     if is_released and not camera_setting():
         return ""
-    own = sensing_options(params)
+    own = {name: value for name, value in params.option_words.items() if name != "gyroid"}
     own |= {"material": shlex.quote(silicone)} if silicone != DEFAULT_SILICONE else {}
     words = (f"{name}={value}" for name, value in own.items())
     return camera_setting() + " ".join(

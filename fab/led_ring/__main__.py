@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cad.led_placement import LED_COUNT, LED_RANGE, placements
-from cad.lens import RELEASED_MODULE, camera_module
 from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
@@ -19,7 +18,7 @@ from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
-from fab.variant import file_name
+from fab.variant import camera_words
 
 RECORD = "led_ring.json"
 HELP = f"""\
@@ -125,9 +124,7 @@ def folder_name(params: EndcapParams, led_count: int) -> str:
         parts.append(params.label)
     if led_count != LED_COUNT:
         parts.append(f"{led_count}leds")
-    if (module := camera_module().name) != RELEASED_MODULE:
-        parts.append(file_name(module))
-    return "_".join(parts)
+    return "_".join((*parts, *camera_words()))
 
 
 def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -> dict[str, object]:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cad.errors import ParameterError
 from cad.messages import show
@@ -114,7 +114,7 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
         ParameterError: a part does not fit the printer's bed.
     """
     from fab.slice.projects import project_names, read_export, single_plates
-    from fab.slice.run import find_slicer, slicer_version
+    from fab.slice.run import find_slicer
 
     slicer = find_slicer()
     export = read_export(variant, exports)
@@ -133,19 +133,27 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
     plates = _side_by_side(export, how.printer, ask) if how.is_nested else single_plates(names)
     with whole_folder(export.folder / FOLDER, RECORD, ask) as folder:
         results, checks = _sliced_and_gated(slicer, export, plates, folder, how, ask)
-        record = {
-            "printer": {**asdict(how.printer), "size": how.printer.size},
-            "digest": variant.params.digest,
-            "manifest_sha256": export.manifest_sha256,
-            "slicer": f"PrusaSlicer {slicer_version(slicer)}",
-            "projects": [result.record() for result in results],
-            "checks": [check.record(6) for check in checks],
-        }
-        write_record(folder, RECORD, record)
+        write_record(folder, RECORD, _record(slicer, export, how.printer, results, checks))
     kept = sum(result.is_kept for result in results)
     words = f" ({kept} unchanged, from the cache)" if kept else ""
     show(f"{export.folder / FOLDER}: {len(results)} projects in two dialects{words}, all {len(checks)} gates held")
     return 0
+
+
+def _record(
+    slicer: str, export: Export, where: Printer, results: Sequence[SliceResult], checks: Sequence[Check]
+) -> dict[str, Any]:
+    """Content of ``slice.json``."""
+    from fab.slice.run import slicer_version
+
+    return {
+        "printer": {**asdict(where), "size": where.size},
+        "digest": export.params.digest,
+        "manifest_sha256": export.manifest_sha256,
+        "slicer": f"PrusaSlicer {slicer_version(slicer)}",
+        "projects": [result.record() for result in results],
+        "checks": [check.record(6) for check in checks],
+    }
 
 
 def _side_by_side(export: Export, where: Printer, ask: Callable[[], None]) -> list[Plate]:

@@ -153,7 +153,8 @@ def slice_project(
     prusa, orca = folder / f"{project.name}.prusa.3mf", folder / f"{project.name}.orca.3mf"
     write_prusa(project, prusa)
     write_orca(project, orca)
-    key = sliced_key(cache, slicer, project, prusa, params) if cache else ""
+    files = {path.name: file_sha256(path) for path in (prusa, orca)}
+    key = sliced_key(cache, slicer, project, files[prusa.name], params) if cache else ""
     sliced = read_sliced(cache, key) if cache and not keep_gcode else None
     with tempfile.TemporaryDirectory(dir=folder, prefix=".gcode-") as scratch:
         gcode = (folder if keep_gcode else Path(scratch)) / f"{project.name}.gcode"
@@ -168,7 +169,7 @@ def slice_project(
         params.gyroid,
         sliced.info,
         sliced.warnings,
-        {path.name: file_sha256(path) for path in (prusa, orca)},
+        files,
         sliced.is_kept,
     )
     if cache and not sliced.is_kept and all(check.ok for check in result.checks):

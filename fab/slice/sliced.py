@@ -61,17 +61,17 @@ def measure_project(slicer: str, project: Project, written: Path, gcode: Path, p
     return Sliced(info, warnings, figures, zone, moves.piece_shares())
 
 
-def sliced_key(cache: Cache, slicer: str, project: Project, written: Path, params: EndcapParams) -> str:
+def sliced_key(cache: Cache, slicer: str, project: Project, sha256: str, params: EndcapParams) -> str:
     """What a sliced project is found by: the digest of everything that its numbers depend on.
 
     Args:
         cache: where it is kept.
         slicer: path of PrusaSlicer's program.
-        project: what is printed. written: its 3MF file.
+        project: what is printed. sha256: of its 3MF file.
         params: the design.
     """
     depends_on = {
-        "project": file_sha256(written),
+        "project": sha256,
         "printer": asdict(project.printer),
         "filament": asdict(project.settings.filament),
         "design": params.digest if has_zone(project) else "",

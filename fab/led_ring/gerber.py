@@ -106,7 +106,7 @@ def read_archive(path: Path) -> tuple[dict[str, BaseGeometry], list[tuple[float,
             for name in LAYERS:
                 (text,) = (text for file, text in texts.items() if file.endswith(f"-{name}.gbr"))
                 gerber = GerberFile.from_string(text)
-                layers[name] = _face(gerber) if name == "Edge_Cuts" else _area(gerber)
+                layers[name] = _face(gerber) if name == "Edge_Cuts" else covered_area(gerber)
             (text,) = (text for file, text in texts.items() if file.endswith(f"-{DRILL}.drl"))
     except (OSError, ValueError, SyntaxError, KeyError) as error:
         raise FileError(f"{path}: not a whole set of board files ({error}): make it again") from error
@@ -156,7 +156,7 @@ def _round(centre: tuple[float, float], diameter: float) -> Flash:
     return Flash(*centre, CircleAperture(diameter, unit=MM), unit=MM)
 
 
-def _area(gerber: GerberFile) -> BaseGeometry:
+def covered_area(gerber: GerberFile) -> BaseGeometry:
     """What a layer covers, dark over clear in the file's order."""
     area: BaseGeometry = MultiPolygon()
     batch: list[BaseGeometry] = []

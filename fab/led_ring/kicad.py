@@ -23,12 +23,12 @@ from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THI
 from fab.checks.check import Check
 from fab.led_ring.circuit import netlist
 from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
-from fab.led_ring.gerber import polygons
+from fab.led_ring.gerber import MASK_GROWTH_MM, PASTE_SHRINK_MM, SIDES, polygons
 from fab.led_ring.schematic import SHEET, identity, schematic_text, value_text
+from fab.led_ring.silk import silk_shape
 
 VERSION = 20221018  # of the format: KiCad 7, and what gerbonara reads
 ORIGIN_MM = 100.0
-SIDES = {"top": "F", "bottom": "B"}
 AREA_MM2 = 0.01  # by which a layer may differ when read back
 LAYERS = (
     (0, "F.Cu", "signal"), (31, "B.Cu", "signal"), (34, "B.Paste", "user"), (35, "F.Paste", "user"),
@@ -52,7 +52,7 @@ def write_project(copper: Copper, led_count: int, folder: Path) -> None:
     embedded = "ignore"  # symbols and footprints are in the files themselves, in no library
     content = {
         "board": {"design_settings": {"rules": rules, "rule_severities": {"lib_footprint_issues": embedded}}},
-        "erc": {"rule_severities": {"lib_symbol_issues": embedded}},
+        "erc": {"rule_severities": {"lib_symbol_issues": embedded, "footprint_link_issues": embedded}},
         "meta": {"filename": "led_ring.kicad_pro", "version": 1},
         "net_settings": {"classes": [{"name": "Default", "clearance": 0.2, "track_width": 0.4}]},
         "sheets": [[str(SHEET), ""]],
@@ -69,7 +69,7 @@ def board_text(copper: Copper, led_count: int) -> str:
         f" (general (thickness {BOARD_THICKNESS_MM:g}))",
         ' (paper "A4")',
         f" (layers\n{layers}\n )",
-        " (setup (pad_to_mask_clearance 0.05))",
+        f" (setup (pad_to_mask_clearance {MASK_GROWTH_MM:g}))",
         ' (net 0 "")',
         *(f' (net {number} "{name}")' for name, number in nets.items()),
         *(_footprint(place, copper, nets) for place in placements(led_count)),
@@ -85,6 +85,11 @@ def board_text(copper: Copper, led_count: int) -> str:
         f" (via (at {_at(via.centre)}) (size {VIA_PAD_MM:g}) (drill {VIA_DRILL_MM:g}) "
         f'(layers "F.Cu" "B.Cu") (net {nets[via.net]}))'
         for via in copper.vias
+    ]
+    lines += [
+        f' (gr_poly {_points(keyholed(piece))} (stroke (width 0) (type solid)) (fill solid) (layer "{letter}.SilkS"))'
+        for side, letter in SIDES.items()
+        for piece in polygons(silk_shape(copper, side))
     ]
     return "\n".join([*lines, _plane(copper.plane, nets["GND"]), ")\n"])
 
@@ -107,7 +112,7 @@ def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
         [
             f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {_at((x, y))})',
             f'  (descr "{place.part.description}, {place.part.maker} {place.part.part_number}")',
-            f'  (path "/{identity(place.reference)}") (attr smd)',
+            f'  (path "/{identity(place.reference)}") (solder_paste_margin {-PASTE_SHRINK_MM:g}) (attr smd)',
             f'  (fp_text reference "{place.reference}" (at 0 0) (layer "{letter}.SilkS") {text})',
             f'  (fp_text value "{value_text(place.part)}" (at 0 0) (layer "{letter}.Fab") {text})',
             *pads,
@@ -133,7 +138,7 @@ def _plane(plane: BaseGeometry, net: int) -> str:
     fills = "\n".join(f'  (filled_polygon (layer "B.Cu") {_points(keyholed(piece))})' for piece in polygons(plane))
     return (
         f' (zone (net {net}) (net_name "GND") (layer "B.Cu") (hatch edge 0.5)\n'
-        f"  (connect_pads (clearance {PLANE_GAP_MM:g})) (min_thickness 0.2)\n"
+        f"  (connect_pads (clearance {PLANE_GAP_MM:g})) (min_thickness 0.2) (filled_areas_thickness no)\n"
         f"  (fill yes (thermal_gap {PLANE_GAP_MM:g}) (thermal_bridge_width 0.5))\n"
         f"  (polygon {_points(edge)})\n{fills}\n )"
     )
@@ -219,7 +224,7 @@ def _areas_and_pins(board: Board) -> tuple[dict[str, BaseGeometry], dict[tuple[s
     for zone in board.zones:
         for piece in zone.fill_polygons:
             ring = Polygon([(p.x - ORIGIN_MM, ORIGIN_MM - p.y) for p in piece.pts])
-            shapes[piece.layer].append(ring.buffer(0.0))
+            shapes[piece.layer].append(ring.buffer(zone.min_thickness / 2 if zone.filled_areas_thickness else 0.0))
     return {name: unary_union(found) for name, found in shapes.items()}, pins
 
 

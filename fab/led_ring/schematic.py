@@ -191,7 +191,14 @@ def _wires(led_count: int) -> tuple[list[tuple[Point, Point]], list[Point], list
         lines += [((start, top), (start + STRING_STEP_MM - 7.62, top)), ((middle, top), (middle, top - up))]
         junctions.append((middle, top))
         labels.append((f"N{k}", (middle, top - up), 90))
-    return [pair for line in lines for pair in pairwise(line)], junctions, labels
+    return [piece for line in lines for pair in pairwise(line) for piece in _split(pair, junctions)], junctions, labels
+
+
+def _split(wire: tuple[Point, Point], junctions: list[Point]) -> list[tuple[Point, Point]]:
+    """A wire cut at the junctions on it: KiCad 9 connects what hangs on a wire's ends, and takes one junction within."""
+    (x0, y0), (x1, y1) = sorted(wire)
+    inside = [at for at in junctions if x0 <= at[0] <= x1 and min(y0, y1) <= at[1] <= max(y0, y1)]
+    return [pair for pair in pairwise(sorted({*wire, *inside}))]
 
 
 def _library_symbol(symbol: Symbol) -> str:

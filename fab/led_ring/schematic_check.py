@@ -53,8 +53,8 @@ def _same(symbol: SymbolInstance, footprint: object) -> bool:
 def read_schematic(path: Path) -> tuple[dict[Pin, str], list[SymbolInstance]]:
     """Net of every pin, found from places alone as KiCad does, and the symbols.
 
-    A wire connects its two ends; a pin, a label or a junction anywhere on a wire connects with it; wires that cross or
-    end on another do so by a junction only. Labels of one name are one net.
+    A wire connects what stands at its two ends; what stands on its middle is not counted, for KiCad 9 connects no more
+    than the first there. Labels of one name are one net.
 
     Args:
         path: of the ``.kicad_sch``.
@@ -70,9 +70,7 @@ def read_schematic(path: Path) -> tuple[dict[Pin, str], list[SymbolInstance]]:
         pins = [(symbol.reference, pin, at) for symbol in sheet.symbols for pin, at in _pins(sheet, symbol)]
         wires = [[(point.x, point.y) for point in wire.points] for wire in sheet.wires]
         labels = [(label.text, (label.at.x, label.at.y)) for label in sheet.global_labels]
-        joints = [(joint.at.x, joint.at.y) for joint in sheet.junctions]
-    touching = [*(at for *_, at in pins), *(at for _, at in labels), *joints]
-    group = _groups(wires, touching)
+    group = _groups([*([at] for *_, at in pins), *([at] for _, at in labels), *wires])
     names: dict[int, set[str]] = {}
     for number, (name, _) in enumerate(labels, len(pins)):
         names.setdefault(group[number], set()).add(name)
@@ -89,26 +87,12 @@ def _pins(sheet: Schematic, symbol: SymbolInstance) -> list[tuple[str, Point]]:
     ]
 
 
-def _groups(wires: Sequence[Sequence[Point]], touching: Sequence[Point]) -> list[int]:
-    """Number of the connected group of each touching point, then of each wire."""
-    count = len(touching) + len(wires)
-    joined = np.zeros((count, count), bool)
-    for k, point in enumerate(touching):
-        joined[k, : len(touching)] = [_near(point, other) for other in touching]
-        joined[k, len(touching) :] = [_on(point, wire) for wire in wires]
-    for k, wire in enumerate(wires, len(touching)):
-        joined[k, len(touching) :] = [
-            any(_near(a, b) for a in (wire[0], wire[-1]) for b in (other[0], other[-1])) for other in wires
-        ]
-    return [int(group) for group in connected_components(csr_matrix(joined), directed=False)[1]]
+def _groups(ends: Sequence[Sequence[Point]]) -> list[int]:
+    """Number of the connected group of each thing, by the places where it can be connected."""
+    joined = [any(_near(a, b) for a in these for b in those) for these in ends for those in ends]
+    square = csr_matrix(np.array(joined, bool).reshape(len(ends), len(ends)))
+    return [int(group) for group in connected_components(square, directed=False)[1]]
 
 
 def _near(a: Point, b: Point) -> bool:
     return abs(a[0] - b[0]) < NEAR_MM and abs(a[1] - b[1]) < NEAR_MM
-
-
-def _on(point: Point, wire: Sequence[Point]) -> bool:
-    """Whether a point lies on a wire along x or y."""
-    (x0, y0), (x1, y1) = wire[0], wire[-1]
-    inside_x = min(x0, x1) - NEAR_MM < point[0] < max(x0, x1) + NEAR_MM
-    return inside_x and min(y0, y1) - NEAR_MM < point[1] < max(y0, y1) + NEAR_MM

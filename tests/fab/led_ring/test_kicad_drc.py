@@ -1,60 +1,102 @@
-"""KiCad's own design rule check of the board, where KiCad is installed (6 or later, with its Python module)."""
+"""The ring's project in KiCad itself, where `kicad-cli` is installed (8 or later): its design rules and electrical rules,
+board against schematic, and its own plots against our Gerber files."""
 
 from __future__ import annotations
 
+import json
 import os
-import re
 import shutil
 import subprocess
 
 import pytest
+from gerbonara import ExcellonFile, GerberFile
 from shapely import Polygon, box
+from shapely.affinity import translate
 from shapely.geometry import Point
 
 from fab.led_ring.copper import build_copper
-from fab.led_ring.kicad import keyholed, write_project
+from fab.led_ring.gerber import board_files, covered_area, read_archive, write_archive
+from fab.led_ring.kicad import ORIGIN_MM, keyholed, write_project
 
-PYTHON = shutil.which("python3", path="/usr/bin")  # KiCad's module belongs to the system's Python
-CHECK = """
-import sys, pcbnew
-board = pcbnew.LoadBoard(sys.argv[1])
-assert board is not None
-print(len(board.GetFootprints()), "footprints", len(board.Zones()), "zones")
-pcbnew.WriteDRCReport(board, sys.argv[2], pcbnew.EDA_UNITS_MILLIMETRES, True)
-"""
+PLOTS = {"F_Silk": "F_Silkscreen", "B_Silk": "B_Silkscreen"}  # our name: KiCad's, where they differ
+CORNER_MM2 = 0.005  # a pad, where KiCad rounds the corners of an opening of the solder mask that is grown by 0.05 mm
+AREA_MM2 = 0.01
 
 
-def kicad_major() -> int:
-    if PYTHON is None:
-        return 0
-    asked = [PYTHON, "-c", "import pcbnew; print(pcbnew.Version())"]
-    found = subprocess.run(asked, capture_output=True, text=True, check=False)
-    match = re.match(r"\(?(\d+)", found.stdout.strip())
-    return int(match[1]) if match else 0
-
-
-def for_kicad_6(text: str) -> str:
-    """The same board in the words of the format before."""
-    text = text.replace("(version 20221018)", "(version 20211014)")
-    text = re.sub(r"\(stroke \(width ([\d.]+)\) \(type solid\)\)", r"(width \1)", text)
-    return re.sub(r"\(effects (\(font .*?\)) hide\)", r"hide (effects \1)", text)
-
-
-@pytest.mark.parametrize("leds", [9, 6])
-def test_kicad_finds_no_fault_in_the_board(tmp_path, leds):
-    major = kicad_major()
-    if not 6 <= major <= 9:
-        pytest.skip("KiCad is not installed: apt-get install --no-install-recommends kicad")
-    write_project(build_copper(leds), leds, tmp_path)
-    board, report = tmp_path / "led_ring.kicad_pcb", tmp_path / "drc.txt"
-    if major == 6:
-        board.write_text(for_kicad_6(board.read_text()))
-    run = [str(PYTHON), "-c", CHECK, str(board), str(report)]
-    done = subprocess.run(run, capture_output=True, text=True, check=False, env={**os.environ, "HOME": str(tmp_path)})
+def kicad(folder, *words: object) -> str:
+    """Output of a command of `kicad-cli`; its settings go into the folder."""
+    run = ["kicad-cli", *map(str, words)]
+    home = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder)}
+    done = subprocess.run(run, cwd=folder, capture_output=True, text=True, check=False, env={**os.environ, **home})
     assert done.returncode == 0, done.stderr
-    assert "1 zones" in done.stdout
-    found = re.findall(r"Found (\d+) (?:DRC violations|unconnected pads|Footprint errors)", report.read_text())
-    assert found == ["0", "0", "0"], report.read_text()
+    return done.stdout
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An empty folder to work in."""
+    if shutil.which("kicad-cli") is None or int(kicad(tmp_path, "version").split(".")[0]) < 8:
+        pytest.skip("KiCad 8 or later is not installed: sh scripts/kicad.sh")
+    return tmp_path
+
+
+def faults(folder) -> list[str]:
+    """Kinds of what KiCad finds in board and schematic, warnings too; unconnected pads and wrong nets among them."""
+    board, sheet = folder / "drc.json", folder / "erc.json"
+    report = ("--severity-all", "--format", "json", "-o")
+    kicad(folder, "pcb", "drc", "--schematic-parity", *report, board, "led_ring.kicad_pcb")
+    kicad(folder, "sch", "erc", *report, sheet, "led_ring.kicad_sch")
+    drc, erc = json.loads(board.read_text()), json.loads(sheet.read_text())
+    lists = [drc["violations"], drc["unconnected_items"], drc["schematic_parity"]]
+    lists += [page["violations"] for page in erc["sheets"]]
+    return sorted({fault["type"] for faults in lists for fault in faults})
+
+
+@pytest.mark.parametrize("leds", [6, 7, 8, 9])
+def test_kicad_finds_no_fault_in_board_and_schematic(folder, leds):
+    write_project(build_copper(leds), leds, folder)
+    assert faults(folder) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "wanted"),
+    [
+        # the ground plane grown by half a line, as it was before
+        ("led_ring.kicad_pcb", " (filled_areas_thickness no)", "", "clearance"),
+        ("led_ring.kicad_pcb", 'reference "C3"', 'reference "C4"', "missing_footprint"),
+        ("led_ring.kicad_sch", "(xy 83.82 63.5) (xy 91.44 63.5)", "(xy 83.82 63.5) (xy 90.17 63.5)", "pin_not_connected"),
+        ("led_ring.kicad_sch", '(global_label "FB"', '(global_label "COMP"', "net_conflict"),
+    ],
+)  # fmt: skip
+def test_kicad_finds_a_planted_fault(folder, name, old, new, wanted):
+    write_project(build_copper(9), 9, folder)
+    text = (folder / name).read_text()
+    assert old in text
+    (folder / name).write_text(text.replace(old, new, 1))
+    assert wanted in faults(folder)
+
+
+@pytest.mark.filterwarnings("ignore:.*G90 header statement:SyntaxWarning")
+@pytest.mark.parametrize("leds", [6, 9])
+def test_what_kicad_plots_are_our_gerber_files(folder, leds):
+    copper = build_copper(leds)
+    write_project(copper, leds, folder)
+    write_archive(board_files(copper), folder / "ours.zip")
+    layers, holes = read_archive(folder / "ours.zip")
+    # turned pads as plain polygons: gerbonara turns KiCad's macro of a turned rectangle the wrong way
+    kicad(folder, "pcb", "export", "gerbers", "--disable-aperture-macros", "-o", "plots/", "led_ring.kicad_pcb")
+    kicad(folder, "pcb", "export", "drill", "-o", "plots/", "led_ring.kicad_pcb")
+    for name, area in layers.items():
+        if name == "Edge_Cuts":
+            continue
+        (path,) = (folder / "plots").glob(f"led_ring-{PLOTS.get(name, name)}.*")
+        plotted = translate(covered_area(GerberFile.open(path)), -ORIGIN_MM, ORIGIN_MM)
+        side = {"F": "top", "B": "bottom"}[name[0]]
+        corners = sum(pad.side == side for pad in copper.pads) if name.endswith("Mask") else 0
+        assert plotted.symmetric_difference(area).area < AREA_MM2 + CORNER_MM2 * corners, name
+    drilled = [hole.converted("mm") for hole in ExcellonFile.open(folder / "plots" / "led_ring.drl").objects]
+    found = sorted((hole.x - ORIGIN_MM, hole.y + ORIGIN_MM, hole.aperture.diameter) for hole in drilled)
+    assert found == [pytest.approx(hole, abs=1e-3) for hole in sorted(holes)]
 
 
 def test_an_outline_with_slits_encloses_the_same_area():

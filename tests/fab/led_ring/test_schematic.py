@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections import Counter
 
 import pytest
 
@@ -48,7 +49,8 @@ def test_two_sheets_are_the_same_bytes_and_all_is_on_the_grid():
     ("old", "new"),
     [
         ('(global_label "FB"', '(global_label "COMP"'),  # two nets under one name
-        ("(xy 83.82 63.5) (xy 83.82 53.34)", "(xy 83.82 63.5) (xy 83.82 54.61)"),  # a wire that ends too early
+        ("(xy 71.12 63.5) (xy 83.82 63.5)", "(xy 71.12 63.5) (xy 85.09 63.5)"),  # a wire past a junction
+        ("(xy 83.82 53.34) (xy 83.82 63.5)", "(xy 83.82 54.61) (xy 83.82 63.5)"),  # a wire that ends too early
         ('(symbol (lib_id "endcap:LED") (at 168.91', '(symbol (lib_id "endcap:LED") (at 170.18'),  # a part moved
         ('(pin output line (at 10.16 5.08 180)', '(pin output line (at 10.16 2.54 180)'),  # a pin moved
     ],
@@ -60,20 +62,24 @@ def test_a_planted_fault_shows(project, old, new):
     assert "ring.schematic_wrong_pins" in failed(project)
 
 
-def test_every_junction_counts(project):
+def test_wires_end_where_anything_hangs_on_them_and_dots_stand_where_three_meet(project):
+    """KiCad 9 connects the ends of wires, and no more than the first junction within one."""
     text = project[0].read_text()
-    junctions = re.findall(r"\n \(junction.*", text)
-    assert len(junctions) == 17
-    for line in junctions:
-        project[0].write_text(text.replace(line, ""))
-        found, _ = read_schematic(project[0])
-        project[0].write_text(text)
-        wanted, _ = read_schematic(project[0])
-        # a label or a pin that ends in the middle of a wire connects without a dot; all others come apart
-        assert found != wanted or line.split(" (diameter")[0].split("(at ")[1].rstrip(")") in PINS_ON_WIRES
-
-
-PINS_ON_WIRES = {"60.96 63.5", "142.24 53.34", "152.4 68.58", "116.84 73.66"}
+    numbers = r"(\S+) (\S+)"
+    wires = [
+        ((float(x0), float(y0)), (float(x1), float(y1)))
+        for x0, y0, x1, y1 in re.findall(rf"\n \(wire \(pts \(xy {numbers}\) \(xy {numbers}\)\)", text)
+    ]
+    dots = {(float(x), float(y)) for x, y in re.findall(rf"\n \(junction \(at {numbers}\)", text)}
+    ends = Counter(end for wire in wires for end in wire)
+    assert len(dots) == 17 and dots <= ends.keys()
+    assert {end for end, count in ends.items() if count > 2} <= dots
+    for (x0, y0), (x1, y1) in wires:
+        assert x0 == x1 or y0 == y1
+        assert not [
+            (x, y) for x, y in ends if min(x0, x1) <= x <= max(x0, x1) and min(y0, y1) <= y <= max(y0, y1)
+            and (x, y) not in ((x0, y0), (x1, y1))
+        ]  # fmt: skip
 
 
 def test_a_footprint_of_another_part_is_not_tied(project):

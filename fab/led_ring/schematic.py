@@ -195,7 +195,7 @@ def _wires(led_count: int) -> tuple[list[tuple[Point, Point]], list[Point], list
 
 
 def _split(wire: tuple[Point, Point], junctions: list[Point]) -> list[tuple[Point, Point]]:
-    """A wire cut at the junctions on it: KiCad 9 connects what hangs on a wire's ends, and takes one junction within."""
+    """A wire cut at the junctions on it: KiCad 9 connects a wire's ends, and one junction within."""
     (x0, y0), (x1, y1) = sorted(wire)
     inside = [at for at in junctions if x0 <= at[0] <= x1 and min(y0, y1) <= at[1] <= max(y0, y1)]
     return [pair for pair in pairwise(sorted({*wire, *inside}))]

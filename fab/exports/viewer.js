@@ -36,15 +36,10 @@ class Viewer {
     this.canvas = canvas; this.parts = []; this.hidden = new Set(); this.group = "endcap";
     this.yaw = 0.6; this.pitch = 0.35; this.zoom = 1; this.pull = 0; this.cut = false; this.drawn = 0;
     const gl = this.gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
-    if (!gl) return;
-    const program = this.program = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text); gl.compileShader(shader); gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program); gl.useProgram(program); gl.enable(gl.DEPTH_TEST);
-    this.at = gl.getAttribLocation(program, "at");
-    this.where = (name) => gl.getUniformLocation(program, name);
+    if (!gl) { canvas.style.display = "none"; return; }
+    this.begin();
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault()); // the driver was reset, or the computer slept
+    canvas.addEventListener("webglcontextrestored", () => { this.begin(); if (this.bytes) this.load(this.bytes); });
     canvas.addEventListener("pointerdown", (event) => { this.held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
     canvas.addEventListener("pointerup", () => { this.held = null; });
     canvas.addEventListener("pointercancel", () => { this.held = null; });
@@ -61,13 +56,23 @@ class Viewer {
     });
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
+  begin() {
+    const gl = this.gl, program = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text); gl.compileShader(shader); gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program); gl.useProgram(program); gl.enable(gl.DEPTH_TEST);
+    this.at = gl.getAttribLocation(program, "at");
+    this.where = (name) => gl.getUniformLocation(program, name);
+  }
   turn(yaw, pitch) { this.yaw += yaw; this.pitch = Math.max(-1.5, Math.min(1.5, this.pitch + pitch)); this.draw(); }
   scale_by(factor) { this.zoom = Math.max(0.3, Math.min(8, this.zoom * factor)); this.draw(); }
   load(bytes) {
     const gl = this.gl;
     if (!gl) return;
     for (const part of this.parts) for (const buffer of part.buffers) gl.deleteBuffer(buffer);
-    this.parts = glb_parts(bytes);
+    this.bytes = bytes; this.parts = glb_parts(bytes);
     for (const part of this.parts) {
       part.buffers = [gl.createBuffer(), gl.createBuffer()];
       gl.bindBuffer(gl.ARRAY_BUFFER, part.buffers[0]); gl.bufferData(gl.ARRAY_BUFFER, part.points, gl.STATIC_DRAW);

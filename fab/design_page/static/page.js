@@ -52,6 +52,10 @@ async function begin() {
   $("group").addEventListener("change", () => viewer.set({ group: $("group").value }));
   $("make").addEventListener("click", make);
   $("stop").addEventListener("click", () => post("stop", {}));
+  if (!viewer.gl) {
+    for (const name of ["group", "pull", "cut"]) $(name).parentElement.style.display = "none";
+    $("stage").textContent = "This browser has no WebGL 2: the section alone.";
+  }
   draw_region();
   await refresh();
   follow();
@@ -171,9 +175,11 @@ function show_job(job) {
 async function show_real(label) {
   const answer = await fetch(`exports/${label}/preview.glb`);
   if (!answer.ok || page.answer?.label !== label) return;
-  if (viewer.gl) viewer.load(await answer.arrayBuffer());
+  if (viewer.gl) {
+    viewer.load(await answer.arrayBuffer());
+    $("stage").textContent = "as made: the parts' own meshes, coarse";
+  }
   page.real = label;
-  $("stage").textContent = "as made: the parts' own meshes, coarse";
   say();
 }
 begin();

@@ -29,6 +29,10 @@ SIZES = {"desk": (1400, 1000), "tablet": (820, 1180), "phone": (390, 844)}
 PRINTS = "print('   0.1 s core', flush=True); print('all 3 checks passed', flush=True)"
 SET = """(() => { for (const [name, value] of Object.entries(%s)) {
   const field = document.getElementById(name); field.value = value; field.dispatchEvent(new Event(%r)); } })()"""
+COLOURS = """(() => { const gl = viewer.gl, w = viewer.canvas.width, h = viewer.canvas.height,
+  d = new Uint8Array(4 * w * h), s = new Set();
+  viewer.draw(); gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, d);
+  for (let k = 0; k < d.length; k += 4) s.add(d[k] << 16 | d[k + 1] << 8 | d[k + 2]); return s.size; })()"""
 
 
 @pytest.fixture(scope="module")
@@ -101,17 +105,36 @@ def test_a_knob_changes_numbers_section_point_and_shape(tab):
 
 def test_the_shape_is_drawn_in_many_colours_and_can_be_cut_and_pulled_apart(tab):
     assert tab.value("viewer.gl !== null && viewer.parts.length > 8 && viewer.gl.getError() === 0")
-    colours = """(() => { const gl = viewer.gl, w = viewer.canvas.width, h = viewer.canvas.height,
-      d = new Uint8Array(4 * w * h), s = new Set();
-      viewer.draw(); gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, d);
-      for (let k = 0; k < d.length; k += 4) s.add(d[k] << 16 | d[k + 1] << 8 | d[k + 2]); return s.size; })()"""
-    whole = tab.value(colours)
+    whole = tab.value(COLOURS)
     assert whole > 30
     tab.value("$('cut').click()")
     tab.value(SET % ("{'pull': '100'}", "input"))
-    assert tab.value("viewer.cut && viewer.pull === 1") and tab.value(colours) != whole
+    assert tab.value("viewer.cut && viewer.pull === 1") and tab.value(COLOURS) != whole
     tab.value("$('cut').click()")
     tab.value(SET % ("{'pull': '0'}", "input"))
+
+
+def test_the_shape_comes_back_when_the_browser_has_lost_its_graphics(tab):
+    before = tab.value(COLOURS)
+    lost = """new Promise((done) => { const loss = viewer.gl.getExtension('WEBGL_lose_context'); loss.loseContext();
+      viewer.canvas.addEventListener('webglcontextlost', () => setTimeout(() => loss.restoreContext()), { once: true });
+      viewer.canvas.addEventListener('webglcontextrestored', () => setTimeout(done), { once: true });
+      setTimeout(done, 5000); })"""
+    tab.call("Runtime.evaluate", expression=lost, awaitPromise=True)
+    assert tab.value("viewer.gl.isContextLost()") is False and tab.value(COLOURS) == before
+
+
+def test_without_webgl_a_line_stands_where_the_shape_would_turn(tab, server):
+    cut = "HTMLCanvasElement.prototype.getContext = () => null"
+    script = tab.call("Page.addScriptToEvaluateOnNewDocument", source=cut)["identifier"]
+    again(tab, "location.reload()")
+    shown = "[$('turn'), $('pull'), $('cut'), $('group'), $('section')].map((part) => part.getClientRects().length)"
+    assert tab.value(shown) == [0, 0, 0, 0, 1] and "no WebGL 2" in tab.value("$('stage').textContent")
+    turn(tab, {"D": "140"})
+    assert "D=140" in tab.value("$('commands').textContent") and tab.value("$('refusal').textContent") == ""
+    tab.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+    again(tab, "location.reload()")
+    assert tab.value("viewer.gl !== null") and tab.value("$('turn').getClientRects().length") == 1
 
 
 def test_a_size_that_cannot_be_made_shows_why_and_holds_the_button(tab):

@@ -78,17 +78,19 @@ const Plots = (() => {
     }
     g.restore();
     const newest = endcap.valid ? { w: endcap.force_n.concat(endcap.torque_nm) } : null, row = at || (held ? rows[rows.length - 1] : newest);
-    const words = `${NAMES[k]} ${row ? value(row, k).toFixed(digits) : "–"} ${UNITS[k]}`;
+    const words = `${NAMES[k]} ${row ? fixed(value(row, k), digits) : "–"} ${UNITS[k]}`;
     if (canvas.getAttribute("aria-label") !== words) canvas.setAttribute("aria-label", words);
     Draw.text(g, words, 4, 13, 12.5, c.text);
   }
+
+  const fixed = (number, digits) => (Math.abs(number) < 0.5 / 10 ** digits ? 0 : number).toFixed(digits); // no "-0.0"
 
   function ticks(g, X, Y, low, top, now, w, h) {
     const c = Draw.colour, y_step = Draw.nice((top - low) / 4), t_step = Draw.nice(window_s / 4), digits = Math.max(0, -Math.floor(Math.log10(y_step)));
     g.lineWidth = 1;
     for (let v = Math.ceil(low / y_step) * y_step; v <= top; v += y_step) {
       g.strokeStyle = Math.abs(v) < y_step / 2 ? c.edge : c.grid; Draw.line(g, [LEFT, Y(v)], [w - 4, Y(v)]);
-      if (Y(v) > HEAD + 5) Draw.text(g, (Math.abs(v) < y_step / 2 ? 0 : v).toFixed(digits), LEFT - 4, Y(v) + 3.5, 10, c.dim, "right");
+      if (Y(v) > HEAD + 5) Draw.text(g, fixed(v, digits), LEFT - 4, Y(v) + 3.5, 10, c.dim, "right");
     }
     g.strokeStyle = c.grid;
     for (let t = 0; t <= window_s + 1e-9; t += t_step) {

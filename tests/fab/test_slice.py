@@ -132,6 +132,7 @@ def test_projects_are_sound_3mf_for_an_independent_reader(tmp_path):
         assert path.read_bytes() == first
         model = lib3mf.get_wrapper().CreateModel()
         reader = model.QueryReader("3mf")
+        reader.SetStrictModeActive(True)
         reader.ReadFromFile(str(path))
         assert reader.GetWarningCount() == 0
         found = model.GetMeshObjects()

@@ -217,19 +217,20 @@ def write_page(wanted: Wanted, folder: Path, skipped: Sequence[str]) -> None:
     Args:
         wanted: what was made. folder: where. skipped: titles of what was left out.
     """
+    shown = {"exploded.png": "the parts, pulled apart", "section.png": "section of the endcap"}
     pictures = "".join(
-        f'<img src="{name}" alt="{name}">' for name in ("exploded.png", "section.png") if (folder / name).is_file()
+        f'<img src="{name}" alt="{words}">' for name, words in shown.items() if (folder / name).is_file()
     )
     missing = f"<p>Left out: {escape(', '.join(skipped))} (its own message is in the terminal).</p>" if skipped else ""
     title = f"Endcap {folder.name}"
     body = (
         f"<h1>{escape(title)}</h1><p>{escape(_checks(folder))}</p>{missing}{pictures}<h2>What it will feel</h2>"
-        f"<table>{_figures(folder)}</table><h2>Next</h2><pre>{escape(_next(wanted, folder))}</pre><h2>Every file</h2>"
-        f"<table>{_files(folder)}</table>"
+        f"<table>{_figures(folder)}</table><h2>Next</h2><pre tabindex='0'>{escape(_next(wanted, folder))}</pre>"
+        f"<h2>Every file</h2><table>{_files(folder)}</table>"
     )
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        f"<style>{STYLE}</style></head><body>{body}</body></html>\n"
+        f"<style>{STYLE}</style></head><body><main>{body}</main></body></html>\n"
     )
     replace_file(folder / PAGE, page.encode())
 

@@ -28,7 +28,7 @@ td img { max-height: 18mm; }
 section.step { display: grid; grid-template-columns: 1fr 84mm; gap: 5mm; break-inside: avoid;
   border-top: 1px solid #d5dade; padding: 3mm 0; }
 section.words { grid-template-columns: 1fr; }
-section.step h3 { margin: 0 0 1mm; font-size: 11pt; }
+section.step h2 { margin: 0 0 1mm; font-size: 11pt; }
 section.step ul { margin: 0; padding-left: 5mm; }
 .option { white-space: nowrap; }
 .drawing { display: inline-block; vertical-align: top; break-inside: avoid; margin: 1mm; }
@@ -40,9 +40,9 @@ def write_html(document: Document, path: Path) -> None:
     body = "\n".join(_block(block) for block in document.blocks)
     path.write_text(
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(document.title)}</title>\n'
-        f"<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n"
         f'<h1 class="first">{escape(document.title)}</h1>\n<p class="sub">{escape(document.subtitle)}</p>\n'
-        f"{body}\n</body>\n</html>\n",
+        f"{body}\n</main>\n</body>\n</html>\n",
         encoding="utf-8",
     )
 
@@ -70,10 +70,10 @@ def _block(block: Block) -> str:
     raise TypeError(f"no way to print {type(block).__name__}")
 
 
-def _image(path: Path, style: str = "") -> str:
+def _image(path: Path, style: str = "", words: str = "") -> str:
     kind = "png" if path.suffix == ".png" else "jpeg"
     data = base64.b64encode(path.read_bytes()).decode()
-    return f'<img alt="{escape(path.stem)}" src="data:image/{kind};base64,{data}"{style}>'
+    return f'<img alt="{escape(words or path.stem)}" src="data:image/{kind};base64,{data}"{style}>'
 
 
 def _table(table: Table) -> str:
@@ -93,8 +93,8 @@ def _cell(cell: str | Path) -> str:
 def _step(step: Step) -> str:
     lines = "".join(f"<li>{_words(line)}</li>" for line in step.lines)
     if not step.picture:
-        title = f"<h3>{escape(step.number)} {escape(step.title)}</h3>"
+        title = f"<h2>{escape(step.number)} {escape(step.title)}</h2>"
         return f'<section class="step words"><div>{title}<ul>{lines}</ul></div></section>'
-    picture = _image(step.picture)
-    title = f"<h3>{escape(step.number)} {escape(step.title)}</h3>"
+    picture = _image(step.picture, words=step.title)
+    title = f"<h2>{escape(step.number)} {escape(step.title)}</h2>"
     return f'<section class="step"><div>{title}<ul>{lines}</ul></div><div>{picture}</div></section>'

@@ -70,10 +70,10 @@ def _page(variant: Variant, manifest: Mapping[str, Any], checks: Sequence[Check]
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src 'self' data: file:; "
         "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n"
-        f"<style>{style}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
+        f"<style>{style}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n"
         f'<p class="sub">{escape(_subtitle(variant))}</p>\n{_turning(preview)}\n{_facts(variant, manifest)}\n'
         f"{_next_steps(variant, manifest)}\n{_pictures()}\n{_parts(manifest, folder)}\n{_shared(folder)}\n"
-        f"{_checks(checks)}\n"
+        f"{_checks(checks)}\n</main>\n"
         f"<script>\n{script}</script>\n</body>\n</html>\n"
     )
 
@@ -131,7 +131,7 @@ def _next_steps(variant: Variant, manifest: Mapping[str, Any]) -> str:
         "<h2>What to do next</h2>\n<p>In the toolkit's folder, in this order. Print the fit coupon first "
         f"(<code>{escape(coupons_command(variant.silicone))}</code>) and give what fits as joint_clearance=. "
         "Where this folder lies elsewhere than in the toolkit's exports/, add exports= with the folder that holds it. "
-        f"Without the toolkit: slice the STL or 3MF files by hand.</p>\n<pre>{lines}</pre>\n"
+        f"Without the toolkit: slice the STL or 3MF files by hand.</p>\n<pre tabindex='0'>{lines}</pre>\n"
         '<p>Made by them, once they have run: <a href="sheet/build_sheet.html">build sheet</a>, '
         '<a href="slice/">slicer projects</a>.</p>'
     )

@@ -75,8 +75,8 @@ def write_shape(shape: Shape, path: Path) -> None:
 def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
     """Write one part as 3MF, in the words of the format's core alone.
 
-    trimesh (4) names five extensions that it does not use, draws identifiers of one of them at random, and names them all
-    again in the item, which the consortium's own reader refuses as strict.
+    trimesh (4) names five extensions that it does not use, draws identifiers of one of them at random, and repeats them
+    all at the item, which the consortium's own reader refuses as strict.
 
     Args:
         mesh: of the part, mm. name: of the part. path: of the file.

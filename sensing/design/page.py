@@ -21,7 +21,7 @@ STYLE = """
 body{font:15px/1.45 system-ui,sans-serif;max-width:70rem;margin:1.5rem auto;padding:0 1rem;color:#1b1b1b}
 table{border-collapse:collapse}td,th{padding:.15rem .7rem .15rem 0;text-align:left;vertical-align:top}
 td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}img{max-width:100%}
-.computed{color:#186a3b}.measured{color:#1a4f8b}.estimated{color:#9a6400}.unknown{color:#888}
+.computed{color:#186a3b}.measured{color:#1a4f8b}.estimated{color:#9a6400}.unknown{color:#6a6a6a}
 code,pre{background:#f3f3f3;padding:.1rem .3rem}small{color:#555}pre{overflow-x:auto}
 """
 SOURCES = (
@@ -41,7 +41,7 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
     params = study.params
     weights = find_weights(params, study.silicone)
     has = f"weights: <code>{escape(str(weights))}</code>" if weights else "no weights yet:"
-    train = "" if weights else f"<pre>{escape(command_for(params, study.silicone))}</pre>"
+    train = "" if weights else f"<pre tabindex='0'>{escape(command_for(params, study.silicone))}</pre>"
     pictures = "".join(
         f'<p><img src="{picture}" alt="{alt}"></p>'
         for picture, alt in (
@@ -54,7 +54,7 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
         f"{params.label} in {study.silicone}: what it will feel",
         f"<table>{''.join(_row(line) for line in lines)}</table>{SOURCES}"
         f"<p>Blind: {escape(blind_direction(study))}.</p>{pictures}"
-        f"<h2>Next</h2><p>{has}</p>{train}<pre>{escape(_next(study))}</pre>",
+        f"<h2>Next</h2><p>{has}</p>{train}<pre tabindex='0'>{escape(_next(study))}</pre>",
     )
 
 
@@ -103,5 +103,5 @@ def _row(line: Figure) -> str:
 def _page(title: str, body: str) -> str:
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>{body}</body></html>\n"
+        f"<style>{STYLE}</style></head><body><main><h1>{escape(title)}</h1>{body}</main></body></html>\n"
     )

@@ -5,7 +5,7 @@ set -eu
 what="$1"
 shift
 
-command="apt-get ${APT_OPTIONS:-} install -y --no-install-recommends $*"
+command="apt-get${APT_OPTIONS:+ $APT_OPTIONS} install -y --no-install-recommends $*"
 if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
     may=""
 elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then

@@ -7,6 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
+.DELETE_ON_ERROR: # an environment without pip, above all: the next run makes it anew
 FAB := molds molds-help slice sheet ring coupons design
 GOALS := help setup $(FAB) endcap robot-model study data train evaluate live test test-long quick check docs bench clean clean-all
 .PHONY: $(GOALS)
@@ -155,6 +156,8 @@ clean-all: ## everything in exports/ too, files of your own included: make clean
 $(VENV)/bin/python:
 	@sh scripts/system_libraries.sh
 	@$(PYTHON) -c 'import sys; ok = (3, 11) <= sys.version_info[:2] < (3, 13); sys.exit(0 if ok else "Python 3.11 or 3.12 is needed, found %d.%d: name one with make PYTHON=..." % sys.version_info[:2])'
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
+	  sh scripts/debian_packages.sh 'venv of Python' "python$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')-venv"
 	@echo "setting up $(VENV) (once; some minutes)" >&2
 	@$(PYTHON) -m venv $(VENV)
 

@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 # An empty one, of the environment or typed, is none: a recipe that began with "-m" would run another program, m.
-override PYTHON := $(or $(strip $(PYTHON)),$(shell command -v python3.11 || command -v python3.12 || command -v python3))
+override PYTHON := $(or $(strip $(PYTHON)),$(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3))
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
@@ -155,7 +155,7 @@ clean-all: ## everything in exports/ too, files of your own included: make clean
 
 $(VENV)/bin/python:
 	@sh scripts/system_libraries.sh
-	@$(PYTHON) -c 'import sys; ok = (3, 11) <= sys.version_info[:2] < (3, 13); sys.exit(0 if ok else "Python 3.11 or 3.12 is needed, found %d.%d: name one with make PYTHON=..." % sys.version_info[:2])'
+	@$(PYTHON) -c 'import sys; ok = (3, 11) <= sys.version_info[:2] < (3, 14); sys.exit(0 if ok else "Python 3.11, 3.12 or 3.13 is needed, found %d.%d: name one with make PYTHON=..." % sys.version_info[:2])'
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 	  sh scripts/debian_packages.sh 'venv of Python' "python$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')-venv"
 	@echo "setting up $(VENV) (once; some minutes)" >&2

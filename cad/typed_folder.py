@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from cad.errors import ParameterError
@@ -20,7 +21,8 @@ def typed_folder(text: str, name: str = "exports") -> Path:
     try:
         folder = Path(text).expanduser()
         folder.resolve()
-        folder.exists()
+        with suppress(FileNotFoundError, NotADirectoryError):  # a folder that is not there yet is none of this
+            folder.stat()  # Python 3.13 resolves a link that leads to itself without a word
     except (OSError, RuntimeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself, or no such user"
         raise ParameterError(

@@ -21,13 +21,14 @@ def crossing_faces(mesh: trimesh.Trimesh) -> np.ndarray:
     """Indices of the faces that cut another face of the mesh other than along a shared edge or corner.
 
     Raises:
-        GeometryError: pymeshlab is not installed.
+        GeometryError: pymeshlab is not installed, or a system library that it needs is not.
     """
     try:
         import pymeshlab
     except ImportError as error:
         raise GeometryError(
-            "self-intersections cannot be checked without pymeshlab: run `make setup`, or pip install pymeshlab"
+            f"self-intersections cannot be checked without pymeshlab ({error}): run `make setup`, or pip install "
+            "pymeshlab; where a library lib... is not found, install the system's package of it"
         ) from error
 
     if len(mesh.faces) == 0:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from page_axe import VIOLATIONS, axe
 
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
@@ -92,6 +93,16 @@ def test_nothing_sticks_out_and_every_knob_has_a_name(tab):
     assert tab.value("performance.getEntriesByType('resource').every((r) => r.name.startsWith(location.origin))")
 
 
+def violations(tab) -> list[str]:
+    """What axe finds on the page that stands there."""
+    tab.value(f"{axe()}; typeof axe.run")
+    return tab.promised(VIOLATIONS)
+
+
+def test_axe_finds_nothing(tab):
+    assert violations(tab) == []
+
+
 def test_a_knob_changes_numbers_section_point_and_shape(tab):
     turn(tab, {"D": "130"})
     before = tab.value("[$('facts').textContent, $('section').innerHTML, $('point').getAttribute('cx'), viewer.drawn]")
@@ -120,7 +131,7 @@ def test_the_shape_comes_back_when_the_browser_has_lost_its_graphics(tab):
       viewer.canvas.addEventListener('webglcontextlost', () => setTimeout(() => loss.restoreContext()), { once: true });
       viewer.canvas.addEventListener('webglcontextrestored', () => setTimeout(done), { once: true });
       setTimeout(done, 5000); })"""
-    tab.call("Runtime.evaluate", expression=lost, awaitPromise=True)
+    tab.promised(lost)
     assert tab.value("viewer.gl.isContextLost()") is False and tab.value(COLOURS) == before
 
 
@@ -174,6 +185,7 @@ def test_make_shows_the_lines_then_the_made_shape_and_a_link_to_the_folders_page
     assert tab.value("viewer.gl !== null && viewer.parts.length === 2 && viewer.drawn > 0")
     assert tab.value("document.documentElement.scrollWidth <= window.innerWidth")
     assert "make slice D=150 T=9" in tab.value("document.body.textContent")
+    assert violations(tab) == []
     tab.open(server.url)
     tab.until("document.readyState === 'complete' && typeof page !== 'undefined'")
     tab.after("shown", "page.shown > 0 && page.real === 'D150_T9'")  # the made shape again, not its outline

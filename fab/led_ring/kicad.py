@@ -1,8 +1,9 @@
-"""The LED ring as a KiCad project (format of KiCad 7): board with footprints, nets, tracks, holes and the ground plane.
+"""The LED ring as a KiCad project (format of KiCad 7): footprints, nets, tracks, holes, ground plane and legend.
 
 Millimetres. KiCad counts y downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y). Every
 footprint is written at its part's centre without a turn, its pads turned each by itself: the same copper, whatever a
-reader thinks of turned and mirrored footprints. The board is the Gerber files' copper, not another drawing of it.
+reader thinks of turned and mirrored footprints. The board's layers are those of the Gerber files, not another drawing of
+them.
 """
 
 from __future__ import annotations

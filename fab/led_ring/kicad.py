@@ -2,8 +2,8 @@
 
 Millimetres. KiCad counts y downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y). Every
 footprint is written at its part's centre without a turn, its pads turned each by itself: the same copper, whatever a
-reader thinks of turned and mirrored footprints. The board's layers are those of the Gerber files, not another drawing of
-them.
+reader thinks of turned and mirrored footprints. The board's layers are those of the Gerber files, not another
+drawing of them.
 """
 
 from __future__ import annotations

@@ -17,6 +17,14 @@ from fab.build_sheet.commands import train_command
 from sensing import study, train
 
 ROOT = Path(__file__).resolve().parents[1]
+# Answers what is asked before; "-m venv" leaves a python and ends, as without ensurepip.
+HALF = """#!/bin/sh
+[ "$1" = -m ] || exit 0
+mkdir -p "$3/bin"
+touch "$3/bin/python"
+echo "ensurepip is not available" >&2
+exit 1
+"""
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
 
@@ -127,3 +135,15 @@ def test_every_option_of_the_study_reaches_it(workshop):
     done = make("study", *words, folder=workshop)
     assert done.returncode == 0, done.stderr
     assert set(words) <= set(done.stdout.splitlines())
+
+
+def test_a_half_made_environment_does_not_stay(workshop):
+    shutil.rmtree(workshop / ".venv")
+    shutil.copytree(ROOT / "scripts", workshop / "scripts", dirs_exist_ok=True)
+    python = workshop / "python"
+    python.write_text(HALF)
+    python.chmod(0o755)
+    for _ in range(2):  # the second run must not take the first one's remains for an environment
+        done = make(f"PYTHON={python}", "setup", folder=workshop)
+        assert done.returncode == 2 and "ensurepip is not available" in done.stderr
+        assert not (workshop / ".venv" / "bin" / "python").exists()

@@ -92,9 +92,7 @@ def _cell(cell: str | Path) -> str:
 
 def _step(step: Step) -> str:
     lines = "".join(f"<li>{_words(line)}</li>" for line in step.lines)
+    text = f"<div><h2>{escape(step.number)} {escape(step.title)}</h2><ul>{lines}</ul></div>"
     if not step.picture:
-        title = f"<h2>{escape(step.number)} {escape(step.title)}</h2>"
-        return f'<section class="step words"><div>{title}<ul>{lines}</ul></div></section>'
-    picture = _image(step.picture, words=step.title)
-    title = f"<h2>{escape(step.number)} {escape(step.title)}</h2>"
-    return f'<section class="step"><div>{title}<ul>{lines}</ul></div><div>{picture}</div></section>'
+        return f'<section class="step words">{text}</section>'
+    return f'<section class="step">{text}<div>{_image(step.picture, words=step.title)}</div></section>'

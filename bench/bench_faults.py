@@ -78,7 +78,7 @@ class Bench:
 
     def send(self, endcap: int, data: bytes) -> EndcapReading:
         """One frame through the pipeline, its size read from the bytes as a source does."""
-        from sensing.sources.files import jpeg_size
+        from sensing.decode import jpeg_size
 
         self.count += 1
         reading = self.pipelines[endcap].update(

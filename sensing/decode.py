@@ -7,6 +7,7 @@ so its centre lies at full-size (s x + (s - 1) / 2, likewise y): :func:`to_full_
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -142,6 +143,31 @@ def png_size(data: bytes) -> tuple[int, int] | None:
     if data[:8] != b"\x89PNG\r\n\x1a\n" or len(data) < 24:
         return None
     return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+
+
+def jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) from the start-of-frame marker of a JPEG (ITU T.81, B.2.2); None if it is none."""
+    if data[:2] != b"\xff\xd8":
+        return None
+    place = 2
+    while place + 9 <= len(data) and data[place] == 0xFF:
+        marker = data[place + 1]
+        if marker == 0xFF:  # fill byte
+            place += 1
+            continue
+        length = int.from_bytes(data[place + 2 : place + 4], "big")
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height = int.from_bytes(data[place + 5 : place + 7], "big")
+            return int.from_bytes(data[place + 7 : place + 9], "big"), height
+        place += 2 + length
+    return None
+
+
+def sized(frame: Frame) -> Frame:
+    """The frame, with the size that its JPEG states where the source has not said it (plug-ins need not)."""
+    if frame.size is not None or frame.jpeg is None or frame.fault:
+        return frame
+    return replace(frame, size=jpeg_size(frame.jpeg))
 
 
 def _decoded(frame: Frame, colour: str, reduction: int) -> Image:

@@ -179,7 +179,7 @@ def _through_live(data: LabelledSet, model: LiveModel, true_camera: bool = False
         return {"ours": plain}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "camera.json"
-        camera.save(path)
+        camera.save(path, data.identity)
         found = {"ours": live_answers(data, model, path), "ours, no camera file": plain}
     if true_camera and (data.folder / "camera.json").exists():
         found["ours, true camera"] = live_answers(data, model, data.folder / "camera.json")

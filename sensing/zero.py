@@ -29,6 +29,7 @@ from sensing.calibration.misfit import camera_misfit
 from sensing.calibration.rest_picture import light_doubts, picture_doubts
 from sensing.camera.light import light_of
 from sensing.camera.nominal import nominal_mount
+from sensing.decode import FrameError
 from sensing.live.ending import leave
 from sensing.sources.choose import open_frames
 from sensing.tracking.auto_zero import AutoZero
@@ -51,6 +52,8 @@ MEANING = {
     "contact": "something touches the dome, or it was turned and its own weight moves the dots",
     "hidden": "is the lens covered, the lamp off, the picture white?",
 }
+
+DAMAGED = "damaged"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -141,8 +144,15 @@ def _watch(options: argparse.Namespace) -> None:
     before = ""
     with open_frames(options.source) as frames:
         for frame in frames:
-            tracks = tracker.update(frame)
-            drift = measure_drift(auto.zero, frame, tracks)
+            try:
+                tracks = tracker.update(frame)
+                drift = measure_drift(auto.zero, frame, tracks)
+            except FrameError as error:  # of hours of pictures one may be cut
+                auto.begin_anew()
+                if before != DAMAGED:
+                    show(f"{frame.time_s:.2f} s  {error}: passed over")
+                    before = DAMAGED
+                continue
             if drift.cause != before:
                 show(f"{frame.time_s:.2f} s  {_said(drift)}")
                 before = drift.cause

@@ -136,6 +136,6 @@ def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "camera.json"
         if camera is not None:
-            camera.save(path)
+            camera.save(path, data.identity)
         found = live_answers(data, live, None if camera is None else path)
     return found.take(found.contact & ~found.flagged)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError
+from cad.materials import DEFAULT_SILICONE
 from cad.messages import transient
-from cad.params import EndcapParams
 from sensing.evaluation.place_errors import place_errors
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.config import EndcapConfig, dots_of
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
@@ -102,7 +102,7 @@ def _readings(
     for item in data.frames():
         now = (item.path, str(item.labels["azimuth_deg"]))
         if pipeline is None or now != run:  # a new run: another reference, or the contact jumps
-            pipeline, run, last_s = _pipeline(data.params, model, item, camera), now, float("-inf")
+            pipeline, run, last_s = _pipeline(data, model, item, camera), now, float("-inf")
         last_s = max(item.frame.time_s, last_s + SHORTEST_S)
         reading = pipeline.update(replace(item.frame, time_s=last_s))
         if reading is None or not reading.valid:
@@ -111,8 +111,11 @@ def _readings(
         yield item, reading
 
 
-def _pipeline(design: EndcapParams, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:
+def _pipeline(data: LabelledSet, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:
+    """Of the endcap in a set: its size, its dots and its silicone."""
+    design, cast_of = data.params, data.identity.aspects.get("silicone") or {"name": DEFAULT_SILICONE}
     config = EndcapConfig(
-        "evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera
-    )
+        "evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera,
+        silicone=cast_of["name"], **dots_of(design),
+    )  # fmt: skip
     return EndcapPipeline(config, model, single_zero(item.reference))

@@ -18,7 +18,7 @@ from cad.messages import LOG, show
 from sensing.arguments import number, whole
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
-from sensing.live.core.model import known_weights
+from sensing.live.core.model import known_weights, weights_in_use
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
 from sensing.live.options import complete
@@ -174,8 +174,8 @@ def _weights_in_use(config: LiveConfig) -> str:
     if config.model != "default":
         return ""
     said = ""
-    for endcap in {endcap.identity.digest: endcap for endcap in config.endcaps}.values():
-        path = config.weights or known_weights(config.model, endcap.params, endcap.silicone)
+    for endcap in {f"{endcap.identity.digest} {endcap.weighed}": endcap for endcap in config.endcaps}.values():
+        path = weights_in_use(config, endcap)
         said += "" if path is None else f"{endcap.params.label}: weights {path}\n"
     return said
 

@@ -63,9 +63,10 @@ def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:
 
     def of(endcap: EndcapConfig) -> LiveModel:
         silicone = None if any_silicone or endcap.weighed else endcap.silicone
-        key = f"{endcap.identity.digest} {silicone}"
+        weights = config.weights or config.own_weights.get(endcap.name)
+        key = f"{endcap.identity.digest} {silicone} {weights}"
         if key not in loaded:
-            loaded[key] = load_model(config.model, endcap.params, config.weights, config.method, silicone)
+            loaded[key] = load_model(config.model, endcap.params, weights, config.method, silicone)
         return loaded[key]
 
     return of

@@ -17,6 +17,7 @@ from cad.errors import FileError
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import ROOM, Captured, FileFeed
+from sensing.live.core.kept import Kept
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.mcap_records import CutError, DamagedError
 from sensing.live.open_endcaps import Models, configured_models
@@ -36,11 +37,11 @@ class ReplayFeed(FileFeed):
     """Frames of one endcap of a recording; hands over references when they are due.
 
     Args:
-        path: recording. endcap: name. set_zero: takes a reference and starts anew, in the thread that takes the frames.
-        playback: shared.
+        path: recording. endcap: name. playback: shared. set_zero: takes a reference and what the frames before have
+            left, and starts anew, in the thread that takes the frames.
     """
 
-    def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero], None], playback: Playback) -> None:
+    def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero, Kept], None], playback: Playback) -> None:
         super().__init__(lambda: iter(()))
         self._path, self._endcap, self._set_zero, self._playback = path, endcap, set_zero, playback
         self._items: queue.Queue[_Item] = queue.Queue(ROOM)
@@ -67,7 +68,7 @@ class ReplayFeed(FileFeed):
             if item.turn.number >= self._playback.turn.since:
                 break
         if item.recorded.zero is not None:
-            self._set_zero(item.recorded.zero)
+            self._set_zero(item.recorded.zero, item.recorded.kept)
         return item.recorded.frame, item.due_s
 
     def stop(self) -> None:
@@ -149,9 +150,9 @@ def _require_camera(pipeline: EndcapPipeline, path: Path) -> None:
                 pipeline.require_camera_of(recorded.zero.frame())
 
 
-def _begin(pipeline: EndcapPipeline, zero: Zero) -> None:
+def _begin(pipeline: EndcapPipeline, zero: Zero, kept: Kept) -> None:
     """Start anew with a reference; one that is in use already need not be made ready again, which takes a second."""
     if pipeline.zero is not None and pipeline.zero.digest == zero.digest:
-        pipeline.restart()
+        pipeline.restart(kept)
     else:
-        pipeline.set_zero(zero)
+        pipeline.set_zero(zero, kept)

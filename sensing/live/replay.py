@@ -9,20 +9,18 @@ A file that is cut or damaged is read up to there. To be played it goes through 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 from mcap.records import Attachment, Channel, Message, Metadata
 from numpy.typing import NDArray
 
 from cad.errors import FileError
-from sensing.decode import MOST_PIXELS, png_size
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.gate import Verdict
+from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.seen import Pictures, SeenFrame
@@ -32,13 +30,12 @@ from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
 from sensing.live.outputs.recorded_tracks import ROWS, TRACK_TOPICS, refusal_of, rows_of
 from sensing.live.outputs.recorder import TOPICS
+from sensing.live.recorded_messages import kept_in, picture_in, read_message, time_in, wrench_in, zero_in
 from sensing.live.timeline import WHOLE, Start, Timeline
 from sensing.records import Frame
-from sensing.sources.files import jpeg_size
-from sensing.tracking.zero import Zero, single_zero
+from sensing.tracking.zero import Zero
 
 RECORDED = TOPICS | TRACK_TOPICS
-LATEST_S = 1e9  # capture times beyond are no times
 RUN_UP_S = 1.0  # worked through before a moment that a replay is sent to
 
 
@@ -48,12 +45,13 @@ class Recorded:
 
     Attributes:
         frame: as it was captured. zero: reference that is used from this frame on; None to keep the one before.
-        stamp_ns: of its message.
+        stamp_ns: of its message. kept: of the frames before, where a reference comes.
     """
 
     frame: Frame
     zero: Zero | None
     stamp_ns: int = 0
+    kept: Kept = NOTHING_KEPT
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ def read_config(
     if model not in (None, config.model) or method is not None:
         require_pictures(path, "another --model or --method", recorded.pictures)
     if model is not None and model != config.model:
-        return replace(config, model=model, weights=weights, method=method)
+        return replace(config, model=model, weights=weights, own_weights={}, method=method)
     return replace(config, weights=weights or config.weights, method=method or config.method)
 
 
@@ -141,25 +139,28 @@ def recorded_frames(path: Path, endcap: str, start: Start = WHOLE) -> Iterator[R
     Raises:
         FileError: missing, or no MCAP. DamagedError, CutError: after the pictures that can be read.
     """
-    zero = None if start.zero is None else single_zero(_frame(path, endcap, start.zero, 0.0), endcap)
+    zero = None if start.zero is None else zero_in(path, endcap, start.zero)
+    kept = NOTHING_KEPT if start.kept is None else kept_in(path, start.kept)
     found, begun = _Found(), zero is not None
     for topic, message in _messages(path, endcap, start):
         if topic == "zero":
-            zero, begun = single_zero(_frame(path, endcap, message, 0.0), endcap), True
+            zero, begun, kept = zero_in(path, endcap, message), True, NOTHING_KEPT
             found.size = zero.image.shape[1], zero.image.shape[0]
+        elif topic == "kept":
+            kept = kept_in(path, message)
         elif topic == "image/capture_time":
-            found = _Found(_number(path, topic, message), size=found.size)
+            found = _Found(time_in(path, topic, message), size=found.size)
         elif topic == "image/compressed":
             found.picture = message
         elif topic == "tracks":
-            found.rows, found.likeness = _read(path, ROWS, message, rows_of)
+            found.rows, found.likeness = read_message(path, ROWS, message, rows_of)
             found.seen = True
         elif topic == "refused":
-            found.refused = _read(path, ros.STRING, message, refusal_of)
+            found.refused = read_message(path, ros.STRING, message, refusal_of)
         elif topic == "wrench/estimate" and found.time_s is not None and begun:
             frame = _frame_of(path, endcap, found, message.sequence)
             if frame is not None:
-                yield Recorded(frame, zero, message.log_time)
+                yield Recorded(frame, zero, message.log_time, kept)
                 zero = None
             found = _Found(size=found.size)
 
@@ -174,7 +175,7 @@ def recorded_wrenches(path: Path, endcap: str, start: Start = WHOLE) -> list[np.
     try:
         for topic, message in _messages(path, endcap, start):
             if topic == "wrench/wrench_pred":
-                found.append(_wrench(path, message))
+                found.append(wrench_in(path, message))
     except (CutError, DamagedError):
         pass
     return found
@@ -196,7 +197,7 @@ def verify(path: Path, config: LiveConfig, models: Models | None = None, from_s:
         try:
             for recorded in recorded_frames(path, endcap.name, start):
                 if recorded.zero is not None:
-                    pipeline.set_zero(recorded.zero)
+                    pipeline.set_zero(recorded.zero, recorded.kept)
                 reading = pipeline.update(recorded.frame)
                 before = next(reported, None)
                 if before is None:
@@ -230,63 +231,13 @@ class _Found:
 
 
 def _frame_of(path: Path, endcap: str, found: _Found, sequence: int) -> Frame | None:
-    picture = None if found.picture is None else _frame(path, endcap, found.picture, found.time_s or 0.0)
+    picture = None if found.picture is None else picture_in(path, endcap, found.picture, found.time_s or 0.0)
     if not found.seen:
         return picture
     return SeenFrame(
         found.time_s or 0.0, sequence, endcap, jpeg=None if picture is None else picture.jpeg, size=found.size,
         rows=found.rows, likeness=found.likeness, refused=found.refused,
     )  # fmt: skip
-
-
-def _frame(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
-    reported = _decoded(path, ros.IMAGE, message)
-    data, sequence = bytes(reported.data), message.sequence
-    size = jpeg_size(data) if reported.format == "jpeg" else png_size(data)
-    if reported.format == ros.FAULT and data:
-        return Frame(time_s, sequence, endcap, jpeg=data, fault=data.decode(errors="replace"))
-    if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
-        raise _unusable(path, message, f"a picture of {size} px")
-    if reported.format == "jpeg":
-        return Frame(time_s, sequence, endcap, jpeg=data, size=size)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise _unusable(path, message, "no picture")
-    return Frame(time_s, sequence, endcap, image=image)
-
-
-def _number(path: Path, topic: str, message: Message) -> float:
-    value = float(_decoded(path, ros.FLOAT64, message).data)
-    if not abs(value) < LATEST_S or math.isnan(value):
-        raise _unusable(path, message, f"{topic} {value}")
-    return value
-
-
-def _wrench(path: Path, message: Message) -> np.ndarray:
-    wrench = _decoded(path, ros.WRENCH, message).wrench
-    return np.array([getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"], float)
-
-
-def _decoded(path: Path, kind: str, message: Message) -> Any:
-    try:
-        return ros.decode(kind, message.data)
-    except Exception as error:  # whatever the library makes of bytes that are no such message
-        raise _unusable(path, message, f"no {kind}: {type(error).__name__}") from None
-
-
-def _read(path: Path, kind: str, message: Message, read: Callable[[Any], Any]) -> Any:
-    reported = _decoded(path, kind, message)
-    try:
-        return read(reported)
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise _unusable(path, message, f"{type(error).__name__}: {str(error)[:80]}") from None
-
-
-def _unusable(path: Path, message: Message, reason: str) -> DamagedError:
-    return DamagedError(
-        f"{path}: message {message.sequence} of {message.log_time / 1e9:.3f} s is damaged ({reason}): what stands "
-        "before it is read"
-    )
 
 
 def _messages(path: Path, endcap: str, start: Start) -> Iterator[tuple[str, Message]]:

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from cad.errors import ParameterError, printable
+from sensing.decode import jpeg_size
 from sensing.records import Frame
-from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
 from sensing.sources.v4l2 import CameraMode, read_modes
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 
 from cad.errors import FileError
-from sensing.decode import decode_file
+from sensing.decode import decode_file, jpeg_size
 from sensing.records import Frame
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
@@ -146,21 +146,3 @@ class _Times:
             return since_s
         self._since += 1
         return self._last_s + self._since * self._step_s
-
-
-def jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) from the start-of-frame marker of a JPEG (ITU T.81, B.2.2); None if it is none."""
-    if data[:2] != b"\xff\xd8":
-        return None
-    place = 2
-    while place + 9 <= len(data) and data[place] == 0xFF:
-        marker = data[place + 1]
-        if marker == 0xFF:  # fill byte
-            place += 1
-            continue
-        length = int.from_bytes(data[place + 2 : place + 4], "big")
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height = int.from_bytes(data[place + 5 : place + 7], "big")
-            return int.from_bytes(data[place + 7 : place + 9], "big"), height
-        place += 2 + length
-    return None

@@ -21,8 +21,8 @@ from urllib.request import (
 )
 
 from cad.errors import ParameterError, printable
+from sensing.decode import jpeg_size
 from sensing.records import Frame
-from sensing.sources.files import jpeg_size
 from sensing.sources.newest import SourceError
 
 LARGEST_FRAME = 8 * 2**20  # bytes; more than this without an end of picture is no camera

@@ -11,7 +11,7 @@ import numpy as np
 
 from sensing.camera.light import light_of
 from sensing.records import DotTracks, Frame
-from sensing.tracking.zero import STILL_PX, Zero, measure_drift, take_zero
+from sensing.tracking.zero import STILL_PX, Zero, ZeroError, measure_drift, take_zero
 
 MOST_UNSEEN_ANEW = 0.04  # E: share of the dots that a new reference may lack of those that the last one has
 
@@ -37,20 +37,28 @@ class AutoZero:
         moved = self._last is not None and _step_px(self._last, tracks) > STILL_PX * min(tracks.size) / 480.0
         self._last = tracks
         if drift.cause in ("contact", "hidden") or drift.unseen > MOST_UNSEEN_ANEW or moved:
-            self._since_s, self._frames = None, []
+            self.begin_anew()
             return None
         self._since_s = frame.time_s if self._since_s is None else self._since_s
         self._frames = [*self._frames, frame][-self._keep :]
         waited = frame.time_s - self._since_s >= self._still_s and len(self._frames) == self._keep
         if drift.cause == "none" or not waited or self._stands_still():
             return None
-        zero = replace(take_zero(self._frames, self.zero.sensor, self.zero.params), made_of=self.zero.made_of)
+        try:
+            zero = replace(take_zero(self._frames, self.zero.sensor, self.zero.params), made_of=self.zero.made_of)
+        except ZeroError:  # it was not still, or dots are missing
+            self.begin_anew()
+            return None
         light = light_of(zero.image)
         if light.too_bright or light.too_dark:
             return None
         self.zero = zero
         self._since_s, self._frames, self._last = None, [], None
         return self.zero
+
+    def begin_anew(self) -> None:
+        """Wait for the whole time again: something touched it, or a picture could not be seen."""
+        self._since_s, self._frames = None, []
 
     def _stands_still(self) -> bool:
         """Whether all pictures kept are one: a camera that hangs shows nothing of now."""

@@ -130,15 +130,15 @@ class MountingWatch:
     A touch hides it, so the last picture without one counts until the next. The dots are those of one reference.
 
     Args:
-        params: the design; None takes the released.
+        params: the design; None takes the released. reason: to begin with, of a watch before this one.
 
     Attributes:
         reason: says so, and what to do; empty where nothing has moved.
         motion: what the last picture's dots have in common; None where under four of them are seen.
     """
 
-    def __init__(self, params: EndcapParams | None = None) -> None:
-        self.reason, self._params = "", params
+    def __init__(self, params: EndcapParams | None = None, reason: str = "") -> None:
+        self.reason, self._params = reason, params
         self.motion: CommonMotion | None = None
         self._motions: CameraMotions | None = None
 

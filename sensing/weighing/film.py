@@ -48,7 +48,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
         if not count and not recorded:  # of a recording, the reference comes first
             pipeline.require_camera_of(item.frame)
         if item.zero is not None:
-            pipeline.set_zero(item.zero)
+            pipeline.set_zero(item.zero, item.kept)
         reading = pipeline.update(item.frame)
         if count % 20 == 0:
             transient(f"{Path(source).name}: picture {count}")

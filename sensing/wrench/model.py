@@ -80,6 +80,9 @@ class WrenchModel:
             expected = tuple(sizes.get(letter, 0) for letter in letters)
             if found.shape != expected or not np.isfinite(found).all():
                 raise ParameterError(f"{name} of shape {found.shape}: need {expected}, all finite", name=name)
+        for name in ("units", "calibration"):
+            if not (self.weights[name] > 0).all():
+                raise ParameterError(f"{name}: need numbers above 0", name=name)
         if self.range.cells.shape != self.shape:
             raise ParameterError(
                 f"range_cells of shape {self.range.cells.shape}: need {self.shape}", name="range_cells"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cad.errors import ParameterError
 from sensing.wrench.kernels import beyond, contact_angles
 
 Array = NDArray[np.float64]
@@ -36,6 +37,17 @@ class Range:
     tilt_deg: float = math.inf
     rest_px_per_n: float = 0.0
     interval_n: float = math.inf
+
+    def __post_init__(self) -> None:
+        """A limit that is no number would never be exceeded."""
+        for name in ("distance", "rest_px", "force_n", "tilt_deg", "interval_n"):
+            if not getattr(self, name) >= 0:
+                raise ParameterError(f"range {name}={getattr(self, name):g}: need a number from 0", name=name)
+        slope = self.rest_px_per_n
+        if not 0 <= slope < math.inf:
+            raise ParameterError(f"range rest_px_per_n={slope:g}: need a number from 0", name="rest_px_per_n")
+        if not self.cells.any():
+            raise ParameterError("range_cells: need at least one cell that counts", name="range_cells")
 
     def is_beyond(self, wrenches: Array, covariances: Array, radius_mm: float) -> NDArray[np.bool_]:
         """(N,) whether answers are larger or further from the tip than those of training, or too uncertain.

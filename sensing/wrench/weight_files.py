@@ -89,7 +89,7 @@ def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise
     except OSError as error:
         raise FileError(f"{path}: cannot read the weights ({error}): check the path") from error
-    except (SafetensorError, ValueError, KeyError, RecursionError) as error:
+    except (SafetensorError, ValueError, TypeError, KeyError, RecursionError) as error:
         if _is_checkpoint(path):
             raise FileError(
                 f"{path}: a checkpoint of PyTorch, such as the authors' wrench_regression_model.pth, where weights of "

@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -205,7 +206,8 @@ class LiveConfig:
     Attributes:
         endcaps: at least one, names differ.
         model: ``default`` or ``paper``.
-        weights: file of weights; None for those that ship.
+        weights: file of weights for all endcaps; None for those that ship or were trained.
+        own_weights: files of single endcaps by name, as a recording carries them; ``weights`` goes before.
         method: field method; None for the model's own.
         weight_n: of the robot; 0 without the check.
 
@@ -218,6 +220,7 @@ class LiveConfig:
     weights: Path | None = None
     method: str | None = None
     weight_n: float = 0.0
+    own_weights: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = [endcap.name for endcap in self.endcaps]

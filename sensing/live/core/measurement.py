@@ -21,6 +21,7 @@ from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import SUBTRACTED, EndcapConfig
 from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
+from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
@@ -51,7 +52,7 @@ class Measurement:
     Args:
         endcap: its name, design and contact threshold. model: estimates the wrench. reference: picture and method.
         check: of the camera against that picture; None for methods without dots.
-        number, epoch: see :class:`sensing.live.core.reading.EndcapReading`.
+        number, epoch: see :class:`sensing.live.core.reading.EndcapReading`. kept: of the frames before a restart.
 
     Attributes:
         contact: as of the last frame; None before the first.
@@ -65,6 +66,7 @@ class Measurement:
         check: CameraCheck | None,
         number: int,
         epoch: int,
+        kept: Kept = NOTHING_KEPT,
     ) -> None:
         self._endcap, self._model, self._used, self._number, self._epoch = endcap, model, reference, number, epoch
         self._check, self._simulated = check, learned_from_simulation(model.estimator)
@@ -80,28 +82,36 @@ class Measurement:
             if isinstance(reference.method, ModelInput) and endcap.own_weight == SUBTRACTED
             else None
         )
+        if self._own_weight is not None:
+            self._own_weight.change_g = np.array(kept.own_weight_g)
         self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
-        self._mounting, self._count = MountingWatch(endcap.params), 0
+        self._mounting, self._count = MountingWatch(endcap.params, kept.moved), 0
         self.contact: ContactState | None = None
+
+    @property
+    def kept(self) -> Kept:
+        """What a restart keeps of the frames so far."""
+        x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
+        return Kept((x, y, z), self._mounting.reason)
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
-        watch = _Watch()
+        watch, before = _Watch(), self.kept
         look = self._recorded(frame, watch) if isinstance(frame, SeenFrame) else self._look(frame, watch)
         if not isinstance(look, Verdict):
-            return self._measured(frame, captured_s, look, watch)
+            return self._measured(frame, captured_s, look, watch, before)
         blank = without_numbers(
             self._endcap.name, self._number, frame, self._model.shape, self._used.zero, self._epoch, captured_s,
             self._drift,
         )  # fmt: skip
         return replace(
-            blank, event=look.event, reason=look.reason, ready_s=time.monotonic(), stage_ms=watch.stages,
+            blank, event=look.event, reason=look.reason, ready_s=time.monotonic(), stage_ms=watch.stages, before=before,
             wrench=replace(blank.wrench, flags=look.flags), estimate=replace(blank.estimate, flags=look.flags),
         )  # fmt: skip
 
-    def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch) -> EndcapReading:
+    def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch, before: Kept) -> EndcapReading:
         """The reading of a picture that was decoded."""
         tracks, field, gray = look.tracks, look.field, look.gray
         estimate = self._model.estimator.estimate(field)
@@ -141,6 +151,7 @@ class Measurement:
             zero=self._used.zero, epoch=self._epoch, captured_s=captured_s, ready_s=time.monotonic(),
             stage_ms=watch.stages, event=verdict.event, reason=verdict.reason, own_weight_g=self._change_g,
             trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
+            before=before,
         )  # fmt: skip
 
     def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:

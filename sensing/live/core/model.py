@@ -17,6 +17,7 @@ from cad import plugins
 from cad.errors import FileError, ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.records import ShearField, Wrench
 from sensing.wrench.contact import ContactThreshold
 from sensing.wrench.weight_files import find_weights
@@ -82,6 +83,18 @@ def known_weights(name: str, params: EndcapParams, silicone: str = DEFAULT_SILIC
         name: of the model. params: the design. silicone: row of cad/materials.csv.
     """
     return find_weights(params, silicone) if name == "default" else None
+
+
+def weights_in_use(config: LiveConfig, endcap: EndcapConfig) -> Path | None:
+    """File that answers for an endcap; None where there is none.
+
+    Args:
+        config: names model and weights. endcap: of it; weighed, it takes the weights of the default silicone.
+    """
+    if config.weights is not None:
+        return config.weights
+    silicone = DEFAULT_SILICONE if endcap.weighed else endcap.silicone
+    return config.own_weights.get(endcap.name) or known_weights(config.model, endcap.params, silicone)
 
 
 def load_model(

@@ -18,8 +18,10 @@ from cad.errors import EndcapError
 from sensing.calibration.rest_camera import RestCamera, rest_camera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
+from sensing.decode import sized
 from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import EndcapConfig
+from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import EndcapReading
@@ -33,7 +35,7 @@ from sensing.tracking.zero import Zero
 
 ZERO_FRAMES = 10  # averaged for a reference
 KEPT_CAMERAS = 2  # of earlier references: the last one, and the one before that an undo goes back to
-JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, are a clock that was set
+JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, start everything anew
 FORWARD_S = 60.0
 
 
@@ -64,7 +66,9 @@ class EndcapPipeline:
         self.outcome: tuple[Event, str] | None = None
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera, endcap.identity)
         most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n).on_n
-        self._taker = ReferenceTaker(endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n)
+        self._taker = ReferenceTaker(
+            endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n, endcap.gain
+        )
         self._cameras: dict[str, RestCamera] = {}
         self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
         self._check: CameraCheck | None = None
@@ -160,7 +164,7 @@ class EndcapPipeline:
         Returns:
             The reading, or None: before the first reference, and for a frame that came late.
         """
-        refused = self._take_over()
+        refused, frame = self._take_over(), sized(frame)
         self._taker.offer(frame, self.zero)
         if self.zero_frames == 1:
             refused = self._take_over() or refused
@@ -175,19 +179,26 @@ class EndcapPipeline:
         self.faults += not reading.valid
         return reading
 
-    def set_zero(self, zero: Zero) -> None:
+    def set_zero(self, zero: Zero, kept: Kept = NOTHING_KEPT) -> None:
         """Use a reference from the next frame on.
+
+        Args:
+            zero: the reference. kept: of frames before that were measured against it, as a recording has it.
 
         Raises:
             EndcapError: a reference without dots, one that cannot be decoded, or of another size than the camera file.
         """
-        self._use(Reference(zero, self._build(zero)))
+        self._use(Reference(zero, self._build(zero)), kept)
 
-    def restart(self) -> None:
-        """Forget the frames before, not the reference."""
+    def restart(self, kept: Kept = NOTHING_KEPT) -> None:
+        """Forget the frames before, not the reference.
+
+        Args:
+            kept: what is not forgotten.
+        """
         if self._used is not None:
             self._used = self._anew(self._used)
-        self._begin()
+        self._begin(kept)
 
     def require_camera_of(self, frame: Frame) -> None:
         """Refuse pictures of another size than those that the camera file holds for.
@@ -198,12 +209,14 @@ class EndcapPipeline:
         if self._camera is not None:
             self._camera.require_size(frame_size(frame), self.endcap.camera or "camera")
 
-    def _begin(self) -> None:
+    def _begin(self, kept: Kept = NOTHING_KEPT) -> None:
         self._last_s = float("-inf")
         self._restart_wanted = False
         self.epoch += 1
         if self._used is not None:
-            self._measurement = Measurement(self.endcap, self.model, self._used, self._check, self.number, self.epoch)
+            self._measurement = Measurement(
+                self.endcap, self.model, self._used, self._check, self.number, self.epoch, kept
+            )
 
     def _build(self, zero: Zero) -> FieldMethod:
         self.require_camera_of(zero.frame())
@@ -233,9 +246,13 @@ class EndcapPipeline:
             self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {digest: found}
         return self._cameras[digest]
 
-    def _use(self, reference: Reference) -> None:
+    def _use(self, reference: Reference, kept: Kept = NOTHING_KEPT) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)
-        self._begin()
+        self._begin(kept)
+
+    def _restart_in_use(self) -> None:
+        """Anew with what the frames so far have shown of turn and mounting: a touch may hide it from the next ones."""
+        self.restart(NOTHING_KEPT if self._measurement is None else self._measurement.kept)
 
     def _take_over(self) -> str:
         """What was asked for takes effect between two frames; returns why the first reference was refused."""
@@ -257,7 +274,7 @@ class EndcapPipeline:
             self._use(self._anew(before))
             self._say("back to the reference before")
         elif self._restart_wanted and self._used is not None:
-            self.restart()
+            self._restart_in_use()
         return ""
 
     def _say(self, note: str) -> str:
@@ -266,14 +283,17 @@ class EndcapPipeline:
 
     # --- one frame ------------------------------------------------------------------------------------------------
     def _in_order(self, time_s: float) -> bool:
-        """False for a frame that is not newer than the last; a clock that was set starts everything anew."""
+        """False for a frame that is not newer than the last; a clock that was set, or a long pause, starts all anew."""
         step = time_s - self._last_s
         if step != step or -JUMP_S < step <= 0:
             self.faults += 1
             self._say("a frame came late and was passed over")
             return False
         if self._last_s > float("-inf") and not -JUMP_S < step < FORWARD_S:
-            self.restart()
-            self._say(f"the clock of the frames jumped by {step:+.1f} s: started anew")
+            self._restart_in_use()
+            if step > 0:
+                self._say(f"no frame for {step:.0f} s, or their clock was set: started anew")
+            else:
+                self._say(f"the clock of the frames was set back by {-step:.1f} s: started anew")
         self._last_s = time_s
         return True

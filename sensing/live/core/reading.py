@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.state import MEASURED, Event, word
 from sensing.records import DotTracks, Frame, ShearField, Wrench
 from sensing.tracking.zero import Drift, Zero
@@ -47,6 +48,7 @@ class EndcapReading:
         likeness: of the picture with that of the reference, -1..1; NaN where none was compared.
         own_weight_g: (3,) change of gravity since the reference, in g along the endcap's axes, whose effect on the skin
             is taken out; NaN where none is looked for.
+        before: what a restart just before this frame keeps, so that a replay can begin with it.
     """
 
     endcap: str
@@ -70,6 +72,7 @@ class EndcapReading:
     place: PlaneContact = NO_CONTACT
     likeness: float = float("nan")
     own_weight_g: NDArray[np.float64] = with_default(default_factory=lambda: NO_CHANGE)
+    before: Kept = NOTHING_KEPT
 
     @property
     def valid(self) -> bool:

@@ -62,6 +62,7 @@ class ReferenceTaker:
     Args:
         name: of the endcap. params: its design. frames: averaged for a reference; 1 takes a single picture as it is, 0
             none at all. build: sets up the method. estimator, most_n: a difference estimated as more is a press.
+        gain: from the estimator's force to the endcap's, in whose newtons ``most_n`` is.
 
     Attributes:
         reason: why the last one was refused, or what goes on; empty when nothing does. pressed: whether confirming
@@ -76,9 +77,10 @@ class ReferenceTaker:
         build: Callable[[Zero], FieldMethod],
         estimator: WrenchEstimator,
         most_n: float,
+        gain: float = 1.0,
     ) -> None:
         self._name, self._params, self._count, self._build = name, params, frames, build
-        self._estimator, self._most_n = estimator, most_n
+        self._estimator, self._most_n, self._gain = estimator, most_n, gain
         self._stopped = False
         self._lock = threading.Lock()  # of what follows: asked for, made and taken in three threads
         self._request: _Request | None = None  # None once it is answered
@@ -172,7 +174,8 @@ class ReferenceTaker:
             if last is not None and last.image.shape == zero.image.shape:
                 before = self._build(last)
                 assert isinstance(before, ModelInput)
-                _require_unpressed(press_n(before, zero, self._estimator, self._params), self._most_n)
+                pressed_n = self._gain * press_n(before, zero, self._estimator, self._params)
+                _require_unpressed(pressed_n, self._most_n)
             elif last is None:
                 _require_design(misplaced_px(zero, self._params), most_misplaced_px(self._params))
         return Reference(zero, method)

@@ -17,7 +17,7 @@ from typing import Any
 from cad.errors import FileError, printable
 from cad.whole_file import replace_file
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
-from sensing.live.core.model import known_weights
+from sensing.live.core.model import weights_in_use
 from sensing.live.core.seen import Pictures
 
 METADATA = "endcap_live"
@@ -29,7 +29,7 @@ NOT_RECORDED = ("zero", "exposure", "rate_hz")  # of an endcap: a replay takes p
 
 @dataclass(frozen=True)
 class CarriedFile:
-    """A file that a configuration names: ``weights`` or ``camera/NAME``."""
+    """A file that a configuration names: ``weights``, ``weights/NAME`` or ``camera/NAME``."""
 
     name: str
     data: bytes
@@ -46,13 +46,10 @@ def carried_files(config: LiveConfig) -> list[CarriedFile]:
     Raises:
         FileError: one cannot be read, or is too large to be carried.
     """
-    weights = config.weights
-    if weights is None and len({endcap.identity.digest for endcap in config.endcaps}) == 1:
-        endcap = config.endcaps[0]  # weighed, it may answer with weights of the default silicone
-        weights = known_weights(config.model, endcap.params, endcap.silicone) or known_weights(
-            config.model, endcap.params
-        )
-    paths = {} if weights is None else {WEIGHTS: weights}
+    weights = {endcap.name: weights_in_use(config, endcap) for endcap in config.endcaps}
+    files = {path for path in weights.values() if path is not None}
+    shared = len(files) == 1 and None not in weights.values()
+    paths = {WEIGHTS: files.pop()} if shared else {f"{WEIGHTS}/{name}": path for name, path in weights.items() if path}
     paths |= {f"camera/{endcap.name}": endcap.camera for endcap in config.endcaps if endcap.camera is not None}
     return [CarriedFile(name, _content(path)) for name, path in paths.items()]
 
@@ -100,7 +97,9 @@ class RecordedConfig:
         """
         kept = {name: _kept(path, name, digest, found.get(name)) for name, digest in self.files.items()}
         endcaps = tuple(replace(endcap, camera=kept.get(f"camera/{endcap.name}")) for endcap in self.config.endcaps)
-        return replace(self.config, endcaps=endcaps, weights=kept.get(WEIGHTS))
+        own = {endcap.name: kept.get(f"{WEIGHTS}/{endcap.name}") for endcap in endcaps}
+        own_weights = {name: file for name, file in own.items() if file is not None}
+        return replace(self.config, endcaps=endcaps, weights=kept.get(WEIGHTS), own_weights=own_weights)
 
 
 def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:

@@ -21,6 +21,7 @@ from mcap.writer import CompressionType, Writer
 
 from cad.errors import FileError
 from sensing.live.core.config import LiveConfig
+from sensing.live.core.kept import Kept
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import QueuedSink
@@ -47,6 +48,7 @@ TOPICS: dict[str, str] = {
     "image/compressed": ros.IMAGE,
     "image/capture_time": ros.FLOAT64,
     "zero": ros.IMAGE,
+    "kept": ros.STRING,
     "array/shear_vector": ros.ARRAY,
     "wrench/estimate": ros.WRENCH,
     "wrench/wrench_pred": ros.WRENCH,
@@ -90,6 +92,7 @@ class Recorder(QueuedSink):
         self._topics = TOPICS if pictures is Pictures.FULL else TOPICS | TRACK_TOPICS
         self._config, self._restart, self._health = config, restart, health
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
+        self._kept: dict[str, Kept] = {}  # as last written of each endcap: a replay may begin at any frame
         self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
         self._behind: set[str] = set()  # endcaps whose restart is asked for once the disk has caught up
         self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)  # fixed: stamps do not follow a clock being set
@@ -140,8 +143,12 @@ class Recorder(QueuedSink):
         stamp = self._wall_ns + int(reading.captured_s * 1e9)
         if reading.epoch != self._begun[reading.endcap]:
             self._begun[reading.endcap] = reading.epoch
+            self._kept.pop(reading.endcap, None)
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
             self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
+        if reading.before != self._kept.get(reading.endcap):
+            self._kept[reading.endcap] = reading.before
+            self._add(reading, "kept", ros.string(reading.before.text()), stamp)
         norm = float((reading.wrench.force_n**2).sum() ** 0.5)
         self._add(reading, "image/capture_time", ros.float64(reading.frame.time_s), stamp)
         self._add_picture(reading, stamp)

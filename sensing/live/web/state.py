@@ -81,7 +81,7 @@ def _endcap(health: EndcapHealth, reading: EndcapReading | None) -> dict[str, An
 
 def detail(reading: EndcapReading, number: int) -> dict[str, Any]:
     """Of one endcap: dots as [x, y, quality] (quality -1: lost), rows of [u, v] on a coarse grid (null: invalid)."""
-    assert reading.frame.size is not None
+    height, width = reading.zero.image.shape[:2]
     dots: list[list[float]] = []
     if reading.tracks is not None:
         quality = np.where(reading.tracks.lost, -1.0, reading.tracks.quality)
@@ -97,7 +97,7 @@ def detail(reading: EndcapReading, number: int) -> dict[str, Any]:
     return {
         "number": number,
         "sequence": reading.frame.sequence,
-        "size": list(reading.frame.size),
+        "size": list(reading.frame.size or (width, height)),
         "dots": dots,
         "field": arrows,
         "cells": [rows, columns, step],

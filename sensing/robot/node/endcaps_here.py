@@ -12,6 +12,7 @@ import numpy as np
 
 from cad.errors import ParameterError, printable
 from cad.messages import LOG
+from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.engine import Engine
 from sensing.live.core.reading import EndcapReading
@@ -34,19 +35,13 @@ class EndcapsHere:
         path: endcaps.toml. robot: whose endcaps they are.
 
     Raises:
-        ParameterError: an endcap of the file that the robot does not have. EndcapError: what cannot be opened.
+        ParameterError: an endcap of the file that the robot does not have, or has in another size. EndcapError: what
+            cannot be opened.
     """
 
     def __init__(self, path: Path, robot: TensegrityRobot) -> None:
         config = load_config(path)
-        known = [endcap.name for endcap in robot.endcaps]
-        unknown = sorted({endcap.name for endcap in config.endcaps} - set(known))
-        if unknown:
-            raise ParameterError(
-                f"{path}: {', '.join(unknown)}: the robot's description has {', '.join(known)}: use the same names in "
-                "both",
-                name="endcaps",
-            )
+        _require_endcaps_of(robot, config, path)
         self._readings: queue.Queue[EndcapReading] = queue.Queue(ROOM)
         warm_up(LOG.info)
         self._engine = Engine(open_endcaps(config), [self])
@@ -97,3 +92,23 @@ class EndcapsHere:
                 self._states[health.endcap] = health.status
                 text = f"{health.endcap}: {health.status}"
                 LOG.warning(printable(f"{text}: {health.message}" if health.message else text))
+
+
+def _require_endcaps_of(robot: TensegrityRobot, config: LiveConfig, path: Path) -> None:
+    """Refuse endcaps that are not the robot's: their normals and contact points would be wrong, and look right."""
+    known = {endcap.name: endcap for endcap in robot.endcaps}
+    unknown = sorted({endcap.name for endcap in config.endcaps} - set(known))
+    if unknown:
+        raise ParameterError(
+            f"{path}: {', '.join(unknown)}: the robot's description has {', '.join(known)}: use the same names in both",
+            name="endcaps",
+        )
+    for endcap in config.endcaps:
+        wanted = known[endcap.name]
+        here, there = (endcap.diameter_mm, endcap.wall_mm), (wanted.diameter_mm, wanted.wall_mm)
+        if here != there:
+            raise ParameterError(
+                f"{path}: {endcap.name} has diameter_mm = {here[0]:g} and wall_mm = {here[1]:g}, in the robot's "
+                f"description {there[0]:g} and {there[1]:g}: write the same in both",
+                name="endcaps",
+            )

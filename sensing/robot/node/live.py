@@ -27,6 +27,7 @@ from cad.messages import LOG
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.topics import open_participant
+from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.robot.node import messages
 from sensing.robot.node.clock_watch import ClockWatch
 from sensing.robot.node.recorder import LENGTHS
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 
 WAITING = 2000  # messages of a topic that wait while this process is held up: seconds, at any usual rate
 IDLE_S = 0.002
-CLOCK_SET_S = 0.1  # more than two looks at two clocks can lie apart
 PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
 
 
@@ -60,7 +60,7 @@ class LiveRobot:
         wrench_sd: tuple[float, float] | None = None,
     ) -> None:  # fmt: skip
         self.robot = robot
-        self._wall_ns = time.time_ns() - time.monotonic_ns()
+        self._clock = WallClock()
         self._cables = [cable.name for cable in robot.cables if cable.measured]
         self._covariance = None if wrench_sd is None else np.diag(np.repeat(np.square(wrench_sd), 3))
         self._with_covariance: set[str] = set()
@@ -125,10 +125,8 @@ class LiveRobot:
 
     def _follow_clock(self) -> None:
         """Stamps of a wall clock that was set meanwhile (by NTP, after a start without network) are read with it."""
-        wall_ns = time.time_ns() - time.monotonic_ns()
-        moved_s = (wall_ns - self._wall_ns) / 1e9
-        if abs(moved_s) > CLOCK_SET_S:
-            self._wall_ns = wall_ns
+        moved_s = self._clock.follow()
+        if moved_s:
             LOG.warning(f"this computer's clock was set by {moved_s:+.2f} s: stamps are read by the new time")
 
     def _sample(self, kind: str, name: str, message: Any) -> Sample | None:
@@ -139,7 +137,7 @@ class LiveRobot:
         Args:
             kind: type of the message. name: of the sensor or endcap, as the topic has it. message: taken from it.
         """
-        sample = messages.sample_from(kind, message, self._wall_ns)
+        sample = messages.sample_from(kind, message, self._clock.offset_ns)
         if isinstance(sample, LengthSample) and message.name:  # in the order of the description, whatever theirs is
             by_name = dict(zip(message.name, message.position, strict=False))
             return replace(sample, lengths_m=np.array([by_name.get(cable, np.nan) for cable in self._cables], float))

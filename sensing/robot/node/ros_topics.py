@@ -11,16 +11,15 @@ Stamps are wall time. Names keep letters, digits and underscores, as ROS has the
 from __future__ import annotations
 
 import re
-import time
 from typing import Any
 
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.outputs.ros.topics import open_participant
+from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.robot.node import messages
 from sensing.robot.node.record import Report, estimate_text
-from sensing.robot.node.run import whole_ns
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import Sample
 
@@ -36,7 +35,7 @@ class RobotTopics:
     """
 
     def __init__(self, robot: TensegrityRobot, domain: int | None = None) -> None:
-        self._wall_ns = time.time_ns() - time.monotonic_ns()
+        self._clock = WallClock()
         self._participant, self._owner = open_participant(domain)
         kinds = {f"robot/bar/{ros_name(bar.name)}/odometry": messages.ODOMETRY for bar in robot.bars}
         kinds |= {"robot/endcaps": messages.POSES, "robot/estimate": ros.STRING, "tf": TRANSFORMS}
@@ -51,7 +50,7 @@ class RobotTopics:
     def report(self, report: Report) -> None:
         """All messages of one report."""
         estimate = report.estimate
-        stamp = self._wall_ns + whole_ns(estimate.time_s)
+        stamp = self._clock.stamp_ns(estimate.time_s)
         for bar in estimate.bars:
             self._write(f"robot/bar/{ros_name(bar.name)}/odometry", messages.odometry(bar, stamp))
         self._write("robot/endcaps", messages.endcap_poses(estimate, stamp))

@@ -7,6 +7,7 @@ import pytest
 from live_program import camera
 from live_stand_in import a_reading, stand_in
 
+from cad.errors import ParameterError
 from sensing.robot.node import endcaps_here
 from sensing.tensegrity.robot_file import load_robot
 
@@ -59,3 +60,10 @@ def test_it_begins_when_every_endcap_here_has_given_a_wrench_or_too_long_none(pa
     assert here.ready() is not patient
     here.put(replace(reading, endcap=NAMES[1]))
     assert here.ready() and [sample.endcap for sample in here.samples()] == [NAMES[0], *NAMES]
+
+
+def test_endcaps_of_another_size_than_the_robots_are_refused(tmp_path):
+    file = tmp_path / "endcaps.toml"
+    file.write_text('[[endcap]]\nname = "endcap_0"\nsource = "0"\ndiameter_mm = 180.0\nwall_mm = 10.0\n')
+    with pytest.raises(ParameterError, match=r"endcap_0 has diameter_mm = 180 .* description 130"):
+        endcaps_here.EndcapsHere(file, ROBOT)

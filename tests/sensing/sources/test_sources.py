@@ -8,6 +8,7 @@ import pytest
 from made_jpeg import jpeg
 
 from cad.errors import FileError, ParameterError
+from sensing.decode import jpeg_size
 from sensing.records import Frame
 from sensing.sources.camera import (
     CameraConfig,
@@ -19,7 +20,7 @@ from sensing.sources.camera import (
     to_frame,
 )
 from sensing.sources.choose import source_opener
-from sensing.sources.files import FolderSource, VideoSource, jpeg_size, read_picture
+from sensing.sources.files import FolderSource, VideoSource, read_picture
 from sensing.sources.newest import LiveSource, NewestQueue, SourceError
 
 PATIENCE_S = 60.0

@@ -8,7 +8,8 @@
     /endcap_N/valid                   std_msgs/Bool                  whether the numbers of this frame count
     /endcap_N/flags                   std_msgs/String                warnings, separated by commas
     /endcap_N/image/compressed        sensor_msgs/CompressedImage    JPEG as it came; while somebody subscribes
-    /endcap_N/camera_info             sensor_msgs/CameraInfo         fisheye, ROS's equidistant model
+    /endcap_N/camera_info             sensor_msgs/CameraInfo         fisheye, ROS's equidistant model; not with pictures
+                                                                     of another size than the reference's
     /diagnostics                      diagnostic_msgs/DiagnosticArray levels of all endcaps, twice a second
     /tf_static                        tf2_msgs/TFMessage             endcap_N to endcap_N_camera, robot to endcap_N
     /endcap_N/zero                    std_srvs/Trigger               (:mod:`sensing.live.outputs.ros.zero_service`)
@@ -30,7 +31,8 @@ from typing import Any
 
 import numpy as np
 
-from cad.errors import ParameterError
+from cad.errors import EndcapError, ParameterError
+from sensing.camera.mount import MountedCamera
 from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
@@ -41,7 +43,9 @@ from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.ros import dds, messages
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id
+from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.live.outputs.ros.zero_service import ZeroServices
+from sensing.tracking.zero import Zero
 
 ROOM = 64
 BEAT_S = 0.5
@@ -82,8 +86,8 @@ class RosTopics(QueuedSink):
         self._health, self._beat = health, Beat(BEAT_S, self._look, partial(self._note_error, "/diagnostics"))
         self._errors: dict[str, str] = {}  # the first of each part; the other parts go on
         self._domain = domain_id(domain)
-        self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)
-        self._cameras: dict[str, tuple[Any, tuple[int, int], Any]] = {}  # reference, size, camera
+        self._clock = WallClock()
+        self._cameras: dict[str, tuple[Zero, MountedCamera | None]] = {}  # with the reference that shows it
         self._writers: dict[str, dict[str, Any]] = {}
         self._diagnostics: Any = None
         self._transforms: Any = None
@@ -111,7 +115,7 @@ class RosTopics(QueuedSink):
     def write(self, reading: EndcapReading) -> None:
         """All messages of one reading."""
         writers = self._writers[reading.endcap]
-        for name, cdr in self._encoded(reading, self._wall_ns + int(reading.captured_s * 1e9)):
+        for name, cdr in self._encoded(reading, self._clock.stamp_ns(reading.captured_s)):
             writers[name].write(dds.encoded(TOPICS[name], cdr))
 
     def finish(self) -> None:
@@ -155,17 +159,26 @@ class RosTopics(QueuedSink):
         if self._looked_at[name] and pictured:
             picture, form = ros.picture_bytes(reading.frame)
             yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, camera_frame(name))
-        height, width = reading.zero.image.shape[:2]
-        size = reading.frame.size or (width, height)
-        yield "camera_info", messages.camera_info(self._camera(reading, size), stamp, camera_frame(name))
+        camera = self._camera(reading)
+        if camera is not None:
+            yield "camera_info", messages.camera_info(camera, stamp, camera_frame(name))
 
-    def _camera(self, reading: EndcapReading, size: tuple[int, int]) -> Any:
-        """The camera of a reading; a new reference may show another one, which moves its frame, too."""
-        name = reading.endcap
-        zero, of_size, camera = self._cameras.get(name, (None, size, None))
-        if camera is None or zero is not reading.zero or of_size != size:
-            camera = self._pipelines[name].camera(*size)
-            self._cameras[name] = reading.zero, size, camera
+    def _camera(self, reading: EndcapReading) -> MountedCamera | None:
+        """The camera of a reading; a new reference may show another one, which moves its frame, too.
+
+        None for a picture of another size than the reference's, and for references of which none can be known.
+        """
+        name, (height, width) = reading.endcap, reading.zero.image.shape[:2]
+        if reading.frame.size not in (None, (width, height)):
+            return None
+        zero, camera = self._cameras.get(name, (None, None))
+        if zero is not reading.zero:
+            try:
+                camera = self._pipelines[name].camera(width, height)
+            except EndcapError as error:  # pictures that stand upright, of a method that follows no dots
+                camera = None
+                self._note_error("camera_info", error)
+            self._cameras[name] = reading.zero, camera
             self._write_transforms()
         return camera
 
@@ -178,7 +191,7 @@ class RosTopics(QueuedSink):
         writer = self._diagnostics
         if writer is None:
             return
-        stamp = self._wall_ns + int(time.monotonic() * 1e9)
+        stamp = self._clock.stamp_ns(time.monotonic())
         cdr = ros.diagnostic_array([diagnosis(health) for health in self._health()], stamp)
         writer.write(dds.encoded(ros.DIAGNOSTICS, cdr))
         for endcap, writers in self._writers.items():

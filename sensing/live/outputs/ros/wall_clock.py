@@ -1,0 +1,36 @@
+"""Wall time, as ROS 2 stamps have it, of moments of ``time.monotonic``, on which pictures are captured."""
+
+from __future__ import annotations
+
+import time
+
+CLOCK_SET_S = 0.1  # more than two looks at two clocks can lie apart
+
+
+class WallClock:
+    """This computer's wall clock, followed when it is set (by NTP, after a start without network).
+
+    Attributes:
+        offset_ns: wall time less monotonic time, as of the last :meth:`follow`.
+    """
+
+    def __init__(self) -> None:
+        self.offset_ns = _offset_ns()
+
+    def follow(self) -> float:
+        """By how much the clock was set since the last look, s; 0 where it was not. Slow drift is left alone."""
+        offset_ns = _offset_ns()
+        moved_s = (offset_ns - self.offset_ns) / 1e9
+        if abs(moved_s) <= CLOCK_SET_S:
+            return 0.0
+        self.offset_ns = offset_ns
+        return moved_s
+
+    def stamp_ns(self, time_s: float) -> int:
+        """Wall time of a moment, ns; a clock that was set is followed first."""
+        self.follow()
+        return self.offset_ns + round(time_s * 1e9)
+
+
+def _offset_ns() -> int:
+    return time.time_ns() - time.monotonic_ns()

@@ -1,0 +1,92 @@
+"""Messages of a recording as the records they came from: pictures, references, times, wrenches.
+
+Every function raises DamagedError (:mod:`sensing.live.mcap_records`) for bytes that are no such message; ``path`` is
+named in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from mcap.records import Message
+
+from sensing.decode import MOST_PIXELS, FrameError, jpeg_size, png_size
+from sensing.live.core.kept import Kept, kept_of
+from sensing.live.mcap_records import DamagedError
+from sensing.live.outputs import ros_types as ros
+from sensing.records import Frame
+from sensing.tracking.zero import Zero, single_zero
+
+LATEST_S = 1e9  # capture times beyond are no times
+
+
+def zero_in(path: Path, endcap: str, message: Message) -> Zero:
+    """The reference of a ``zero`` message."""
+    try:
+        return single_zero(picture_in(path, endcap, message, 0.0), endcap)
+    except FrameError as error:
+        raise _unusable(path, message, f"no reference: {error}") from None
+
+
+def kept_in(path: Path, message: Message) -> Kept:
+    """What the frames before have left, of a ``kept`` message."""
+    return read_message(path, ros.STRING, message, lambda reported: kept_of(reported.data))
+
+
+def picture_in(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
+    """A picture as it came, also one that no camera should give: the pipeline says of it what it said live."""
+    reported = _decoded(path, ros.IMAGE, message)
+    data, sequence = bytes(reported.data), message.sequence
+    if reported.format == ros.FAULT and data:
+        return Frame(time_s, sequence, endcap, jpeg=data, fault=data.decode(errors="replace"))
+    if reported.format == "jpeg" and data:
+        return Frame(time_s, sequence, endcap, jpeg=data, size=jpeg_size(data))
+    size = png_size(data)
+    if size is None or not 0 < size[0] * size[1] <= MOST_PIXELS:
+        raise _unusable(path, message, f"a picture of {size} px")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise _unusable(path, message, "no picture")
+    return Frame(time_s, sequence, endcap, image=image)
+
+
+def time_in(path: Path, topic: str, message: Message) -> float:
+    """The capture time of a message on a topic, s."""
+    value = float(_decoded(path, ros.FLOAT64, message).data)
+    if not abs(value) < LATEST_S or math.isnan(value):
+        raise _unusable(path, message, f"{topic} {value}")
+    return value
+
+
+def wrench_in(path: Path, message: Message) -> np.ndarray:
+    """(6,) force and torque of a message, N and N m."""
+    wrench = _decoded(path, ros.WRENCH, message).wrench
+    return np.array([getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"], float)
+
+
+def _decoded(path: Path, kind: str, message: Message) -> Any:
+    try:
+        return ros.decode(kind, message.data)
+    except Exception as error:  # whatever the library makes of bytes that are no such message
+        raise _unusable(path, message, f"no {kind}: {type(error).__name__}") from None
+
+
+def read_message(path: Path, kind: str, message: Message, read: Callable[[Any], Any]) -> Any:
+    """What ``read`` makes of a message of a ROS type ``kind``; its ValueError, KeyError or TypeError is damage."""
+    reported = _decoded(path, kind, message)
+    try:
+        return read(reported)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _unusable(path, message, f"{type(error).__name__}: {str(error)[:80]}") from None
+
+
+def _unusable(path: Path, message: Message, reason: str) -> DamagedError:
+    return DamagedError(
+        f"{path}: message {message.sequence} of {message.log_time / 1e9:.3f} s is damaged ({reason}): what stands "
+        "before it is read"
+    )

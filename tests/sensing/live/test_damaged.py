@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import lz4.frame
@@ -21,10 +22,15 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, Metadata
 
 from cad.errors import FileError
+from cad.materials import DEFAULT_SILICONE
 from sensing.camera.nominal import nominal_mount
+from sensing.decode import jpeg_size
 from sensing.live.cli import main
 from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.model import weights_in_use
 from sensing.live.mcap_records import HEAD, MAGIC, CutError, DamagedError, read_records
+from sensing.live.open_endcaps import configured_models
+from sensing.live.outputs.recorded_config import about, carried_files, parsed
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
 
@@ -65,6 +71,31 @@ def records_of(data: bytes) -> list[tuple[int, int, int]]:
         found.append((place, kind, length))
         place += HEAD.size + length
     return found
+
+
+def bad_head(jpeg: bytes, kind: str) -> bytes:
+    """A picture whose head is damaged: its size is lost, or another one."""
+    if kind == "upright":  # one bit of its height
+        place = jpeg.find(b"\xff\xc0") + 5
+        return jpeg[:place] + bytes([jpeg[place] ^ 0x40]) + jpeg[place + 1 :]
+    return {"html": b"<html>no picture", "text": b"\xff\xd8 no picture", "cut": jpeg[:20]}[kind]
+
+
+@pytest.mark.parametrize("kind", ["html", "text", "cut", "upright"])
+def test_a_picture_with_a_damaged_head_is_replayed_like_any_other(tmp_path, kind):
+    path, pipe = tmp_path / "run.mcap", pipeline()
+    recorder = Recorder(path, LiveConfig((EndcapConfig("endcap_0", "test"),)), {"endcap_0": 0}, lambda _: None)
+    recorder.start()
+    given = frames(film([0, 0, 0.5, 1.0] * 3))
+    bad = bad_head(given[6].jpeg, kind)
+    given[6] = replace(given[6], jpeg=bad, size=jpeg_size(bad))
+    readings = [pipe.update(frame) for frame in given]
+    for reading in readings:
+        recorder.put(reading)
+    recorder.close(PATIENCE_S)
+    assert [reading.valid for reading in readings] == [True] * 6 + [False] + [True] * 5
+    found = verify(path, read_config(path), lambda _: stand_in())
+    assert (found.frames, found.different, found.end) == (12, 0, None)
 
 
 def chunks(data: bytes) -> list[tuple[int, int]]:
@@ -161,7 +192,6 @@ def test_bombs_and_broken_compression_are_refused_before_they_are_unpacked(tmp_p
     [
         lambda data: data.replace(b"jpeg", b"j\xff\xfeg", 1),  # no UTF-8
         lambda data: data.replace(b"jpeg", b"JPEG", 1),  # no format that is known: no picture
-        lambda data: data.replace(b"\xff\xd8\xff", b"\xff\xd9\xff", 1),  # no JPEG
     ],
 )
 def test_messages_that_are_none_are_named(tmp_path, whole, change):
@@ -230,6 +260,31 @@ def test_a_recording_carries_its_files_and_opens_no_path_that_it_names(tmp_path)
     found.weights.write_bytes(b"changed by somebody")
     assert read_config(path).weights.read_bytes() == b"weights of this run"
     assert read_config(path, "paper").weights is None  # those of another model are not taken
+
+
+def test_every_endcap_is_replayed_with_the_weights_it_had(tmp_path, monkeypatch):
+    """Two sizes, and an endcap that was weighed although weights of its silicone are there."""
+    folder, other = tmp_path / "weights", "Dragon Skin 30"
+    folder.mkdir()
+    monkeypatch.setattr(
+        "sensing.live.core.model.find_weights", lambda params, silicone: folder / f"{params.label}{silicone}"
+    )
+    small = EndcapConfig("small", "test", diameter_mm=117.4, wall_mm=7.6)
+    cast = EndcapConfig("cast", "test", silicone=other)
+    config = LiveConfig((small, cast, replace(cast, name="weighed", gain=0.6)))
+    wanted = {"small": DEFAULT_SILICONE, "cast": other, "weighed": DEFAULT_SILICONE}
+    for endcap in config.endcaps:
+        (folder / f"{endcap.params.label}{wanted[endcap.name]}").write_bytes(endcap.name.encode())
+    files = carried_files(config)
+    for file in folder.iterdir():
+        file.unlink()
+    again = parsed(about(config, files), tmp_path / "x.mcap").with_files({f.name: f.data for f in files}, tmp_path)
+    assert [weights_in_use(again, endcap).read_bytes().decode() for endcap in again.endcaps] == list(wanted)
+    loaded = []
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *given: loaded.append(given[2].read_bytes()))
+    for endcap in again.endcaps:
+        configured_models(again)(endcap)
+    assert [data.decode() for data in loaded] == list(wanted)
 
 
 def test_the_weights_that_ship_are_carried_too(tmp_path, whole):

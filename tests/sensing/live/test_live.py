@@ -4,6 +4,7 @@ import time
 from dataclasses import replace
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from live_stand_in import PATIENCE_S, LinearModel, endless, film, frames, pipeline, stand_in, wait_for
@@ -20,6 +21,7 @@ from sensing.live.core.state import Condition, Event
 from sensing.live.core.stats import STAGES, WINDOW, EndcapStats
 from sensing.live.outputs.json_lines import JsonLines
 from sensing.live.outputs.terminal import robot_line
+from sensing.live.web.state import detail
 from sensing.records import Frame, ShearField, Wrench
 from sensing.sources.newest import Health, SourceError
 from sensing.wrench.contact import ContactState
@@ -97,12 +99,12 @@ def test_zeroing_waits_for_rest_and_keeps_the_old_reference_when_touched(press):
     assert later.zero is first.zero and "not zeroed" in pipe.note
 
 
-@pytest.mark.parametrize("jump_s", [-3600.0, 7200.0])
-def test_a_clock_that_jumps_starts_the_filter_anew_and_says_so(press, jump_s):
+@pytest.mark.parametrize(("jump_s", "words"), [(-3600.0, "set back by 3600.0 s"), (7200.0, "no frame for 7200 s")])
+def test_a_clock_that_jumps_starts_the_filter_anew_and_says_so(press, jump_s, words):
     pipe, given = pipeline(), frames(press)
     before = readings(pipe, given[:15])[-1]
     after = pipe.update(replace(given[15], time_s=given[15].time_s + jump_s))
-    assert "jumped" in pipe.note and after.epoch == before.epoch + 1
+    assert words in pipe.note and after.epoch == before.epoch + 1
     assert after.contact.touching and np.isfinite(after.wrench.force_n).all()
 
 
@@ -273,3 +275,19 @@ def test_three_endcaps_carry_the_weight_in_the_robots_frame(press):
     assert robot_state(endcaps, held, 200.0, 9.1).consistent is False
     assert robot_state(endcaps, held, 120.0, 30.0).unknown == tuple(c.name for c in endcaps)  # old readings say nothing
     assert "consistent" in robot_line(state)
+
+
+def test_a_source_that_does_not_say_the_size_of_its_pictures_is_read_all_the_same(press):
+    pipe, given = pipeline(), [replace(frame, size=None) for frame in frames(press)]
+    reading = [pipe.update(frame) for frame in given][-1]
+    assert reading.valid and reading.frame.size == (640, 480) and detail(reading, 0)["size"] == [640, 480]
+    other = cv2.imencode(".jpg", np.zeros((240, 320, 3), np.uint8))[1].tobytes()
+    wrong = pipe.update(Frame(101.0, 90, "test", jpeg=other))
+    assert wrong.event is Event.RESIZED and "320x240" in wrong.reason
+
+
+def test_the_page_shows_a_picture_of_which_not_even_the_size_can_be_read(press):
+    pipe = pipeline()
+    pipe.update(frames(press)[0])
+    reading = pipe.update(Frame(101.0, 90, "test", jpeg=b"<html>no picture"))
+    assert reading.event is Event.UNDECODED and detail(reading, 3)["size"] == [640, 480]

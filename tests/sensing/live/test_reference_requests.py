@@ -51,6 +51,21 @@ def test_a_press_is_taken_only_where_it_is_confirmed(confirmed):
         assert asked.pressed
 
 
+@pytest.mark.parametrize(("gain", "refused"), [(1.0, False), (4.0, True)])
+def test_a_press_is_judged_in_the_newtons_of_the_endcaps_own_silicone(gain, refused):
+    asked = ReferenceTaker(
+        "a", EndcapConfig("a", "0").params, 2, lambda zero: Method(), LinearModel(), 2 * PRESS_N, gain
+    )
+    asked.ask()
+    offer_both(asked)
+    wait_for(lambda: asked._made is not None)
+    if refused:
+        with pytest.raises(PressedError, match=f"a press of {gain * PRESS_N:.1f} N"):
+            asked.take()
+    else:
+        assert asked.take() is not None
+
+
 def test_confirming_accepts_no_reference_that_was_being_made_before():
     begun, go_on = threading.Event(), threading.Event()
 

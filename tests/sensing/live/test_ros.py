@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ cyclonedds = pytest.importorskip("cyclonedds")
 from sensing.live.outputs.ros import dds, messages  # noqa: E402
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id  # noqa: E402
 from sensing.live.outputs.ros.topics import TOPICS, RosTopics, transforms_of  # noqa: E402
+from sensing.live.outputs.ros.wall_clock import WallClock  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
 SUBSCRIBER = """
@@ -127,6 +129,25 @@ def test_bytes_of_every_topic_are_those_of_another_implementation():
     for name, cdr in found.items():  # rosbags wrote them, Cyclone DDS reads and writes them
         kind = dds.idl_type(TOPICS.get(name, messages.TRANSFORMS))
         assert kind.__idl__.serialize(kind.deserialize(cdr)).rstrip(b"\0") == cdr.rstrip(b"\0"), name
+
+
+@pytest.mark.parametrize("size", [(640, 16864), (320, 240)])
+def test_a_picture_of_another_size_has_no_camera_and_stops_nothing(size, monkeypatch):
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    pipe, reading = a_reading()
+    topics = RosTopics([pipe], 0)
+    other = replace(reading, frame=replace(reading.frame, size=size))
+    found = [set(dict(topics._encoded(each, 0))) for each in (reading, other, reading)]
+    assert found[0] - found[1] == {"camera_info"} and found[2] == found[0]
+
+
+def test_stamps_follow_a_wall_clock_that_is_set(monkeypatch):
+    clock, real, set_by = WallClock(), time.time_ns, 3600 * 10**9
+    before_ns = clock.stamp_ns(100.0)
+    monkeypatch.setattr(time, "time_ns", lambda: real() + 20 * 10**6)  # what two looks can lie apart
+    assert clock.stamp_ns(100.0) == before_ns
+    monkeypatch.setattr(time, "time_ns", lambda: real() + set_by)
+    assert abs(clock.stamp_ns(100.0) - before_ns - set_by) < 10**8
 
 
 def test_types_have_the_names_and_hashes_of_ros():

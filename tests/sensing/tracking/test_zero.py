@@ -1,3 +1,4 @@
+import contextlib
 import json
 import tracemalloc
 from dataclasses import replace
@@ -183,6 +184,26 @@ def test_watch_renews_only_when_untouched_for_long(tmp_path, capsys):
     dim = folder_of(tmp_path, "dim", still(16, 0.7))
     assert main(["watch", "--zero", file, "--source", dim, "--still", "0.2"]) == 0
     assert load_zero(file).digest != before and "zeroed again" in capsys.readouterr().out
+
+
+def test_watch_passes_over_a_picture_that_cannot_be_read(tmp_path, capsys, monkeypatch):
+    file = str(tmp_path / "endcap3.npz")
+    save_zero(take_zero(still(), "endcap 3"), file)
+    given = still(12, 0.7)
+    given[2:4] = [replace(frame, jpeg=frame.jpeg[:9000]) for frame in given[2:4]]
+    monkeypatch.setattr("sensing.zero.open_frames", lambda _: contextlib.nullcontext(given))
+    assert main(["watch", "--zero", file, "--source", "0", "--still", "0.2"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("passed over") == 1 and said.count("lamp: ") == 2 and "zeroed again" not in said
+
+
+def test_an_interval_that_cannot_be_a_reference_is_waited_for_anew(zero, monkeypatch):
+    def refused(*_):
+        raise ZeroError("moved")
+
+    auto, tracker = AutoZero(zero, still_s=0.2, frames=4), DotTracker(zero.frame())
+    monkeypatch.setattr("sensing.tracking.auto_zero.take_zero", refused)
+    assert [auto.update(frame, tracker.update(frame)) for frame in still(12, 0.7)] == [None] * 12
 
 
 def test_a_camera_that_hangs_while_its_reference_is_taken_is_named(tmp_path, capsys):

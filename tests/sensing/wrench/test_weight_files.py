@@ -31,6 +31,10 @@ def test_a_description_of_brackets_without_end_is_damaged(tmp_path):
         {"range": {"distance": 10**400}},
         {"design": []},
         {"range": [1]},
+        {"range": {"distance": float("nan"), "rest_px": 1.0}},
+        {"range": {"distance": 1.0, "rest_px": 1.0, "force_n": float("nan")}},
+        {"range": {"distance": 1.0, "rest_px": 1.0, "tilt_deg": -1.0}},
+        {"range": {"distance": 1.0, "rest_px": 1.0, "rest_px_per_n": float("inf")}},
         {"identity": [1]},
     ],
 )
@@ -41,3 +45,24 @@ def test_a_number_or_list_that_cannot_be_is_damaged(monkeypatch, change):
     with pytest.raises(FileError, match="w: damaged weights") as caught:
         load_wrench_model(PARAMS, "w")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("calibration", 0), ("units", -1), ("range_cells", 0)])
+def test_weights_that_could_never_doubt_an_answer_are_damaged(monkeypatch, name, factor):
+    tensors, about = read_weights(SHIPPED / "default_D130_T8.safetensors")
+    tensors[name] = (tensors[name] * factor).astype(tensors[name].dtype)
+    monkeypatch.setattr(models, "read_weights", lambda path: (dict(tensors), about))
+    with pytest.raises(FileError, match=f"w: damaged weights .*{name}"):
+        load_wrench_model(PARAMS, "w")
+
+
+def test_numbers_of_a_type_that_numpy_does_not_have_are_damaged(tmp_path):
+    data, path = (SHIPPED / "default_D130_T8.safetensors").read_bytes(), tmp_path / "w.safetensors"
+    length = int.from_bytes(data[:8], "little")
+    head = json.loads(data[8 : 8 + length])
+    begin, end = head["units"]["data_offsets"]
+    head["units"] = {"dtype": "BF16", "shape": [(end - begin) // 2], "data_offsets": [begin, end]}
+    changed = json.dumps(head).encode()
+    path.write_bytes(len(changed).to_bytes(8, "little") + changed + data[8 + length :])
+    with pytest.raises(FileError, match=r"damaged weights .*bfloat16"):
+        read_weights(path)

@@ -1,0 +1,133 @@
+"""What a restart during a touch keeps of the frames before: the skin's own weight, and that the camera has moved."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from live_stand_in import PATIENCE_S, film, frames, pipeline, stand_in
+
+from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.kept import Kept, kept_of
+from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.core.reading import EndcapReading
+from sensing.live.core.seen import Pictures, SeenFrame
+from sensing.live.outputs.recorder import Recorder
+from sensing.live.replay import read_config, recorded_frames, verify
+from sensing.live.timeline import Timeline
+
+SIZE, RATE_HZ, NOISE_PX = (640, 480), 30.0, 0.01
+SIDEWAYS_G, OFF_G = (1.0, 0.0, 1.0), 0.4  # from upright to lying; the drawn dome is not the design to the pixel
+SHIFT_PX = (1.0, 0.3)
+
+
+class Turned:
+    """An endcap whose dots are moved as own weight, a shifted camera and a touch move them."""
+
+    def __init__(self) -> None:
+        self.pipe, self.count = pipeline(), 1
+        self.pipe.update(frames(film([0]))[0])
+        method = self.pipe._used.method
+        self.places = method.tracker.reference_px
+        self.sag = np.zeros_like(self.places)
+        self.sag[method.known] = self.pipe._measurement._own_weight._modes @ np.array(SIDEWAYS_G)
+        away = self.places - self.places.mean(axis=0) - [60.0, 40.0]
+        self.touch = 8.0 * np.exp(-(away**2).sum(axis=1) / 2 / 60.0**2)[:, None] * [1.0, 0.4]
+        self._rng = np.random.default_rng(0)
+
+    def frame(self, moved: np.ndarray) -> SeenFrame:
+        self.count += 1
+        count = len(self.places)
+        noise = self._rng.normal(0.0, NOISE_PX, moved.shape)
+        rows = np.column_stack([self.places + moved + noise, np.full(count, 0.995), np.zeros(count)])
+        return SeenFrame(100.0 + self.count / RATE_HZ, self.count, "test", size=SIZE, rows=rows, likeness=0.99)
+
+    def give(self, moved: np.ndarray, count: int) -> list[EndcapReading]:
+        return [self.pipe.update(self.frame(moved)) for _ in range(count)]
+
+
+@pytest.fixture
+def turned() -> Turned:
+    return Turned()
+
+
+def test_own_weight_is_still_taken_out_after_a_restart_during_a_touch(turned):
+    turned.give(turned.sag, 10)
+    before = turned.give(turned.sag + turned.touch, 10)[-1]
+    assert before.own_weight_g == pytest.approx(SIDEWAYS_G, abs=OFF_G)
+    turned.pipe.request_restart()
+    after = turned.give(turned.sag + turned.touch, 10)[-1]
+    assert after.epoch == before.epoch + 1 and after.own_weight_g.tolist() == before.own_weight_g.tolist()
+    assert after.estimate.force_n == pytest.approx(before.estimate.force_n, abs=0.05)
+
+
+def test_a_camera_that_has_moved_is_still_named_after_a_restart_during_a_touch(turned):
+    shift = np.tile(SHIFT_PX, (len(turned.places), 1))
+    assert "moved" in turned.give(shift, 10)[-1].wrench.flags
+    turned.pipe.request_restart()
+    assert all("moved" in reading.wrench.flags for reading in turned.give(shift + turned.touch, 10))
+    turned.give(np.zeros_like(shift), 10)  # it was put back
+    assert "moved" not in turned.give(turned.touch, 10)[-1].wrench.flags
+
+
+def test_a_pause_of_a_minute_is_named_and_forgets_no_turn(turned):
+    turned.give(turned.sag, 10)
+    turned.count += round(75 * RATE_HZ)
+    reading = turned.give(turned.sag + turned.touch, 1)[-1]
+    assert "no frame for 75 s" in turned.pipe.note
+    assert reading.own_weight_g == pytest.approx(SIDEWAYS_G, abs=OFF_G)
+
+
+def test_a_new_reference_begins_with_nothing(turned):
+    turned.give(turned.sag, 10)
+    turned.pipe.set_zero(turned.pipe.zero)
+    assert turned.give(turned.touch, 1)[0].before == Kept()
+
+
+@pytest.fixture
+def recorded(turned, tmp_path) -> Path:
+    """A recording that begins during a touch, of an endcap that lies on its side and is then stood up."""
+    turned.give(turned.sag, 10)
+    turned.give(turned.sag + turned.touch, 5)
+    path = tmp_path / "run.mcap"
+    recorder = Recorder(
+        path, LiveConfig((EndcapConfig("endcap_0", "test"),)), {"endcap_0": turned.pipe.epoch}, lambda _: None,
+        pictures=Pictures.NONE,
+    )  # fmt: skip
+    recorder.start()
+    turned.pipe.request_restart()
+    for moved in (turned.sag + turned.touch, turned.sag, 0 * turned.sag, turned.touch):
+        for reading in turned.give(moved, 20):
+            recorder.put(reading)
+    recorder.close(PATIENCE_S)
+    assert not recorder.failed and recorder.frames == 80
+    return path
+
+
+def test_a_recording_that_begins_during_a_touch_is_computed_again_to_the_bit(recorded):
+    check = verify(recorded, read_config(recorded), lambda _: stand_in())
+    assert (check.frames, check.different, check.end) == (80, 0, None)
+    first = next(iter(recorded_frames(recorded, "endcap_0")))
+    assert first.zero is not None and first.kept.own_weight_g == pytest.approx(SIDEWAYS_G, abs=OFF_G)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.95])
+def test_a_replay_that_begins_during_a_touch_has_the_turn_of_that_moment(recorded, share):
+    timeline = Timeline(recorded)
+    start = timeline.start("endcap_0", share * timeline.span_s)
+    first = next(iter(recorded_frames(recorded, "endcap_0", start)))
+    wanted = SIDEWAYS_G if share < 0.5 else (0.0, 0.0, 0.0)
+    assert first.kept.own_weight_g == pytest.approx(wanted, abs=OFF_G)
+    pipe = EndcapPipeline(EndcapConfig("endcap_0", "test"), stand_in(), None, 0, zero_frames=0)
+    pipe.set_zero(first.zero, first.kept)
+    assert pipe.update(first.frame).own_weight_g == pytest.approx(wanted, abs=OFF_G)
+
+
+def test_what_is_kept_is_read_as_it_was_written():
+    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved")
+    assert kept_of(kept.text()) == kept
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"own_weight_g": [1, 2], "moved": ""}', '{"own_weight_g": [9, 0, NaN]}'])
+def test_other_text_is_refused(text):
+    with pytest.raises((ValueError, KeyError, TypeError)):
+        kept_of(text)

@@ -84,7 +84,11 @@ def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
             extra = file.metadata() or {}
             if extra.get("format") != FORMAT:
                 raise FileError(f"{path}: no weights of this toolkit (format {extra.get('format')}): give {FORMAT}")
-            return {name: file.get_tensor(name) for name in file.keys()}, json.loads(extra["about"])  # noqa: SIM118
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            strange = [f"{name} of {tensor.dtype}" for name, tensor in tensors.items() if tensor.dtype.kind not in "fu"]
+            if strange:  # other libraries teach numpy types that it does not compute with
+                raise ValueError(strange[0])
+            return tensors, json.loads(extra["about"])
     except FileError:
         raise
     except OSError as error:

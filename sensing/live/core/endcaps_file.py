@@ -21,6 +21,7 @@ TEXTS = (
     "gain_weights", "own_weight",
 )  # fmt: skip
 MOST_BYTES = 1 << 20  # of the file
+NO_KEYS = ("endcaps", "own_weights")  # of a configuration: tables of their own, and what only a recording carries
 
 
 def load_config(path: Path) -> LiveConfig:
@@ -54,7 +55,7 @@ def save_config(config: LiveConfig, path: Path) -> None:
         FileError: the place cannot be written.
     """
     lines = ["# Written by python -m sensing.setup; read by python -m sensing.live --config FILE.", ""]
-    lines += _lines(config, ("endcaps",), path.parent)
+    lines += _lines(config, NO_KEYS, path.parent)
     for endcap in config.endcaps:
         lines += ["", "[[endcap]]", *_lines(endcap, (), path.parent)]
     replace_file(path, ("\n".join(lines) + "\n").encode())
@@ -85,7 +86,7 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
     Raises:
         FileError: a key that is unknown, missing or of another type.
     """
-    known = {entry.name for entry in fields(kind)} - {"endcaps"}
+    known = {entry.name for entry in fields(kind)} - set(NO_KEYS)
     unknown = sorted(set(reported) - known)
     if unknown:
         raise FileError(f"{path}: unknown key {', '.join(unknown)}: known are {', '.join(sorted(known))}")

@@ -10,7 +10,7 @@ from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.wrench import model as models
 from sensing.wrench.model import load_wrench_model
-from sensing.wrench.weight_files import FORMAT, SHIPPED, read_weights
+from sensing.wrench.weight_files import FORMAT, SHIPPED, read_weights, weights_name
 
 PARAMS = EndcapParams(130, 8)
 
@@ -41,3 +41,9 @@ def test_a_number_or_list_that_cannot_be_is_damaged(monkeypatch, change):
     with pytest.raises(FileError, match="w: damaged weights") as caught:
         load_wrench_model(PARAMS, "w")
     assert "\n" not in str(caught.value)
+
+
+def test_silicones_whose_names_a_file_cannot_spell_have_weights_of_their_own():
+    names = ["Силикон А", "Силикон Б", "Köraform 42 A", "Küraform 42 A"]
+    assert len({weights_name(PARAMS, name) for name in names}) == len(names)
+    assert weights_name(PARAMS, "Dragon Skin 30") == "D130_T8_Dragon-Skin-30.safetensors"

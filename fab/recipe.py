@@ -12,7 +12,6 @@ flanges; it is not counted.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -20,7 +19,7 @@ from typing import Any
 from cad.errors import FileError
 from cad.feasible import DAM_MARGIN_MM
 from cad.leak import leak_ratio
-from cad.materials import DEFAULT_SILICONE, Silicone, silicone
+from cad.materials import DEFAULT_SILICONE, Silicone, mix_parts, silicone
 from cad.mold_layout import MoldLayout
 from fab.checks.check import Check
 
@@ -160,12 +159,11 @@ def recipe(
         surplus: share mixed over the cast's own mass.
 
     Raises:
-        ParameterError: an unknown material.
-        FileError: its mixing ratio cannot be read.
+        ParameterError: an unknown material. FileError: a table with a bad row.
     """
     row = silicone(material)
     expected = cast_volume_mm3 * row.density_g_cm3 / 1000
-    part_a, part_b = mix_parts(row)
+    part_a, part_b = mix_parts(row.mix_ratio)
     total = expected * (1 + surplus)
     return Recipe(
         row,
@@ -239,20 +237,6 @@ def overflow_checks(mix: Recipe) -> list[Check]:
         Check("recipe.dam_spare_mm3", places.dam - most, low=0.0),
         Check("recipe.least_in_wells_mm3", least, low=0.0),
     ]
-
-
-def mix_parts(row: Silicone) -> tuple[float, float]:
-    """Parts by weight of A and B, read from the table's words, for example ``100A:10B by weight``.
-
-    Raises:
-        FileError: the words have another form.
-    """
-    found = re.match(r"([\d.]+)A:([\d.]+)B by (?:weight|volume or weight)$", row.mix_ratio)
-    if not found or float(found[1]) <= 0 or float(found[2]) <= 0:
-        raise FileError(
-            f"materials.csv: mix_ratio {row.mix_ratio!r} of {row.name} is not of the form '100A:10B by weight'"
-        )
-    return float(found[1]), float(found[2])
 
 
 def shell_volume_mm3(manifest: Mapping[str, Any]) -> float:

@@ -18,9 +18,11 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.feasible import DAM_MARGIN_MM
-from cad.leak import leak_ratio
+from cad.interface import zone_volume_mm3
+from cad.leak import leak_ratio, solid_shell_mm3
 from cad.materials import DEFAULT_SILICONE, Silicone, mix_parts, silicone
 from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
 from fab.checks.check import Check
 
 SURPLUS = 0.15  # E: over the cast; most of it stays in the cup and on the stick
@@ -237,6 +239,17 @@ def overflow_checks(mix: Recipe) -> list[Check]:
         Check("recipe.dam_spare_mm3", places.dam - most, low=0.0),
         Check("recipe.least_in_wells_mm3", least, low=0.0),
     ]
+
+
+def closed_cast_mm3(params: EndcapParams) -> float:
+    """Volume of the cast in closed form: the shell above the flange less the plastic in the gyroid's zone.
+
+    Dents and fillet are left out; the mesh of ``make molds`` has them.
+
+    Args:
+        params: the design.
+    """
+    return solid_shell_mm3(params) - params.gyroid * zone_volume_mm3(params)
 
 
 def shell_volume_mm3(manifest: Mapping[str, Any]) -> float:

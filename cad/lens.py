@@ -9,13 +9,14 @@ to four photos; :mod:`sensing.camera.nominal` says how and makes a camera of the
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cad.data_table import positive, read_table
+from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("cameras.csv")
@@ -24,6 +25,7 @@ RELEASED_MODULE = "ELP-USBFHD01M-L180"
 SEAT_BOARD_MM, SEAT_PITCH_MM = 32.0, 28.0  # M, GEO15 and GEO16: what the base's corner posts and screw holes take
 STACK_RANGE_MM = (14.0, 22.0)  # E: how far from the released 18 ring, bore and view have been looked at
 HALF_ANGLE_RANGE_DEG = (60.0, 110.0)
+STEPS_PER_DEG = 10  # at which a lens is checked: the radius of its picture grows up to the end of its model
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,7 @@ class CameraModule:
         stack_mm: from the board's back to the entrance pupil.
         focal_per_row: px per radian and image row, 4:3 frame of the sensor's full height.
         k: radial terms of the fisheye model.
+        circle_deg: off the axis, where the picture of the lens ends.
         max_half_angle_deg: off the axis, up to which the lens model holds.
         price_usd, order_as: what it costs, and what to ask for. provenance: letters of docs/provenance.md, and why.
     """
@@ -46,6 +49,7 @@ class CameraModule:
     stack_mm: float
     focal_per_row: float
     k: tuple[float, float, float, float]
+    circle_deg: float
     max_half_angle_deg: float
     price_usd: float
     order_as: str
@@ -92,15 +96,37 @@ def camera_setting() -> str:
 def _module(row: dict[str, str]) -> CameraModule:
     found = CameraModule(
         row["name"], positive(row, "board_mm"), positive(row, "hole_pitch_mm"), positive(row, "stack_mm"),
-        positive(row, "focal_per_row"), (float(row["k1"]), float(row["k2"]), float(row["k3"]), float(row["k4"])),
-        positive(row, "max_half_angle_deg"), positive(row, "price_usd"), row["order_as"], row["provenance"],
+        positive(row, "focal_per_row"), (number(row, "k1"), number(row, "k2"), number(row, "k3"), number(row, "k4")),
+        positive(row, "circle_deg"), positive(row, "max_half_angle_deg"),
+        positive(row, "price_usd"), row["order_as"], row["provenance"],
     )  # fmt: skip
     if (found.board_mm, found.hole_pitch_mm) != (SEAT_BOARD_MM, SEAT_PITCH_MM):
         raise ValueError(
             f"board of {found.board_mm:g} mm with holes {found.hole_pitch_mm:g} mm apart: the base's seat takes "
             f"{SEAT_BOARD_MM:g} mm with {SEAT_PITCH_MM:g} mm (cad/base.py)"
         )
-    for name, (low, high) in (("stack_mm", STACK_RANGE_MM), ("max_half_angle_deg", HALF_ANGLE_RANGE_DEG)):
+    ranges = {"stack_mm": STACK_RANGE_MM} | dict.fromkeys(("circle_deg", "max_half_angle_deg"), HALF_ANGLE_RANGE_DEG)
+    for name, (low, high) in ranges.items():
         if not low <= getattr(found, name) <= high:
             raise ValueError(f"{name}={getattr(found, name):g} outside {low:g}..{high:g}")
+    if found.circle_deg > found.max_half_angle_deg:
+        raise ValueError(
+            f"circle_deg={found.circle_deg:g} over max_half_angle_deg={found.max_half_angle_deg:g}: where the picture "
+            "ends is computed by the lens model, which must hold up to there"
+        )
+    _require_growing(found)
     return found
+
+
+def _require_growing(module: CameraModule) -> None:
+    """Refuse a lens whose picture folds back: r(theta) = theta + k1 theta^3 + ... must rise up to the model's end."""
+    for step in range(math.floor(module.max_half_angle_deg * STEPS_PER_DEG) + 1):
+        theta = math.radians(step / STEPS_PER_DEG)
+        slope = 1.0 + sum((2 * n + 1) * k * theta ** (2 * n) for n, k in enumerate(module.k, start=1))
+        if not 0 < slope < math.inf:
+            raise ValueError(
+                f"k1..k4={', '.join(f'{k:g}' for k in module.k)}: the picture's radius stops growing at "
+                f"{step / STEPS_PER_DEG:g} degrees off the axis, and must grow up to max_half_angle_deg="
+                f"{module.max_half_angle_deg:g}, or a pixel would belong to two rays: calibrate the lens again, or "
+                "lower the angle"
+            )

@@ -16,15 +16,18 @@ Prony series: G(t) = G_inf + sum_i g_i G_0 exp(-t / tau_i), as relative moduli `
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cad.data_table import positive, read_table
+from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("materials.csv")
 DEFAULT_SILICONE = "Smooth-Sil 950"
+YEOH_COLUMNS = ("yeoh_c10_mpa", "yeoh_c20_mpa", "yeoh_c30_mpa")
+MIX_RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)A:([0-9]+(?:\.[0-9]+)?)B by (?:weight|volume or weight)")
 MAX_POISSON = 0.49999  # above it the bulk modulus is 5e4 mu and double precision eats the shear
 
 
@@ -55,7 +58,7 @@ class HyperelasticLaw:
                     name=name,
                     value=value,
                 )
-        if not all(math.isfinite(c) for c in (self.c20_mpa, self.c30_mpa)) or self._least_slope() <= 0:
+        if not all(math.isfinite(c) for c in (self.c20_mpa, self.c30_mpa)) or not self._least_slope() > 0:
             raise ParameterError(
                 f"c20_mpa={self.c20_mpa:g}, c30_mpa={self.c30_mpa:g} make the Yeoh stiffness vanish below "
                 "I1 - 3 = 1 (30 % strain): raise c20_mpa or c30_mpa",
@@ -80,7 +83,10 @@ class HyperelasticLaw:
         return 2 * self.shear_mpa * (1 + self.poisson)
 
     def _least_slope(self) -> float:
-        return min(self.c10_mpa + 2 * self.c20_mpa * x + 3 * self.c30_mpa * x * x for x in (0.0, 0.25, 0.5, 0.75, 1.0))
+        """Least dW/dI1b at I1b - 3 in 0..1: at an end, or where the parabola turns."""
+        turn = -self.c20_mpa / (3 * self.c30_mpa) if self.c30_mpa else 0.0
+        places = (0.0, min(max(turn, 0.0), 1.0), 1.0)
+        return min(self.c10_mpa + 2 * self.c20_mpa * x + 3 * self.c30_mpa * x * x for x in places)
 
 
 def hyperelastic_law(c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_mpa: float = 0.0) -> HyperelasticLaw:
@@ -186,8 +192,25 @@ def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
         ) from None
 
 
+def mix_parts(mix_ratio: str) -> tuple[float, float]:
+    """Parts by weight of A and B, read from the table's words, for example ``100A:10B by weight``.
+
+    Raises:
+        ParameterError: the words have another form, or a part is 0.
+    """
+    found = MIX_RATIO.fullmatch(mix_ratio)
+    part_a, part_b = (float(found[1]), float(found[2])) if found else (0.0, 0.0)
+    if not (0 < part_a < math.inf and 0 < part_b < math.inf):
+        raise ParameterError(
+            f"mix_ratio={mix_ratio!r} is not of the form '100A:10B by weight' or '1A:1B by volume or weight' with both "
+            "parts above 0: the parts are weighed, so take the ratio by weight from the data sheet",
+            name="mix_ratio",
+            value=mix_ratio,
+        )
+    return part_a, part_b
+
+
 def _silicone(row: dict[str, str]) -> Silicone:
-    yeoh = tuple(row[f"yeoh_c{k}_mpa"] for k in (10, 20, 30))
     made = Silicone(
         name=row["name"],
         density_g_cm3=positive(row, "density_g_cm3"),
@@ -200,13 +223,42 @@ def _silicone(row: dict[str, str]) -> Silicone:
         elongation_percent=positive(row, "elongation_percent"),
         poisson=positive(row, "poisson"),
         neo_hooke_c10_mpa=positive(row, "neo_hooke_c10_mpa"),
-        yeoh_mpa=(float(yeoh[0]), float(yeoh[1]), float(yeoh[2])) if all(yeoh) else None,
-        prony=tuple(zip(_floats(row["prony_g"]), _floats(row["prony_tau_s"]), strict=True)),
+        yeoh_mpa=_yeoh(row),
+        prony=_prony(row),
         provenance=row["provenance"],
     )
-    made.neo_hooke()  # constants that are not physical are refused here, with their row
+    mix_parts(made.mix_ratio)  # a ratio that cannot be weighed is refused here, with its row,
+    made.neo_hooke()  # and so are constants that are not physical
+    if made.yeoh_mpa is not None:
+        made.yeoh()
     return made
 
 
-def _floats(text: str) -> tuple[float, ...]:
-    return tuple(float(part) for part in text.split(";") if part)
+def _yeoh(row: dict[str, str]) -> tuple[float, float, float] | None:
+    """The three constants of a row, or None where all are left out."""
+    if not any(row[column] for column in YEOH_COLUMNS):
+        return None
+    if missing := [column for column in YEOH_COLUMNS if not row[column]]:
+        raise ValueError(f"{missing[0]}='': Yeoh's law has three constants: give all of them (0 where unused) or none")
+    c10, c20, c30 = YEOH_COLUMNS
+    return positive(row, c10), number(row, c20), number(row, c30)
+
+
+def _prony(row: dict[str, str]) -> tuple[tuple[float, float], ...]:
+    """Pairs (g, tau_s) of a row; none where both columns are empty."""
+    moduli, times = _positives(row, "prony_g"), _positives(row, "prony_tau_s")
+    if len(moduli) != len(times):
+        raise ValueError(
+            f"prony_g={row['prony_g']!r} and prony_tau_s={row['prony_tau_s']!r} have {len(moduli)} and {len(times)} "
+            "numbers: each relative modulus has one time, separated by semicolons"
+        )
+    if sum(moduli) >= 1:
+        raise ValueError(
+            f"prony_g={row['prony_g']!r}: relative moduli add up to less than 1, for what does not relax keeps the rest"
+        )
+    return tuple(zip(moduli, times, strict=True))
+
+
+def _positives(row: dict[str, str], column: str) -> list[float]:
+    """Numbers of a cell, separated by semicolons; none where it is empty."""
+    return [positive({column: part}, column) for part in row[column].split(";")] if row[column] else []

@@ -17,7 +17,6 @@ from cad.pattern import rings_text
 
 Point = tuple[float, float]
 DISC_DEG = 86.4  # off the axis: the released lens has the 331 px there at which photos show the shell end (M, CAM04)
-CIRCLE_DEG = 92.0  # off the axis: the released lens's circle ends there on the photo of 720 rows (M)
 OUTLINE_POINTS = 32  # of a dot in the picture
 FRAME_PX = (640.0, 480.0)
 SQUARE_PX = 480.0  # P, NET01: centre square of the released pipeline
@@ -90,7 +89,7 @@ def lens_px(off_axis: float) -> float:
     """Distance from the frame's centre, px: Kannala and Brandt 2006, doi:10.1109/TPAMI.2006.153, radial terms.
 
     Args:
-        off_axis: angle from the optical axis, rad.
+        off_axis: angle from the optical axis, rad; no more than the module's ``max_half_angle_deg``.
     """
     module = camera_module()
     radial = 1.0 + sum(k * off_axis ** (2 * power) for power, k in enumerate(module.k, start=1))
@@ -98,13 +97,13 @@ def lens_px(off_axis: float) -> float:
 
 
 def disc_px() -> float:
-    """Radius at which the picture of the shell ends."""
-    return lens_px(math.radians(DISC_DEG))
+    """Radius at which the picture of the shell ends: with the shell, or before it with the circle of the lens."""
+    return lens_px(math.radians(min(DISC_DEG, camera_module().circle_deg)))
 
 
 def edge_px() -> tuple[float, float]:
     """Least and largest radius at which the bright disc ends: with the shell, or with the circle of the lens."""
-    return disc_px(), lens_px(math.radians(CIRCLE_DEG))
+    return disc_px(), lens_px(math.radians(camera_module().circle_deg))
 
 
 def edge_cuts_px(radius: float) -> tuple[float | None, float | None]:

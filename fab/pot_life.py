@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from cad.errors import ParameterError
-from cad.leak import cast_volume_mm3
 from cad.materials import silicone, silicones
 from cad.mold_layout import MoldLayout
-from fab.recipe import timeline
+from fab.recipe import closed_cast_mm3, timeline
 
 
 def short_pot_life_words(layout: MoldLayout, volume_mm3: float | None = None) -> str | None:
@@ -16,7 +15,7 @@ def short_pot_life_words(layout: MoldLayout, volume_mm3: float | None = None) ->
         layout: the design and its silicone.
         volume_mm3: of the cast; by default its closed form, which needs no CAD kernel.
     """
-    volume = cast_volume_mm3(layout.params) if volume_mm3 is None else volume_mm3
+    volume = closed_cast_mm3(layout.params) if volume_mm3 is None else volume_mm3
     row, closed_min = silicone(layout.silicone), _closed_min(layout.silicone, volume)
     if closed_min <= row.pot_life_min:
         return None

@@ -12,16 +12,17 @@ flanges; it is not counted.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from cad.errors import FileError
 from cad.feasible import DAM_MARGIN_MM
-from cad.leak import leak_ratio
-from cad.materials import DEFAULT_SILICONE, Silicone, silicone
+from cad.interface import zone_volume_mm3
+from cad.leak import leak_ratio, solid_shell_mm3
+from cad.materials import DEFAULT_SILICONE, Silicone, mix_parts, silicone
 from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
 from fab.checks.check import Check
 
 SURPLUS = 0.15  # E: over the cast; most of it stays in the cup and on the stick
@@ -160,12 +161,11 @@ def recipe(
         surplus: share mixed over the cast's own mass.
 
     Raises:
-        ParameterError: an unknown material.
-        FileError: its mixing ratio cannot be read.
+        ParameterError: an unknown material. FileError: a table with a bad row.
     """
     row = silicone(material)
     expected = cast_volume_mm3 * row.density_g_cm3 / 1000
-    part_a, part_b = mix_parts(row)
+    part_a, part_b = mix_parts(row.mix_ratio)
     total = expected * (1 + surplus)
     return Recipe(
         row,
@@ -241,18 +241,15 @@ def overflow_checks(mix: Recipe) -> list[Check]:
     ]
 
 
-def mix_parts(row: Silicone) -> tuple[float, float]:
-    """Parts by weight of A and B, read from the table's words, for example ``100A:10B by weight``.
+def closed_cast_mm3(params: EndcapParams) -> float:
+    """Volume of the cast in closed form: the shell above the flange less the plastic in the gyroid's zone.
 
-    Raises:
-        FileError: the words have another form.
+    Dents and fillet are left out; the mesh of ``make molds`` has them.
+
+    Args:
+        params: the design.
     """
-    found = re.match(r"([\d.]+)A:([\d.]+)B by (?:weight|volume or weight)$", row.mix_ratio)
-    if not found or float(found[1]) <= 0 or float(found[2]) <= 0:
-        raise FileError(
-            f"materials.csv: mix_ratio {row.mix_ratio!r} of {row.name} is not of the form '100A:10B by weight'"
-        )
-    return float(found[1]), float(found[2])
+    return solid_shell_mm3(params) - params.gyroid * zone_volume_mm3(params)
 
 
 def shell_volume_mm3(manifest: Mapping[str, Any]) -> float:

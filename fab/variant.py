@@ -5,12 +5,12 @@ The folder of a variant names everything that differs from the default, so no va
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from cad.data_table import file_name
 from cad.lens import RELEASED_MODULE, camera_module, camera_setting
 from cad.materials import DEFAULT_SILICONE
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
@@ -121,8 +121,3 @@ def camera_words() -> tuple[str, ...]:
     """What another camera module than the released one adds to the name of a folder; nothing for the released one."""
     name = camera_module().name
     return () if name == RELEASED_MODULE else (file_name(name),)
-
-
-def file_name(text: str) -> str:
-    """Words as part of a file name."""
-    return re.sub(r"[^A-Za-z0-9.-]+", "-", text)

@@ -2,8 +2,9 @@
 
 A file has rows of anything (parameters, results), then one row of column names with the units in it (``Load (N)``) or
 in the row below (``(N)``), then numbers to the end. Comma, semicolon or tab between columns; a decimal comma where the
-columns are not separated by commas. A row ``Failure type : material`` or ``Failure,material`` above the numbers marks
-how the specimen failed. Out come millimetres, newtons and seconds.
+columns are not separated by commas. A row whose first cell is ``Failure``, ``Failure type`` or ``Failure mode``, alone
+or with a colon, marks how the specimen failed (``Failure type : material``, ``Failure,material``); a failure load or
+criterion is a row of anything. Out come millimetres, newtons and seconds.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ UNITS = {
     "load_n": {"n": 1.0, "kn": 1000.0, "lbf": 4.4482216152605, "kgf": 9.80665},
 }
 FAILURES = ("adhesive", "cohesive", "material", "mixed")
+FAILURE_CELL = re.compile(r"failure(?:\s+(?:type|mode))?\s*(?::\s*(.*))?")
 LEAST_ROWS = 20
 GAP_RATIO = 8.0  # a step of this many usual steps is a gap in the record
 BACK_MM = 0.5  # the crosshead does not go back further than its own play
@@ -87,10 +89,10 @@ def _rows(path: Path) -> list[list[str]]:
 
 def _failure(path: Path, rows: list[list[str]]) -> str:
     for number, row in enumerate(rows, start=1):
-        found = re.fullmatch(r"failure(?: type| mode)?\s*:?\s*(.*)", row[0].lower()) if row else None
-        if found:
-            kind = found[1] or (row[1].lower() if len(row) > 1 else "")
-            if kind and kind not in FAILURES:
+        found = FAILURE_CELL.fullmatch(row[0].lower()) if row else None
+        kind = (found[1] or (row[1].lower() if len(row) > 1 else "")) if found else ""
+        if kind:
+            if kind not in FAILURES:
                 raise FileError(f"{path}:{number}: failure={kind} is not one of {', '.join(FAILURES)}: correct the row")
             return kind
     return ""

@@ -144,9 +144,10 @@ def edge_words() -> str:
 
 
 def _span(lengths: Sequence[float | None]) -> str:
-    """Least and largest of those that are there: ``72 to 92``."""
+    """Least and largest of those that are there: ``72 to 92``; ``about 73`` where they are one."""
     known = sorted(length for length in lengths if length is not None)
-    return " to ".join(dict.fromkeys(f"{length:.0f}" for length in (known[0], known[-1])))
+    ends = dict.fromkeys(f"{length:.0f}" for length in (known[0], known[-1]))
+    return " to ".join(ends) if len(ends) > 1 else f"about {known[0]:.0f}"
 
 
 def _line_words(params: EndcapParams) -> str:

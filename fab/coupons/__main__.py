@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
+from cad.data_table import file_name
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.messages import show
 from fab.checks.check import require_passed
 from fab.choices import chosen
 from fab.command import EXPORTS, Command
 from fab.exports.whole_folder import whole_folder, write_record
-from fab.variant import file_name
 
 if TYPE_CHECKING:
     import trimesh

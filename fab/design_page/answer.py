@@ -22,9 +22,10 @@ from cad.robot_sides import DEFAULT_ROBOT, robot_sides, robot_words
 from fab.camera_view import few_dots_words, seen_dots
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.design_page.estimate import estimate
-from fab.design_page.outline import parts, preview_parts, shell_volume_mm3
+from fab.design_page.outline import parts, preview_parts
 from fab.exports.preview import glb
 from fab.pot_life import short_pot_life_words
+from fab.recipe import closed_cast_mm3
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 
@@ -77,7 +78,7 @@ def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]
         return {"refusal": str(error)}
     variant = choice.variant
     params, row = variant.params, silicone(variant.silicone)
-    volume = shell_volume_mm3(params)
+    volume = closed_cast_mm3(params)
     costs = estimate(variant.layout, row, choice.printer)
     low, high = joint_clearance_range_mm(params, row.name)
     facts = [

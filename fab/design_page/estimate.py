@@ -14,7 +14,8 @@ import numpy as np
 
 from cad.materials import Silicone
 from cad.mold_layout import MoldLayout
-from fab.design_page.outline import Profile, parts, shell_volume_mm3
+from fab.design_page.outline import Profile, parts
+from fab.recipe import closed_cast_mm3
 from fab.slice.filaments import filament
 from fab.slice.footprints import footprints
 from fab.slice.printers import printer
@@ -71,7 +72,7 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
     base_g, hardware_g = (v / 1000 * pla.density_g_cm3 for v in (hardware["base"], sum(hardware.values())))
     flange, zone = (_volume_mm3(profile) for profile in revolved["interface"].profiles)
     tpu_g = (flange + params.gyroid * zone) / 1000 * tpu.density_g_cm3
-    silicone_g = shell_volume_mm3(params) / 1000 * row.density_g_cm3
+    silicone_g = closed_cast_mm3(params) / 1000 * row.density_g_cm3
     plastic_usd = ((mold_g + hardware_g) * pla.price_usd_kg + tpu_g * tpu.price_usd_kg) / 1000
     return Estimate(
         silicone_g + tpu_g + base_g + CAMERA_AND_RING_G,

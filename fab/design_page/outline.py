@@ -14,7 +14,7 @@ import trimesh
 from cad import arm_adapter, led_ring, ring_spacer
 from cad.base import RECESS_RADIUS_MM, flank_profile
 from cad.interface import COLOR as TPU_COLOR
-from cad.interface import zone_clip_radius_mm, zone_radii_mm, zone_volume_mm3
+from cad.interface import zone_clip_radius_mm, zone_radii_mm
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.exports.preview import PreviewPart
@@ -22,7 +22,6 @@ from fab.meshing.mesh import joined
 
 STEPS = 96  # round the axis
 ARC_STEPS = 40
-GYROID_RATIO = 0.10  # P, GYR01: of the zone, TPU
 CAMERA_MM = 32.0  # M: side of the board
 
 Profile = list[tuple[float, float]]  # (radius, height), closed, anticlockwise
@@ -82,16 +81,6 @@ def interface_profiles(params: EndcapParams) -> tuple[Profile, Profile]:
     outside = [(_radius(params, outer, z), z) for z in heights]
     inside = [(max(clip, _radius(params, inner, z)), z) for z in reversed(heights)]
     return [(bore, 0.0), *rim, (bore, low)], [*outside, *inside]
-
-
-def shell_volume_mm3(params: EndcapParams) -> float:
-    """Volume of the cast in closed form: pi times the integral of R^2 - r^2, less the gyroid; dents left out."""
-    low = params.flange_thickness_mm - params.centre_height_mm
-
-    def above(radius: float) -> float:
-        return math.pi * (2 * radius**3 / 3 - radius**2 * low + low**3 / 3)
-
-    return above(params.outer_radius_mm) - above(params.inner_radius_mm) - GYROID_RATIO * zone_volume_mm3(params)
 
 
 def preview_parts(layout: MoldLayout) -> list[PreviewPart]:

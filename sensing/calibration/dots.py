@@ -93,7 +93,7 @@ def read_dots(path: str | Path) -> Array:
         FileError: missing file or columns, or text that is not a number (naming the line).
     """
     try:
-        with Path(path).open(newline="") as stream:
+        with Path(path).open(newline="", encoding="utf-8-sig") as stream:
             table = csv.DictReader(stream)
             values = [(_pixel(row["u_px"]), _pixel(row["v_px"])) for row in table]
     except OSError as error:

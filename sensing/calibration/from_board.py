@@ -71,7 +71,7 @@ def read_views(path: str | Path) -> list[BoardView]:
     """
     rows: dict[str, list[list[float]]] = defaultdict(list)
     try:
-        with Path(path).open(newline="") as stream:
+        with Path(path).open(newline="", encoding="utf-8-sig") as stream:
             table = csv.DictReader(stream)
             for row in table:
                 values = [stored_number(row[name]) for name in ("x_mm", "y_mm", "u_px", "v_px")]

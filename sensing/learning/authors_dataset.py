@@ -81,7 +81,7 @@ def download_authors_dataset(folder: str | Path, repository: str = REPOSITORY, e
 
 def _index(path: Path) -> list[tuple[str, str]]:
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
             missing = {"wrench", "array_path"} - set(reader.fieldnames or ())
             if missing:

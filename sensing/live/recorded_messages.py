@@ -26,7 +26,11 @@ LATEST_S = 1e9  # capture times beyond are no times
 
 
 def zero_in(path: Path, endcap: str, message: Message) -> Zero:
-    """The reference of a ``zero`` message."""
+    """The reference of a ``zero`` message.
+
+    Args:
+        path: of the recording. endcap: name. message: of that topic.
+    """
     try:
         return single_zero(picture_in(path, endcap, message, 0.0), endcap)
     except FrameError as error:
@@ -39,7 +43,11 @@ def kept_in(path: Path, message: Message) -> Kept:
 
 
 def picture_in(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
-    """A picture as it came, also one that no camera should give: the pipeline says of it what it said live."""
+    """A picture as it came, also one that no camera should give: the pipeline says of it what it said live.
+
+    Args:
+        path: of the recording. endcap: name. message: of a topic of pictures. time_s: its capture time.
+    """
     reported = _decoded(path, ros.IMAGE, message)
     data, sequence = bytes(reported.data), message.sequence
     if reported.format == ros.FAULT and data:
@@ -56,7 +64,11 @@ def picture_in(path: Path, endcap: str, message: Message, time_s: float) -> Fram
 
 
 def time_in(path: Path, topic: str, message: Message) -> float:
-    """The capture time of a message on a topic, s."""
+    """The capture time of a message, s.
+
+    Args:
+        path: of the recording. topic: of the message, for the line that names it. message: a number.
+    """
     value = float(_decoded(path, ros.FLOAT64, message).data)
     if not abs(value) < LATEST_S or math.isnan(value):
         raise _unusable(path, message, f"{topic} {value}")
@@ -77,7 +89,12 @@ def _decoded(path: Path, kind: str, message: Message) -> Any:
 
 
 def read_message(path: Path, kind: str, message: Message, read: Callable[[Any], Any]) -> Any:
-    """What ``read`` makes of a message of a ROS type ``kind``; its ValueError, KeyError or TypeError is damage."""
+    """What a function makes of a message.
+
+    Args:
+        path: of the recording. kind: ROS type. message: of that type. read: its ValueError, KeyError or TypeError is
+            damage.
+    """
     reported = _decoded(path, kind, message)
     try:
         return read(reported)

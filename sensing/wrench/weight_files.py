@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
+from cad.data_table import file_name
 from cad.design_arguments import design_words
 from cad.errors import FileError
 from cad.lens import RELEASED_MODULE, camera_module
@@ -36,7 +36,7 @@ def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
         params: the design. silicone: row of cad/materials.csv.
     """
     pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
-    other = "".join("_" + re.sub(r"[^A-Za-z0-9.-]+", "-", name) for name, usual in pairs if name != usual)
+    other = "".join("_" + file_name(name) for name, usual in pairs if name != usual)
     return f"{params.label}{other}"
 
 

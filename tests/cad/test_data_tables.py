@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from cad import bought, led_parts, robot_sides
-from cad.data_table import read_table
+from cad import bought, led_parts, lens, materials, robot_sides
+from cad.data_table import file_name, read_table
 from cad.errors import FileError
 
 BOUGHT = (bought.TABLE, bought._dimension, ("part", "dimension"))
@@ -26,6 +28,8 @@ ROBOT = (robot_sides.TABLE, robot_sides._row, ("pattern", "element"))
         (ROBOT, "mine,bolt,4,25,45,6.6,11,6,x,E,", "element='bolt'"),
         (ROBOT, "mine,screw,4,25,45,6.6,6,6,x,E,", "not larger than the hole's 6.6"),
         (ROBOT, "blank,none,0,0,0,0,0,0,x,E,", "is there twice"),
+        (BOUGHT, "Nut_M3,height,4,E,", "part='Nut_M3' differs from 'nut_m3', in a row above it, in case"),
+        (ROBOT, "tensegrity arm,pin,1,25,90,6,0,0,x,E,", "pattern='tensegrity arm' differs from 'tensegrity_arm'"),
     ],
 )
 def test_a_bad_row_is_named_by_its_line(table, row, expected, tmp_path):
@@ -60,3 +64,23 @@ def test_holes_of_a_robots_side_stay_holes(rows, expected, tmp_path, monkeypatch
         return
     with pytest.raises(FileError, match=rf"robot_sides.csv line \d+ \(mine .*{expected}"):
         read()
+
+
+@pytest.mark.parametrize(
+    "table", [BOUGHT, LED, (lens.TABLE, lens._module, ()), (materials.TABLE, materials._silicone, ())]
+)
+def test_a_table_that_a_spreadsheet_saved_with_a_byte_order_mark_reads_as_before(table, tmp_path):
+    path, make, key = table
+    copy = tmp_path / path.name
+    copy.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert read_table(copy, make, *key) == read_table(path, make, *key)
+
+
+def test_every_row_names_files_of_its_own_and_names_without_loss_keep_theirs():
+    kept = {"Dragon Skin 30": "Dragon-Skin-30", "iso_9409_1_50_4_m6": "iso-9409-1-50-4-m6"}
+    assert {name: file_name(name) for name in kept} == kept
+    lost = ["Силикон А", "Силикон Б", "Köraform 42 A", "Küraform 42 A", "K-raform 42 A"]
+    named = [file_name(name) for name in lost]
+    assert len(set(named)) == len(lost) and named[-1] == "K-raform-42-A"
+    assert all(re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9.-]*", name) for name in named)
+    assert named == [file_name(name) for name in lost]  # the same in every run

@@ -9,6 +9,8 @@ import pytest
 from cad import materials
 from cad.errors import FileError
 
+YEOH, PRONY = materials.YEOH_COLUMNS, ("prony_g", "prony_tau_s")
+
 
 @pytest.fixture
 def table(tmp_path, monkeypatch):
@@ -38,16 +40,30 @@ def table(tmp_path, monkeypatch):
         ("pot_life_min", "-5", "pot_life_min='-5' is not a positive number"),
         ("neo_hooke_c10_mpa", "nan", "neo_hooke_c10_mpa='nan' is not a positive number"),
         ("poisson", "0.7", "poisson=0.7 outside"),
-        ("yeoh_c10_mpa", "0.2", None),
-        ("prony_g", "x", "could not convert string to float: 'x'"),
+        ("mix_ratio", "1A:1B by volume", "mix_ratio='1A:1B by volume' is not of the form '100A:10B by weight'"),
+        ("mix_ratio", "1.2.3A:1B by weight", "mix_ratio='1.2.3A:1B by weight' is not of the form"),
+        ("mix_ratio", "1A:0B by weight", "with both parts above 0"),
+        ("mix_ratio", "some of each", "take the ratio by weight from the data sheet"),
+        (YEOH, ("0.2", "", ""), "yeoh_c20_mpa='': Yeoh's law has three constants"),
+        (YEOH, ("", "", "0.1"), "yeoh_c10_mpa='': Yeoh's law has three constants"),
+        (YEOH, ("nan", "0", "0"), "yeoh_c10_mpa='nan' is not a positive number"),
+        (YEOH, ("0.2", "inf", "0"), "yeoh_c20_mpa='inf' is not a number"),
+        (YEOH, ("0.2", "-5", "0"), "c20_mpa=-5, c30_mpa=0 make the Yeoh stiffness vanish"),
+        (YEOH, ("0.2", "-0.536", "0.4764"), "make the Yeoh stiffness vanish"),  # at I1 - 3 = 0.375 alone
+        (YEOH, ("0.2", "1e308", "0"), "make the Yeoh stiffness vanish"),
+        (PRONY, ("x", "1"), "prony_g='x' is not a positive number"),
+        (PRONY, ("0.7;0.7", "1;2"), "prony_g='0.7;0.7': relative moduli add up to less than 1"),
+        (PRONY, ("-0.1", "1"), "prony_g='-0.1' is not a positive number"),
+        (PRONY, ("0.1", "-1"), "prony_tau_s='-1' is not a positive number"),
+        (PRONY, ("0.1;0.1", "1"), "prony_tau_s='1' have 2 and 1 numbers"),
+        (PRONY, ("0.1;", "1;2"), "prony_g='' is not a positive number"),
         (None, "one too many", "has not one value for each column"),
     ],
 )
 def test_a_bad_row_is_named_by_line_and_silicone(table, column, value, expected):
-    table(column, value)
-    if expected is None:
-        assert materials.silicones()["Dragon Skin 30"].yeoh_mpa is None  # Yeoh needs all three
-        return
+    columns, values = ((column,), (value,)) if isinstance(value, str) else (column, value)
+    for name, text in zip(columns, values, strict=True):
+        table(name, text)
     with pytest.raises(FileError) as caught:
         materials.silicones()
     message = str(caught.value)
@@ -61,3 +77,17 @@ def test_a_missing_column_is_named(table):
     materials.TABLE.write_text(text.replace("pot_life_min", "pot_life"), encoding="utf-8")
     with pytest.raises(FileError, match="no column 'pot_life_min'"):
         materials.silicones()
+
+
+def test_the_laws_that_a_row_gives_are_those_of_its_columns(table):
+    for column, value in zip((*YEOH, *PRONY), ("0.2", "-0.1", "0.05", "0.1;0.05", "0.5;2"), strict=True):
+        table(column, value)
+    row = materials.silicones()["Dragon Skin 30"]
+    assert row.yeoh().c20_mpa == -0.1 and row.prony_series() == ((0.1, 0.5), (0.05, 2.0))
+    assert materials.silicones()["Dragon Skin 20"].yeoh_mpa is None  # none of the three
+
+
+def test_the_parts_of_every_silicone_are_those_of_its_words():
+    parts = {name: materials.mix_parts(row.mix_ratio) for name, row in materials.silicones().items()}
+    assert parts["Smooth-Sil 950"] == (100.0, 10.0) and parts["Dragon Skin 30"] == (1.0, 1.0)
+    assert materials.mix_parts("9.7A:1B by weight") == (9.7, 1.0)

@@ -50,6 +50,28 @@ def test_reads_names_units_and_failure(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("row", "failure"),
+    [
+        ("Failure load (N),81.2", ""),
+        ("Failure criterion,Load drop 40 %", ""),
+        ('"Failure load (N) : 81.2"', ""),
+        ("Failures,2", ""),
+        ("Failure,cohesive", "cohesive"),
+        ("Failure:,cohesive", "cohesive"),
+        ("Failure mode,Mixed", "mixed"),
+        ('"Failure : adhesive"', "adhesive"),
+        ("Failure type: material", "material"),
+        ("Failure type,", ""),
+    ],
+)
+def test_only_a_row_of_the_failure_itself_marks_it(tmp_path, row, failure):
+    header = [row, '"Operator : Failure, Frank"', *HEADER[2:]]
+    assert read_record(write(tmp_path / "a.csv", *pull(), header)).failure == failure
+    after = [row, "Failure type : material", *HEADER[2:]]
+    assert read_record(write(tmp_path / "b.csv", *pull(), after)).failure == (failure or "material")
+
+
+@pytest.mark.parametrize(
     ("header", "scale"),
     [
         (["Time (s),Extension (mm),Load (N)"], (1, 1)),

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import pytest
 
 from cad.dots import ring_count
+from cad.lens import VARIABLE, camera_module, camera_modules
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import finishing
 from fab.build_sheet.blocks import Paragraph, Table
 from fab.build_sheet.data import SheetData
+from fab.build_sheet.dots import first_light
 from fab.build_sheet.finishing import edge_words, light_check
-from fab.camera_view import FRAME_PX, camera_pixels, edge_cuts_px, edge_px
+from fab.camera_view import FRAME_PX, camera_pixels, disc_px, edge_cuts_px, edge_px, lens_px
 from fab.recipe import recipe
 from sensing.calibration.picture import draw_fit
 from sensing.sources.__main__ import main as sources
@@ -36,6 +39,21 @@ def test_the_edge_is_where_the_circle_meets_the_edges_of_the_frame():
         assert (320 - upper) ** 2 + 240**2 == pytest.approx(radius**2) == 320**2 + (240 - side) ** 2
     words = sheet()[1]["edge of the bright disc"][0]
     assert words == edge_words() and "73 to 92 px from each corner" in words and "113 to 155 px" in words
+
+
+def test_the_edge_of_another_lens_is_its_circle_where_that_ends_before_the_shell(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "ELP-USBFHD01M-L170")  # circle at 85 degrees, shell's end at 86.4
+    module = camera_module()
+    assert module.circle_deg == 85.0 and edge_px() == (lens_px(math.radians(85.0)),) * 2
+    assert disc_px() == pytest.approx(344.2, abs=0.05)
+    assert "arcs that cut the upper and lower edge about 73 px from each corner" in edge_words()
+    assert 'r="344"' in first_light(PARAMS).svg
+
+
+def test_no_edge_is_computed_beyond_what_the_lens_model_holds_for(monkeypatch):
+    for name, module in camera_modules().items():
+        monkeypatch.setenv(VARIABLE, name)
+        assert max(edge_px()) <= lens_px(math.radians(module.max_half_angle_deg))
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,12 @@ from types import SimpleNamespace
 import pytest
 
 from cad.errors import ParameterError
-from cad.leak import cast_volume_mm3
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab import molds
 from fab.design_page.answer import answer
 from fab.pot_life import require_pot_life, short_pot_life_words
-from fab.recipe import overflow_of, recipe
+from fab.recipe import closed_cast_mm3, overflow_of, recipe
 
 QUICK = "Dragon Skin 10 Medium"
 
@@ -34,7 +33,7 @@ def test_the_words_give_the_minutes_and_silicones_that_have_time():
 def test_the_sheet_refuses_by_the_recipe_of_the_mesh():
     layout = MoldLayout(EndcapParams(250.0, 25.0), silicone=QUICK)
     with pytest.raises(ParameterError, match="pot life is 20: take Smooth-Sil 950"):
-        require_pot_life(layout, cast_volume_mm3(layout.params))
+        require_pot_life(layout, closed_cast_mm3(layout.params))
     require_pot_life(layout, 1e6)
     mix = recipe(2.3e6, overflow_of(layout), QUICK)  # the sheet's own clock
     with pytest.raises(ParameterError, match=f"take {mix.timeline[-1].end_min:g} min"):

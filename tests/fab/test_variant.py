@@ -1,4 +1,4 @@
-"""Another camera module makes another base: its variant has a folder, a cache entry and commands of its own."""
+"""Another camera module or silicone: its variant has a folder, a cache entry and commands of its own."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import json
 
 import pytest
 
+from cad import materials
 from cad.errors import FileError
 from cad.lens import VARIABLE
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab import packed
 from fab.cache import Cache
+from fab.choices import chosen
 from fab.led_ring.__main__ import folder_name
 from fab.slice.projects import read_export
 from fab.variant import Variant
@@ -57,3 +59,38 @@ def test_a_missing_export_is_made_with_its_module_and_the_others_are_not_named(o
     monkeypatch.delenv(VARIABLE)
     with pytest.raises(FileError, match=r"run `make molds D=130 T=8 exports=\S+` first$"):
         read_export(RELEASED, tmp_path)
+
+
+@pytest.fixture
+def with_silicones(tmp_path, monkeypatch):
+    """Adds rows to the table that are the last one's but for their names."""
+
+    def add(*names: str) -> None:
+        text = materials.TABLE.read_text(encoding="utf-8")
+        numbers = text.splitlines()[-1].partition(",")[2]
+        copy = tmp_path / "materials.csv"
+        copy.write_text(text + "".join(f"{name},{numbers}\n" for name in names), encoding="utf-8")
+        monkeypatch.setattr(materials, "TABLE", copy)
+        materials.silicones.cache_clear()
+
+    yield add
+    monkeypatch.undo()
+    materials.silicones.cache_clear()
+
+
+def test_silicones_whose_names_a_folder_cannot_spell_have_folders_of_their_own(with_silicones):
+    names = ["Силикон А", "Силикон Б", "Köraform 42 A", "Küraform 42 A"]
+    with_silicones(*names)
+    labels = {name: Variant(MoldLayout(EndcapParams(130.0, 8.0), 0.05, name)).label for name in names}
+    assert len(set(labels.values())) == len(names) and all(label.isascii() for label in labels.values())
+    assert Variant(MoldLayout(EndcapParams(130.0, 8.0), 0.15, "Smooth-Sil 940")).label == "D130_T8_Smooth-Sil-940"
+
+
+@pytest.mark.parametrize("name", ["smooth-sil 950", "Smooth-Sil_950", "Smooth Sil 950"])
+def test_no_row_takes_the_place_of_the_default_silicone(name, with_silicones):
+    assert chosen("material", "smooth-SIL 950", materials.silicones(), "t") == materials.DEFAULT_SILICONE
+    with_silicones(name)
+    with pytest.raises(
+        FileError, match=rf"materials.csv line 9 \({name}\): name='{name}' differs from 'Smooth-Sil 950'"
+    ):
+        materials.silicones()

@@ -113,13 +113,7 @@ class Measurement:
 
     def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch, before: Kept) -> EndcapReading:
         """The reading of a picture that was decoded."""
-        tracks, field, gray = look.tracks, look.field, look.gray
-        estimate = self._model.estimator.estimate(field)
-        if self._check is not None and tracks is not None:
-            estimate = self._check.widened(estimate, tracks)
-        unknown = simulation_spread(estimate.force_n) if self._simulated else 0.0
-        estimate = replace(estimate, covariance=estimate.covariance + unknown, flags=estimate.flags | self._foreign)
-        estimate = self._stiffness.applied(estimate)
+        tracks, field, gray, estimate = look.tracks, look.field, look.gray, self._estimated(look)
         watch.lap("wrench")
         alike = look.likeness if gray is None else likeness(small_picture(gray), self._alike_to)
         rated = self._rate.step(estimate)
@@ -153,6 +147,15 @@ class Measurement:
             trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
             before=before,
         )  # fmt: skip
+
+    def _estimated(self, look: _Look) -> Wrench:
+        """The wrench of one picture, in its covariance what camera, training data and silicone leave unknown."""
+        estimate = self._model.estimator.estimate(look.field)
+        if self._check is not None and look.tracks is not None:
+            estimate = self._check.widened(estimate, look.tracks)
+        unknown = simulation_spread(estimate.force_n) if self._simulated else 0.0
+        estimate = replace(estimate, covariance=estimate.covariance + unknown, flags=estimate.flags | self._foreign)
+        return self._stiffness.applied(estimate)
 
     def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:
         """The verdict with what is doubtful about the reference and its camera, and whether that has moved since."""

@@ -9,26 +9,41 @@ import pytest
 import trimesh
 from long_cases import others_long
 
-from cad.interface import zone_volume_mm3
+from cad.interface import zone_clip_radius_mm, zone_volume_mm3
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.estimate import _surface_mm2, _volume_mm3
-from fab.design_page.outline import interface_profiles, parts, revolved, shell_profile, shell_volume_mm3
+from fab.design_page.outline import interface_profiles, parts, revolved, shell_profile
+from fab.recipe import closed_cast_mm3
 from fab.variant import Variant
 
-SIZES = others_long([(98.86, 6.62), (171.3, 11.1), (130.0, 8.0), (250.0, 24.0)], 2)
+SIZES = others_long([(98.86, 6.62), (180.0, 18.0), (171.3, 11.1), (130.0, 8.0), (250.0, 25.0)], 2)
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_closed_volume_of_the_cast_is_that_of_its_profile_and_of_slices(size):
-    params = EndcapParams(*size)
-    low = params.flange_thickness_mm
+@pytest.mark.parametrize("gyroid", [0.1, 0.12])
+def test_the_closed_volume_of_the_cast_is_that_of_its_profile_and_of_slices(size, gyroid):
+    params = EndcapParams(*size, gyroid=gyroid)
+    low, top = params.flange_thickness_mm, params.interlock_top_mm
     heights = np.linspace(low, params.tip_height_mm, 200_001)
     area = [math.pi * (params.outer_radius_at(z) ** 2 - params.inner_radius_at(z) ** 2) for z in heights]
-    gyroid = 0.1 * zone_volume_mm3(params)
-    assert shell_volume_mm3(params) == pytest.approx(np.trapezoid(area, heights) - gyroid, rel=1e-6)
-    assert _volume_mm3(shell_profile(params)) - gyroid == pytest.approx(shell_volume_mm3(params), rel=3e-3)
+    inner, outer = params.inner_radius_mm + params.skin_mm, params.outer_radius_mm - params.skin_mm
+    in_zone = np.linspace(low, top, 200_001)
+    sections = [r**2 - (in_zone - params.centre_height_mm) ** 2 for r in (inner, outer)]
+    zone = math.pi * (sections[1] - np.maximum(sections[0], zone_clip_radius_mm(params) ** 2))
+    slices = np.trapezoid(area, heights) - gyroid * np.trapezoid(zone, in_zone)
+    assert closed_cast_mm3(params) == pytest.approx(slices, rel=1e-6)
+    outline = _volume_mm3(shell_profile(params)) - gyroid * _volume_mm3(interface_profiles(params)[1])
+    assert outline == pytest.approx(closed_cast_mm3(params), rel=3e-3)
+
+
+def test_the_silicone_that_the_page_names_follows_the_gyroid():
+    knobs = {"D": "99.4", "T": "9.9", "joint_clearance": "0.15"}
+    shown = [dict(answer({**knobs, "gyroid": gyroid})["facts"])["silicone"] for gyroid in ("0.08", "0.12")]
+    volumes = [closed_cast_mm3(EndcapParams(99.4, 9.9, gyroid=gyroid)) / 1000 for gyroid in (0.08, 0.12)]
+    assert [words.split(" ml")[0] for words in shown] == [f"{ml:.0f}" for ml in volumes]
+    assert volumes[0] > 1.008 * volumes[1]
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -56,8 +71,9 @@ def test_pappus_gives_the_volume_and_the_surface_of_a_torus_of_square_section():
     assert _surface_mm2(square) == pytest.approx(2 * math.pi * 10 * 8)
 
 
-def test_the_zone_of_the_outline_is_the_zone_of_the_interface():
-    params = EndcapParams(130.0, 8.0)
+@pytest.mark.parametrize("size", [(130.0, 8.0), (180.0, 18.0)])
+def test_the_zone_of_the_outline_is_the_zone_of_the_interface(size):
+    params = EndcapParams(*size)
     assert _volume_mm3(interface_profiles(params)[1]) == pytest.approx(zone_volume_mm3(params), rel=3e-3)
 
 

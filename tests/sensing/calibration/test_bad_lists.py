@@ -77,3 +77,11 @@ def test_an_option_of_another_form_is_named(words, capsys):
     with pytest.raises(SystemExit) as end:
         calibrate.main(["--photo", "a.jpg", "--out", "c.json", *words])
     assert end.value.code == 2 and f"argument {words[0]}: {words[1]}" in capsys.readouterr().err
+
+
+def test_lists_that_a_spreadsheet_saved_with_a_byte_order_mark_are_read(tmp_path):
+    (tmp_path / "dots.csv").write_text("u_px,v_px\n1,2\n3,4\n", encoding="utf-8-sig")
+    assert read_dots(tmp_path / "dots.csv").tolist() == [[1, 2], [3, 4]]
+    rows = "".join(f"0,{x},{y},{10 * x},{10 * y}\n" for x in range(4) for y in range(4))
+    (tmp_path / "board.csv").write_text(f"view,x_mm,y_mm,u_px,v_px\n{rows}", encoding="utf-8-sig")
+    assert len(read_views(tmp_path / "board.csv")) == 1

@@ -10,7 +10,7 @@ from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.wrench import model as models
 from sensing.wrench.model import load_wrench_model
-from sensing.wrench.weight_files import FORMAT, SHIPPED, read_weights
+from sensing.wrench.weight_files import FORMAT, SHIPPED, read_weights, weights_name
 
 PARAMS = EndcapParams(130, 8)
 
@@ -59,7 +59,7 @@ def test_weights_that_could_never_doubt_an_answer_are_damaged(monkeypatch, name,
 @pytest.mark.parametrize("known", [False, True])
 def test_numbers_of_a_type_that_numpy_does_not_have_are_damaged(tmp_path, known):
     if known:
-        pytest.importorskip("ml_dtypes")  # tells numpy of the type
+        pytest.importorskip("ml_dtypes")  # adds the type to numpy
     data, path = (SHIPPED / "default_D130_T8.safetensors").read_bytes(), tmp_path / "w.safetensors"
     length = int.from_bytes(data[:8], "little")
     head = json.loads(data[8 : 8 + length])
@@ -69,3 +69,9 @@ def test_numbers_of_a_type_that_numpy_does_not_have_are_damaged(tmp_path, known)
     path.write_bytes(len(changed).to_bytes(8, "little") + changed + data[8 + length :])
     with pytest.raises(FileError, match=r"damaged weights .*bfloat16"):
         read_weights(path)
+
+
+def test_silicones_whose_names_a_file_cannot_spell_have_weights_of_their_own():
+    names = ["Силикон А", "Силикон Б", "Köraform 42 A", "Küraform 42 A"]
+    assert len({weights_name(PARAMS, name) for name in names}) == len(names)
+    assert weights_name(PARAMS, "Dragon Skin 30") == "D130_T8_Dragon-Skin-30.safetensors"

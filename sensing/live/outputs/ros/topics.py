@@ -32,7 +32,6 @@ from typing import Any
 import numpy as np
 
 from cad.errors import EndcapError, ParameterError
-from sensing.camera.mount import MountedCamera
 from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
@@ -45,7 +44,6 @@ from sensing.live.outputs.ros import dds, messages
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id
 from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.live.outputs.ros.zero_service import ZeroServices
-from sensing.tracking.zero import Zero
 
 ROOM = 64
 BEAT_S = 0.5
@@ -87,7 +85,7 @@ class RosTopics(QueuedSink):
         self._errors: dict[str, str] = {}  # the first of each part; the other parts go on
         self._domain = domain_id(domain)
         self._clock = WallClock()
-        self._cameras: dict[str, tuple[Zero, MountedCamera | None]] = {}  # with the reference that shows it
+        self._cameras: dict[str, tuple[Any, Any]] = {}  # reference, camera that it shows
         self._writers: dict[str, dict[str, Any]] = {}
         self._diagnostics: Any = None
         self._transforms: Any = None
@@ -163,7 +161,7 @@ class RosTopics(QueuedSink):
         if camera is not None:
             yield "camera_info", messages.camera_info(camera, stamp, camera_frame(name))
 
-    def _camera(self, reading: EndcapReading) -> MountedCamera | None:
+    def _camera(self, reading: EndcapReading) -> Any:
         """The camera of a reading; a new reference may show another one, which moves its frame, too.
 
         None for a picture of another size than the reference's, and for references of which none can be known.

@@ -3,8 +3,9 @@
 Millimetres, endcap x and y seen from the dome. Two layers: parts and tracks on top; the bottom is a ground plane that
 leaves out the plug's supply. Tracks are drawn unrolled (:mod:`cad.led_placement`), radius up, and bent onto the board.
 
-Land patterns: SOT-23-6, SOD-123 and chips after IPC-7351 nominal; 3030, 4018 and JST SH estimated (E) from the parts'
-outlines, the SH's shortened by 0.3 mm at both ends to stay on the ring.
+Land patterns: SOT-23-6, SOD-123 and chips after IPC-7351 nominal; 3030 and 4018 estimated (E) from the parts' outlines;
+JST SH as its maker draws it (S, eSH; the same as KiCad's JST_SH_SM02B-SRSS-TB), but 0.325 mm shorter at both ends to
+stay on the ring. Seen on the header with its contacts up, contact 1 is the left one.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ PADS: dict[str, dict[str, tuple[float, float, float, float]]] = {
     "inductor": {"1": (1.5, 0.0, 1.2, 3.6), "2": (-1.5, 0.0, 1.2, 3.6)},
     "diode": {"K": (-1.65, 0.0, 0.9, 1.2), "A": (1.65, 0.0, 0.9, 1.2)},
     "plug": {
-        "1": (0.5, 1.8375, 0.6, 1.225),
-        "2": (-0.5, 1.8375, 0.6, 1.225),
-        "M1": (1.8, -1.7125, 1.2, 1.475),
-        "M2": (-1.8, -1.7125, 1.2, 1.475),
+        "1": (-0.5, 1.8375, 0.6, 1.225),
+        "2": (0.5, 1.8375, 0.6, 1.225),
+        "M1": (-1.8, -1.7125, 1.2, 1.475),
+        "M2": (1.8, -1.7125, 1.2, 1.475),
     },
     "led": {"A": (1.13, 0.0, 0.8, 2.5), "K": (-0.52, 0.0, 1.6, 2.5)},
     **{
@@ -161,9 +162,9 @@ def driver_tracks(led_count: int) -> tuple[Track, ...]:
         ("GND", 0.5, [(2.04, -2.5), (1.0, -2.6)]),
         ("GND", 0.5, [(1.85, 2.2), (3.1, 1.75)]),
         ("GND", 0.4, [(5.8, -0.5), (5.8, 1.25)]),
-        ("GND", 0.4, [(5.8, 0.4), (7.0, 0.4)]),
+        ("GND", 0.4, [(5.8, 0.4), (7.7, 0.4)]),
     ]
-    bottom = [("VIN", 0.5, [(-1.0, 2.55), (0.0, 2.75), (4.6, 2.75), (5.61, 1.3)])]
+    bottom = [("VIN", 0.5, [(-1.0, 2.55), (0.0, 2.75), (5.9, 2.75), (6.6, 1.9), (6.6, 1.3)])]  # past pin 2 to pin 1
     return tuple(
         Track(net, side, _bent(points), width)
         for side, tracks in (("top", top), ("bottom", bottom))
@@ -180,7 +181,7 @@ def driver_vias() -> tuple[Via, ...]:
         ("GND", (2.04, -2.5)),
         ("GND", (1.0, -2.6)),
         ("GND", (3.1, 1.75)),
-        ("GND", (7.0, 0.4)),
+        ("GND", (7.7, 0.4)),
     ]
     return tuple(Via(net, unrolled(*place)) for net, place in places)
 

@@ -42,7 +42,7 @@ def _two(x: float, width: float, height: float) -> dict[str, Rectangle]:
     return {"1": (-x, 0.0, width, height), "2": (x, 0.0, width, height)}
 
 
-def _caps(foot_mm: float) -> dict[str, Lead]:
+def _ends(foot_mm: float) -> dict[str, Lead]:
     """Leads of a chip: both ends of it."""
     return {"1": Lead(-1, foot_mm, None), "2": Lead(1, foot_mm, None)}
 
@@ -67,9 +67,9 @@ LANDS: dict[str, dict[str, Rectangle]] = {
     },
 }
 LEADS: dict[str, dict[str, Lead]] = {
-    "0603": _caps(0.35),  # S: 0.2 to 0.5 at GRM188
-    "0805": _caps(0.45),  # S: 0.2 to 0.7 at GRM21
-    "1206": _caps(0.55),  # S: 0.3 to 0.8
+    "0603": _ends(0.35),  # S: 0.2 to 0.5 at GRM188
+    "0805": _ends(0.45),  # S: 0.2 to 0.7 at GRM21
+    "1206": _ends(0.55),  # S: 0.3 to 0.8
     "SOT-23-6": {  # S: DBV, foot 0.3 to 0.6, width at most 0.5
         **{str(k + 1): Lead(-1, 0.45, 0.5, y_mm=(1 - k) * _SOT_PITCH) for k in range(3)},
         **{str(k + 4): Lead(1, 0.45, 0.5, y_mm=(k - 1) * _SOT_PITCH) for k in range(3)},

@@ -21,7 +21,9 @@ DRIVER_AZIMUTH_DEG = 100.0  # beside the plug; between the LEDs at 80 and 120 de
 PLUG_AZIMUTH_DEG = 90.0  # of the spacer's notch
 PLUG_RADIUS_MM = 34.375  # its pads lie inside the spacer's notch and 0.3 mm inside the board's edge
 LED_COUNT = 9  # P, LED05, LED06: 25 V / 2.8 V
-LED_RANGE = (6, 9)  # more leave no gap for the driver; with fewer the boost inductor runs dry (fab.led_ring.driver)
+# More leave no gap for the driver. Fewer were not designed: with five the current in the boost inductor is on the edge
+# of stopping at the nominal values (fab.led_ring.driver), with four it stops.
+LED_RANGE = (6, 9)
 
 Point = tuple[float, float]
 
@@ -97,8 +99,8 @@ def led_azimuths_deg(led_count: float = LED_COUNT) -> tuple[float, ...]:
     low, high = LED_RANGE
     if not low <= led_count <= high or led_count != int(led_count):
         raise ParameterError(
-            f"leds={led_count:g} outside {low}..{high}: with more the driver has no gap between two LEDs, with fewer "
-            "the current in the boost inductor stops",
+            f"leds={led_count:g} outside {low}..{high}: with more the driver has no gap between two LEDs, for fewer "
+            "board and driver are not designed",
             name="leds",
             value=led_count,
         )

@@ -15,7 +15,14 @@ from fab.checks.check import Check, require_passed
 from fab.command import EXPORTS, Command
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
-from fab.led_ring.budget import driver_checks, temperatures_c, thermal_checks, warmest_room_c
+from fab.led_ring.budget import (
+    conduction_report,
+    corners,
+    driver_checks,
+    temperatures_c,
+    thermal_checks,
+    warmest_room_c,
+)
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
 from fab.variant import camera_words
@@ -147,6 +154,11 @@ def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -
             "peak_a": _figures(driver.peak_a),
             "input_a": _figures(driver.input_a),
             "efficiency": _figures(driver.efficiency),
+            "input_a_at_the_worst_corner": _figures(max(at.input_a for at in corners(driver))),
+        },
+        "inductor_current": {
+            name: value if isinstance(value, bool) else _figures(value)
+            for name, value in conduction_report(driver).items()
         },
         "losses_w": {name: _figures(loss) for name, loss in losses_w(driver).items()},
         "temperatures_c_in_a_room_of_25": {

@@ -2,9 +2,6 @@
 
 Millimetres, endcap x and y seen from the dome. Two layers: parts and tracks on top; the bottom is a ground plane that
 leaves out the plug's supply. Tracks are drawn unrolled (:mod:`cad.led_placement`), radius up, and bent onto the board.
-
-Land patterns: SOT-23-6, SOD-123 and chips after IPC-7351 nominal; 3030, 4018 and JST SH estimated (E) from the parts'
-outlines, the SH's shortened by 0.3 mm at both ends to stay on the ring.
 """
 
 from __future__ import annotations
@@ -16,9 +13,11 @@ from itertools import pairwise
 from shapely import LineString, Point, Polygon, unary_union
 from shapely.geometry.base import BaseGeometry
 
+from cad.led_parts import led_part
 from cad.led_placement import LED_COUNT, MIDDLE_RADIUS_MM, Placement, placements, unrolled
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
 from fab.led_ring.circuit import netlist
+from fab.led_ring.lands import lands_of
 
 VIA_PAD_MM = 0.7
 VIA_DRILL_MM = 0.3
@@ -27,28 +26,7 @@ PLANE_EDGE_MM = 0.4  # plane to the board's edge
 SPOKE_MM = 0.5  # thermal relief of ground pads in the plane
 STEP_DEG = 0.5  # chord of a bent track: 0.3 um off its circle
 CIRCLE_SEGMENTS = 16  # of a quarter
-# Pads of each kind: pin -> (x, y, width, height) in the part's own drawing.
-_CHIP = {"0603": (0.80, 0.80, 0.95), "0805": (0.95, 1.00, 1.45), "1206": (1.475, 1.15, 1.80)}
-_SOT_X, _SOT_W, _SOT_H, _SOT_PITCH = 1.1375, 1.325, 0.60, 0.95
-PADS: dict[str, dict[str, tuple[float, float, float, float]]] = {
-    "driver": {
-        **{str(k + 1): (-_SOT_X, (1 - k) * _SOT_PITCH, _SOT_W, _SOT_H) for k in range(3)},
-        **{str(k + 4): (_SOT_X, (k - 1) * _SOT_PITCH, _SOT_W, _SOT_H) for k in range(3)},
-    },
-    "inductor": {"1": (1.5, 0.0, 1.2, 3.6), "2": (-1.5, 0.0, 1.2, 3.6)},
-    "diode": {"K": (-1.65, 0.0, 0.9, 1.2), "A": (1.65, 0.0, 0.9, 1.2)},
-    "plug": {
-        "1": (0.5, 1.8375, 0.6, 1.225),
-        "2": (-0.5, 1.8375, 0.6, 1.225),
-        "M1": (1.8, -1.7125, 1.2, 1.475),
-        "M2": (-1.8, -1.7125, 1.2, 1.475),
-    },
-    "led": {"A": (1.13, 0.0, 0.8, 2.5), "K": (-0.52, 0.0, 1.6, 2.5)},
-    **{
-        kind: {"1": (-_CHIP[size][0], 0.0, *_CHIP[size][1:]), "2": (_CHIP[size][0], 0.0, *_CHIP[size][1:])}
-        for kind, size in (("c_in", "0805"), ("c_out", "1206"), ("c_comp", "0603"), ("r_set", "0603"))
-    },
-}
+_CHIPS = ("C1", "C2", "C3", "R1")  # packages of which the table may choose
 
 
 @dataclass(frozen=True)
@@ -120,7 +98,7 @@ def build_copper(led_count: int = LED_COUNT) -> Copper:
     """All copper of a ring.
 
     Raises:
-        ParameterError: LED count outside what the board takes.
+        ParameterError: LED count outside what the board takes, or a part in a package without a land.
     """
     nets = {pin: name for name, pins in netlist(led_count).items() for pin in pins}
     pads = tuple(pad for place in placements(led_count) for pad in _pads(place, nets))
@@ -133,37 +111,51 @@ def build_copper(led_count: int = LED_COUNT) -> Copper:
 
 def _pads(place: Placement, nets: dict[tuple[str, str], str]) -> list[Pad]:
     made = []
-    for pin, (x, y, width, height) in PADS[place.kind].items():
+    for pin, (x, y, width, height) in lands_of(place.part).items():
         net = nets[(place.reference, pin)]
         at = place.on_board(x, y)
         made.append(Pad(place.reference, pin, net, place.side, at, width, height, place.rotation_deg))
     return made
 
 
+def _chip_lands() -> dict[str, tuple[float, float]]:
+    """Unrolled middle of each land of the chips, by reference and pin (``C1.2``): tracks end there in any package."""
+    chips = [place for place in placements() if place.reference in _CHIPS]  # none of them turned
+    return {
+        f"{place.reference}.{pin}": (place.s_mm + x, place.t_mm + y)
+        for place in chips
+        for pin, (x, y, *_) in lands_of(place.part).items()
+    }
+
+
 def driver_tracks(led_count: int) -> tuple[Track, ...]:
     """Tracks of the boost converter and on to both ends of the string, drawn unrolled (s clockwise, t outward)."""
     leds = [place.s_mm for place in placements(led_count) if place.kind == "led"]
+    led = lands_of(led_part("led"))
     turn = 2 * math.pi * MIDDLE_RADIUS_MM
-    first, last = leds[0] + PADS["led"]["A"][0], leds[-1] % turn + PADS["led"]["K"][0]
+    first, last = leds[0] + led["A"][0], leds[-1] % turn + led["K"][0]
+    at = _chip_lands()
+    sense, ground = at["R1.1"][0], at["C2.2"][0]
     top = [
-        ("VIN", 1.0, [(-3.2, 1.5), (-0.95, 1.9), (-0.05, 2.2)]),
+        ("VIN", 1.0, [(-3.2, 1.5), (-0.95, 1.9), at["C1.1"]]),
         ("VIN", 0.6, [(-1.4, 1.5), (-0.24, 0.45), (-0.24, -0.5)]),
         ("SW", 1.0, [(-5.95, -1.5), (-3.2, -1.5)]),
         ("SW", 0.6, [(-3.2, -1.5), (-0.24, -1.45)]),
-        ("VOUT", 1.0, [(-9.25, -1.5), (-9.25, 1.5)]),
+        ("VOUT", 1.0, [(-9.25, -1.5), (-9.25, 0.0), at["C2.1"]]),
         ("VOUT", 0.6, [(-9.25, 0.0), (first, 0.0)]),
-        ("COMP", 0.3, [(2.04, -0.5), (4.2, -0.5)]),
-        ("FB", 0.3, [(2.04, 0.45), (3.2, 0.45), (3.8, 1.25), (4.2, 1.25)]),
-        ("FB", 0.4, [(4.2, 1.25), (4.2, 2.3), (9.6, 2.3), (10.6, 0.9), (11.0, 0.0), (last, 0.0)]),
-        ("GND", 0.6, [(-6.12, 1.5), (-6.12, 2.75)]),
-        ("GND", 0.6, [(-6.12, 1.5), (-6.12, 0.1)]),
+        ("COMP", 0.3, [(2.04, -0.5), at["C3.1"]]),
+        ("FB", 0.3, [(2.04, 0.45), (3.2, 0.45), (3.8, 1.25), at["R1.1"]]),
+        ("FB", 0.4, [at["R1.1"], (sense, 2.3), (9.6, 2.3), (10.6, 0.9), (11.0, 0.0), (last, 0.0)]),
+        ("GND", 0.6, [at["C2.2"], (ground, 2.75)]),
+        ("GND", 0.6, [at["C2.2"], (ground, 0.1)]),
         ("GND", 0.5, [(2.04, -1.45), (2.04, -2.5)]),
         ("GND", 0.5, [(2.04, -2.5), (1.0, -2.6)]),
-        ("GND", 0.5, [(1.85, 2.2), (3.1, 1.75)]),
-        ("GND", 0.4, [(5.8, -0.5), (5.8, 1.25)]),
-        ("GND", 0.4, [(5.8, 0.4), (7.0, 0.4)]),
+        ("GND", 0.5, [at["C1.2"], (3.1, 1.75)]),
+        ("GND", 0.4, [at["C3.2"], at["R1.2"]]),
+        ("GND", 0.4, [at["C3.2"], (7.7, 0.4)]),
     ]
-    bottom = [("VIN", 0.5, [(-1.0, 2.55), (0.0, 2.75), (4.6, 2.75), (5.61, 1.3)])]
+    # past contact 2 of the plug to contact 1
+    bottom = [("VIN", 0.5, [(-1.0, 2.55), (0.0, 2.75), (5.9, 2.75), (6.6, 1.9), (6.6, 1.3)])]
     return tuple(
         Track(net, side, _bent(points), width)
         for side, tracks in (("top", top), ("bottom", bottom))
@@ -173,14 +165,15 @@ def driver_tracks(led_count: int) -> tuple[Track, ...]:
 
 def driver_vias() -> tuple[Via, ...]:
     """Holes of the boost converter; the output capacitor and the switch have two to the ground plane."""
+    ground = _chip_lands()["C2.2"][0]
     places = [
         ("VIN", (-1.0, 2.55)),
-        ("GND", (-6.12, 2.75)),
-        ("GND", (-6.12, 0.1)),
+        ("GND", (ground, 2.75)),
+        ("GND", (ground, 0.1)),
         ("GND", (2.04, -2.5)),
         ("GND", (1.0, -2.6)),
         ("GND", (3.1, 1.75)),
-        ("GND", (7.0, 0.4)),
+        ("GND", (7.7, 0.4)),
     ]
     return tuple(Via(net, unrolled(*place)) for net, place in places)
 
@@ -188,9 +181,9 @@ def driver_vias() -> tuple[Via, ...]:
 def string_tracks(led_count: int) -> tuple[Track, ...]:
     """From each LED's cathode to the next one's anode, along the middle circle."""
     leds = [place for place in placements(led_count) if place.kind == "led"]
-    tracks = []
+    led, tracks = lands_of(led_part("led")), []
     for k, (here, there) in enumerate(pairwise(leds)):
-        start, end = here.s_mm + PADS["led"]["K"][0], there.s_mm + PADS["led"]["A"][0]
+        start, end = here.s_mm + led["K"][0], there.s_mm + led["A"][0]
         turn = 2 * math.pi * MIDDLE_RADIUS_MM
         end -= turn * math.ceil((end - start) / turn)  # onward, counter-clockwise
         tracks.append(Track(f"N{k + 1}", "top", _bent([(start, 0.0), (end, 0.0)]), 1.0))

@@ -5,11 +5,17 @@ data sheet (Texas Instruments SLVS790E, sections 7.2, 7.6, 8.3.2, 9.1.1 to 9.1.5
 
     current        I_LED = V_FB / R_set
     string         V_out = n V_LED + V_FB
-    ripple         I_P = 1 / (L f_s (1 / (V_out + V_F - V_in) + 1 / V_in))    peak to peak, in the inductor
-    duty           D = 1 - V_in / (V_out + V_F)          while the inductor's current never stops
-    inductor       I_in = V_out I_LED / (V_in eta),  I_L = I_in +- I_P / 2
+    ripple         I_P = 1 / (L f_s (1 / (V_out + V_F - V_in) + 1 / V_in))  peak to peak, if the current never stops
+    inductor       I_L = P_in / V_in - I_q, the mean: what the controller itself draws does not flow through it
+    conduction     c = min(1, sqrt(2 I_L / I_P)), the share of the period in which the current flows
+    peak           I_L + I_P / 2 where c = 1, else c I_P
+    duty           D = c (1 - V_in / (V_out + V_F))
     most current   I_max = V_in (I_lim - I_P / 2) eta / V_out
-    output ripple  C_out >= (V_out - V_in) I_LED / (V_out f_s V_ripple)
+    output ripple  V_ripple = (1 - c V_in / (V_out + V_F)) I_LED / (C_out f_s)
+
+The current stops (discontinuous conduction, c < 1) where its mean is less than half its ripple. A triangle from zero
+to I_pk that rises for D / f_s and falls to zero has the mean I_pk^2 / (2 I_P), whence c. The regulator holds the
+current of the LEDs either way, so their light is the same; losses and ripple are counted for both.
 
 The efficiency is a sum of losses (:func:`losses_w`), of which the transition time of the switch and its capacitance
 are our estimates (E); everything else is from data sheets. It is compared with the paper's 86 %, not fitted to it.
@@ -20,6 +26,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from cad.errors import ParameterError
 from cad.led_parts import led_part
 from cad.led_placement import LED_COUNT, led_azimuths_deg
 
@@ -30,7 +37,8 @@ V_PROTECTION = (37.0, 39.0)  # S: open-LED protection at the SW pin, least and m
 V_SWITCH_RATING = 40.0  # S: absolute maximum at SW
 I_LIMIT = 0.96  # S: least current limit of the switch
 I_START_LIMIT = 0.7  # S: while it starts
-F_SWITCH = 1.2e6  # S: 1.0 to 1.5 MHz
+F_SWITCH = 1.2e6  # S
+F_SWITCH_RANGE = (1.0e6, 1.5e6)  # S
 DUTY_MAX = 0.90  # S: least of the maximum duty
 SWITCH_OHM = 0.6  # S: most at V_in 3.6 V
 QUIESCENT_A = 2.3e-3  # S: while switching
@@ -39,13 +47,14 @@ SWITCH_FARAD = 60e-12  # E: capacitance at the SW pin: switch, diode, pads
 INDUCTOR_OHM = 0.45  # E: 22 uH in 4 x 4 x 1.8 mm
 INDUCTOR_SATURATION_A = 0.6  # E: at the least; the data sheet of the part rules
 INDUCTANCE_SPREAD = 0.20  # S
-INDUCTORS_H = (10e-6, 15e-6, 22e-6)  # standard values in the recommended 10 to 22 uH
+INDUCTANCE_RANGE_H = (10e-6, 22e-6)  # S: recommended, of the value it is sold by
+CAPACITOR_SPREAD = 0.10  # S: X5R and X7R of 10 %
 OUTPUT_SHARE_AT_BIAS = 0.55  # E: what a 50 V X7R capacitor keeps at 25 V
 C_OUT_RANGE_F = (1e-6, 10e-6)  # S: recommended
 C_IN_LEAST_F = 1e-6  # S
 USB_INRUSH_F = 10e-6  # S: USB 2.0, 7.2.4.1: most capacitance at the plug
 DIODE_RATING_V = 40.0  # S: MBR0540
-LED_V_MAX = 3.2  # E: brightest bin, cold
+LED_V_SPREAD = (-0.3, 0.4)  # E: lowest bin, hot; highest bin, cold
 RIPPLE_V = 0.1  # E: 0.4 % of the string: no visible change of brightness
 _E24 = (10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91)
 
@@ -61,6 +70,7 @@ class Driver:
         inductance_h, c_in_f, c_out_f, c_comp_f: nominal values.
         v_in: supply at the plug.
         v_diode: forward voltage of the Schottky diode.
+        f_switch_hz: at which the driver switches.
     """
 
     led_count: int
@@ -72,6 +82,7 @@ class Driver:
     c_comp_f: float
     v_in: float = 5.0
     v_diode: float = 0.4
+    f_switch_hz: float = F_SWITCH
 
     @property
     def led_a(self) -> float:
@@ -84,14 +95,29 @@ class Driver:
         return self.led_count * self.led_v + V_REFERENCE
 
     @property
-    def duty(self) -> float:
-        """Share of the period in which the switch conducts."""
-        return 1 - self.v_in / (self.v_out + self.v_diode)
+    def swing_v(self) -> float:
+        """Voltage at the SW pin while the diode conducts."""
+        return self.v_out + self.v_diode
 
     @property
     def ripple_a(self) -> float:
-        """Peak-to-peak current in the inductor."""
-        return 1 / (self.inductance_h * F_SWITCH * (1 / (self.v_out + self.v_diode - self.v_in) + 1 / self.v_in))
+        """Peak-to-peak current in the inductor, while it never stops."""
+        return 1 / (self.inductance_h * self.f_switch_hz * (1 / (self.swing_v - self.v_in) + 1 / self.v_in))
+
+    @property
+    def mean_a(self) -> float:
+        """Mean current in the inductor."""
+        return self.input_a - QUIESCENT_A
+
+    @property
+    def conduction(self) -> float:
+        """Share of the period in which the inductor's current flows; 1 where it never stops."""
+        return conducting_share(self.mean_a, self.ripple_a)
+
+    @property
+    def duty(self) -> float:
+        """Share of the period in which the switch conducts."""
+        return self.conduction * (1 - self.v_in / self.swing_v)
 
     @property
     def led_w(self) -> float:
@@ -116,40 +142,54 @@ class Driver:
     @property
     def peak_a(self) -> float:
         """Largest current in inductor and switch."""
-        return self.v_out * self.led_a / (self.v_in * self.efficiency) + self.ripple_a / 2
+        share = self.conduction
+        return self.mean_a / share + share * self.ripple_a / 2
 
     @property
     def most_output_a(self) -> float:
-        """Output current at which the switch reaches its limit."""
+        """Output current at which the switch reaches its limit; the inductor's current does not stop there."""
         return self.v_in * (I_LIMIT - self.ripple_a / 2) * self.efficiency / self.v_out
 
     @property
     def output_ripple_v(self) -> float:
-        """Ripple of the output with what the capacitor keeps under voltage."""
-        kept = OUTPUT_SHARE_AT_BIAS * self.c_out_f
-        return (self.v_out - self.v_in) * self.led_a / (self.v_out * F_SWITCH * kept)
+        """Ripple of the output with what the capacitor keeps under voltage: it alone feeds the LEDs for that time."""
+        alone = 1 - self.conduction * self.v_in / self.swing_v
+        return alone * self.led_a / (self.f_switch_hz * OUTPUT_SHARE_AT_BIAS * self.c_out_f)
+
+
+def conducting_share(mean_a: float, ripple_a: float) -> float:
+    """Share of the period in which an inductor's current flows.
+
+    Args:
+        mean_a: over the whole period. ripple_a: peak to peak, while the current never stops.
+    """
+    return min(1.0, math.sqrt(2 * mean_a / ripple_a))
 
 
 def losses_w(driver: Driver) -> dict[str, float]:
-    """Power lost in each part; the inductor's current is a triangle on its mean (continuous conduction).
+    """Power lost in each part; the inductor's current is a triangle, on its mean or, where it stops, on zero.
 
     The mean is found from the power it must carry, itself included, by fixed point: it converges to 1e-9 in ten steps.
+    Where the supply cannot give that power at all the inductor's loss is infinite, and so is the current at the plug.
     """
-    mean_a = driver.v_out * driver.led_a / driver.v_in
+    mean_a, swing, f_hz = driver.v_out * driver.led_a / driver.v_in, driver.swing_v, driver.f_switch_hz
     lost: dict[str, float] = {}
     for _ in range(30):
-        square = mean_a**2 + driver.ripple_a**2 / 12
-        swing = driver.v_out + driver.v_diode
+        share = conducting_share(mean_a, driver.ripple_a)
+        flowing_a = mean_a / share  # mean while it flows; also the mean of what the switch turns on and off
+        square = share * (flowing_a**2 + (share * driver.ripple_a) ** 2 / 12)
         lost = {
-            "switch conducting": driver.duty * square * SWITCH_OHM,
-            "switch turning": 0.5 * swing * mean_a * TRANSITION_S * F_SWITCH,
-            "switch node": 0.5 * SWITCH_FARAD * swing**2 * F_SWITCH,
+            "switch conducting": (1 - driver.v_in / swing) * square * SWITCH_OHM,
+            "switch turning": 0.5 * swing * flowing_a * TRANSITION_S * f_hz,
+            "switch node": 0.5 * SWITCH_FARAD * swing**2 * f_hz,
             "inductor": square * INDUCTOR_OHM,
             "diode": driver.v_diode * driver.led_a,
             "sense resistor": V_REFERENCE * driver.led_a,
             "controller": QUIESCENT_A * driver.v_in,
         }
         before, mean_a = mean_a, (driver.led_w + sum(lost.values())) / driver.v_in - QUIESCENT_A
+        if mean_a > driver.v_in / INDUCTOR_OHM:  # more than the inductor alone would let through
+            return {**lost, "inductor": math.inf}
         if abs(mean_a - before) < 1e-12:
             break
     return lost
@@ -166,32 +206,37 @@ def sense_resistor_ohm(led_a: float) -> float:
 def choose_driver(led_count: int = LED_COUNT, led_a: float = 0.020) -> Driver:
     """Choose the values for a string.
 
-    The inductor is the smallest standard value that keeps its current from stopping when it is 20 % low: below that
-    the converter's ripple, and with it its losses, more than double (data sheet, 9.1.2).
+    The inductor is the largest of the recommended range: a smaller one has more ripple, and once its current stops the
+    converter gives less current, draws a rougher one from the plug and loses more (data sheet, 9.1.2). With the nominal
+    values, to which the data sheet's equations belong, the current must not stop; where supply, frequency, inductance
+    or LEDs spread it may (:func:`fab.led_ring.budget.conduction_report` says where), and every limit is checked there.
 
     Args:
         led_count: LEDs in the string.
         led_a: wanted current.
 
     Raises:
-        ParameterError: LED count outside what the board takes.
+        ParameterError: LED count outside what the board takes, or so little current that the inductor's stops.
     """
     led_azimuths_deg(led_count)
-    first = Driver(
+    chosen = Driver(
         led_count,
         led_part("led").value,
         sense_resistor_ohm(led_a),
-        INDUCTORS_H[-1],
+        INDUCTANCE_RANGE_H[1],
         led_part("c_in").value,
         led_part("c_out").value,
         led_part("c_comp").value,
         v_diode=led_part("diode").value,
     )
-    for inductance in INDUCTORS_H:
-        low = replace(first, inductance_h=inductance * (1 - INDUCTANCE_SPREAD))
-        if low.ripple_a / 2 < low.input_a:
-            return replace(first, inductance_h=inductance)
-    return first
+    if chosen.conduction < 1:
+        raise ParameterError(
+            f"led_a={led_a:g} with {led_count} LEDs: the current in the largest inductor that the driver's data sheet "
+            f"recommends, {1e6 * chosen.inductance_h:g} uH, stops in every period: take more current or more LEDs",
+            name="led_a",
+            value=led_a,
+        )
+    return chosen
 
 
 def fitted_driver(led_count: int = LED_COUNT) -> Driver:

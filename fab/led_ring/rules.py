@@ -21,6 +21,7 @@ from cad.led_placement import Placement
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
 from fab.checks.check import Check
 from fab.led_ring.copper import Pad
+from fab.led_ring.lands import leads_of
 
 CLEARANCE_MM = 0.2
 WIDTH_MM = 0.2
@@ -29,6 +30,8 @@ RIM_MM = 0.15  # copper round a hole
 DRILL_MM = 0.3
 MASK_WEB_MM = 0.1
 PART_GAP_MM = 0.15  # between the bodies of two parts
+LAND_BEYOND_LEAD_MM = 0.55  # S: the largest toe of IPC-7351 (density level A); more is the land of a larger part
+LEAD_OFF_LAND_MM2 = 1e-3
 NECK_MM2 = 1e-3  # copper that an opening by the least width may lose: corners of turned pads
 AREA_RATIO = 1e-4  # board in the files against the CAD part
 
@@ -71,6 +74,7 @@ def rule_checks(layers: Layers, holes: Holes, pads: Sequence[Pad], places: Seque
         *hole_checks(layers, holes, face),
         *legend_checks(layers, pads),
         Check("ring.parts_gap_mm", least_part_gap_mm(places), low=PART_GAP_MM),
+        *lead_checks(pads, places),
         Check("ring.plug_outside_notch_mm2", plug_outside_notch_mm2(pads), high=0),
     ]
 
@@ -171,6 +175,27 @@ def least_part_gap_mm(places: Sequence[Placement]) -> float:
     """Least gap between the envelopes of two parts on one side; 0 where they overlap."""
     bodies = [(place.side, envelope(place)) for place in places]
     return min((a.distance(b) for (s, a), (t, b) in combinations(bodies, 2) if s == t), default=math.inf)
+
+
+def lead_checks(pads: Sequence[Pad], places: Sequence[Placement]) -> list[Check]:
+    """Every lead lies whole on its own land, and no land is that of a larger part.
+
+    Args:
+        pads: lands of the board. places: parts, whose rows of the table give the leads.
+    """
+    lands = {(pad.reference, pad.pin): pad.shape for pad in pads}
+    off_mm2, beyond_mm = 0.0, 0.0
+    for place in places:
+        for pin, (x, y, width, height) in leads_of(place.part).items():
+            at = place.on_board(x, y)
+            lead = Pad(place.reference, pin, "", place.side, at, width, height, place.rotation_deg).shape
+            land = lands[place.reference, pin]
+            off_mm2 = max(off_mm2, float((lead - land).area))
+            beyond_mm = max(beyond_mm, float(land.hausdorff_distance(lead)))
+    return [
+        Check("ring.lead_off_land_mm2", off_mm2, high=LEAD_OFF_LAND_MM2),
+        Check("ring.land_beyond_lead_mm", beyond_mm, high=LAND_BEYOND_LEAD_MM),
+    ]
 
 
 def envelope(place: Placement) -> Polygon:

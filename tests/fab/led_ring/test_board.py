@@ -19,8 +19,7 @@ from cad.lens import camera_module
 from cad.params import EndcapParams
 from fab.build_sheet.lighting import ring_checks
 from fab.led_ring.__main__ import main
-from fab.led_ring.circuit import PINS
-from fab.led_ring.copper import PADS, Track, Via, build_copper
+from fab.led_ring.copper import Track, Via, build_copper
 from fab.led_ring.gerber import board_files, read_archive, regions, write_archive
 from fab.led_ring.kicad import kicad_checks, write_project
 from fab.led_ring.light import CONTRAST, INK_SHARE, RIPPLE, dome_light, irradiance, light_checks
@@ -136,10 +135,6 @@ def test_every_part_of_the_driver_has_its_name_beside_it_and_off_the_solder():
         assert not name.intersects(envelope(place)) and FACE.contains(name)
         lands = unary_union([pad.shape for pad in copper.pads if pad.side == place.side])
         assert name.difference(lands.buffer(PAD_GAP_MM)).difference(holes).area > 0.99 * name.area
-
-
-def test_lands_and_circuit_have_the_same_pins():
-    assert {kind: set(pads) for kind, pads in PADS.items()} == {kind: set(pins) for kind, pins in PINS.items()}
 
 
 def test_a_board_of_six_breaks_no_rule(tmp_path):

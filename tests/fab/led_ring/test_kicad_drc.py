@@ -9,6 +9,7 @@ import json
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 from gerbonara import ExcellonFile, GerberFile
@@ -16,6 +17,7 @@ from shapely import Polygon, box
 from shapely.affinity import translate
 from shapely.geometry import Point
 
+from cad import led_parts
 from fab.led_ring.copper import build_copper
 from fab.led_ring.gerber import board_files, covered_area, read_archive, write_archive
 from fab.led_ring.kicad import ORIGIN_MM, keyholed, write_project
@@ -57,6 +59,15 @@ def faults(folder) -> list[str]:
 @pytest.mark.parametrize("leds", [6, 7, 8, 9])
 def test_kicad_finds_no_fault_in_board_and_schematic(folder, leds):
     write_project(build_copper(leds), leds, folder)
+    assert faults(folder) == []
+
+
+def test_kicad_finds_no_fault_with_chips_of_other_packages(folder, monkeypatch):
+    rows = dict(led_parts.led_parts())
+    for part, package in (("c_in", "0603"), ("c_out", "0805"), ("c_comp", "0805")):
+        rows[part] = replace(rows[part], package=package)
+    monkeypatch.setattr(led_parts, "led_parts", lambda: rows)
+    write_project(build_copper(9), 9, folder)
     assert faults(folder) == []
 
 

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 import manifold3d
 import trimesh
 
-from cad.part import Part
+from cad.part import Part, Recipe
 from fab.meshing.mesh import TOLERANCE_MM, from_manifold, mesh_sha256, tessellate, to_manifold
 from fab.meshing.repair import without_crossings
+from fab.meshing.self_intersections import crossing_faces
 
 if TYPE_CHECKING:
     from build123d import Solid
 
 TOOL_ANGLE_RAD = 0.2  # tools have few faces: their tapered fillets get the facets that keep a joint's gap
+FINER = (1.0, 0.8, 0.5)  # of the tolerance: where a bump and a joint meet at a few degrees, facets of both may cross
 
 
 class PartMeshes:
@@ -28,33 +30,42 @@ class PartMeshes:
     def __init__(self, tolerance_mm: float = TOLERANCE_MM) -> None:
         self.uncrossed: set[str] = set()
         self._tolerance_mm = tolerance_mm
-        self._operands: dict[int, tuple[Solid, manifold3d.Manifold]] = {}
+        self._operands: dict[tuple[int, float], tuple[Solid, manifold3d.Manifold]] = {}
 
     def of(self, part: Part) -> trimesh.Trimesh:
-        """The closed mesh of a part, free of crossings where they can be repaired.
+        """The closed mesh of a part, free of crossings where they can be repaired, or where finer facets have none.
 
         Raises:
             GeometryError: a solid's mesh stays open.
         """
         if part.recipe is None:
             return tessellate(part.solid, self._tolerance_mm)
-        body = self._operand(part.recipe.body)
-        for tool in part.recipe.common:
-            body = body ^ self._operand(tool, TOOL_ANGLE_RAD)
-        if part.recipe.less:
-            tools = [self._operand(tool, TOOL_ANGLE_RAD) for tool in part.recipe.less]
-            body = manifold3d.Manifold.batch_boolean([body, *tools], manifold3d.OpType.Subtract)
-        mesh = from_manifold(body)
+        mesh = self._combined(part.recipe, self._tolerance_mm)
         if part.role == "cast":  # it takes the gyroid's imprint first
             return mesh
-        repaired = without_crossings(mesh)
-        if repaired is mesh:
-            self.uncrossed.add(mesh_sha256(mesh))
+        for share in FINER:
+            mesh = mesh if share == 1 else self._combined(part.recipe, share * self._tolerance_mm)
+            repaired = without_crossings(mesh)
+            if repaired is mesh:
+                self.uncrossed.add(mesh_sha256(mesh))
+            if repaired is mesh or len(crossing_faces(repaired)) == 0:
+                break
         return repaired
 
-    def _operand(self, solid: Solid, angle_rad: float | None = None) -> manifold3d.Manifold:
+    def _combined(self, recipe: Recipe, tolerance_mm: float) -> trimesh.Trimesh:
+        """The booleans of a recipe on the meshes of its operands."""
+        body = self._operand(recipe.body, tolerance_mm)
+        for tool in recipe.common:
+            body = body ^ self._operand(tool, tolerance_mm, TOOL_ANGLE_RAD)
+        if recipe.less:
+            tools = [self._operand(tool, tolerance_mm, TOOL_ANGLE_RAD) for tool in recipe.less]
+            body = manifold3d.Manifold.batch_boolean([body, *tools], manifold3d.OpType.Subtract)
+        return from_manifold(body)
+
+    def _operand(self, solid: Solid, tolerance_mm: float, angle_rad: float | None = None) -> manifold3d.Manifold:
         """An operand's mesh; the solid is kept with it, so that its identity stays its own."""
-        if id(solid) not in self._operands:
+        key = id(solid), tolerance_mm
+        if key not in self._operands:
             angle = {} if angle_rad is None else {"angle_rad": angle_rad}
-            self._operands[id(solid)] = (solid, to_manifold(tessellate(solid, self._tolerance_mm, **angle)))
-        return self._operands[id(solid)][1]
+            self._operands[key] = (solid, to_manifold(tessellate(solid, tolerance_mm, **angle)))
+        return self._operands[key][1]

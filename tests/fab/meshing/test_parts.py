@@ -14,6 +14,7 @@ from cad.shell import shell_part
 from fab.meshing import parts as module
 from fab.meshing.mesh import TOLERANCE_MM, mesh_sha256, part_tolerance_mm, read_stl, tessellate, write_stl
 from fab.meshing.parts import PartMeshes
+from fab.meshing.self_intersections import self_intersections
 
 
 @pytest.fixture
@@ -38,6 +39,27 @@ def test_a_repaired_mesh_is_searched_again(piece, monkeypatch):
     maker = PartMeshes(0.1)
     maker.of(piece)
     assert maker.uncrossed == set()
+
+
+def test_facets_that_cross_and_cannot_be_repaired_are_made_again_finer(piece, monkeypatch):
+    """The first two tries leave crossings; the third has none, as few facets as it needs, and the piece's volume."""
+    found = iter(([0, 1], [0], []))
+    monkeypatch.setattr(module, "without_crossings", lambda mesh: mesh.copy())
+    monkeypatch.setattr(module, "crossing_faces", lambda mesh: next(found))
+    mesh = PartMeshes(0.1).of(piece)
+    assert len(mesh.faces) == len(PartMeshes(0.1)._combined(piece.recipe, 0.05).faces)
+    assert mesh.is_watertight and mesh.volume == pytest.approx(piece.solid.volume, rel=0.02)
+
+
+@pytest.mark.long
+def test_a_bump_that_a_joint_cuts_at_a_few_degrees_has_no_crossing_facets() -> None:
+    """D=216.17 T=19.57: a facet of the joint's wall crossed three of the bump's, and no local repair helped."""
+    params = EndcapParams(216.17, 19.57)
+    layout = MoldLayout(params)
+    centre = core_parts(layout, core_body(layout))[0]
+    mesh = PartMeshes(part_tolerance_mm(params.diameter_mm)).of(centre)
+    assert centre.name == "core_centre" and self_intersections(mesh) == 0
+    assert mesh.is_watertight and mesh.volume == pytest.approx(centre.solid.volume, rel=1e-3)
 
 
 def test_a_body_has_the_same_mesh_after_pieces_were_cut_from_it() -> None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
-from cad.dots import ring_count
+from cad.dots import dot_pattern, ring_count
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import finishing
-from fab.build_sheet.blocks import Paragraph, Table
+from fab.build_sheet.blocks import Paragraph, Step, Table
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.finishing import edge_words, light_check
+from fab.build_sheet.finishing import edge_words, light_check, painting
 from fab.camera_view import FRAME_PX, camera_pixels, edge_cuts_px, edge_px
 from fab.recipe import recipe
 from sensing.calibration.picture import draw_fit
@@ -83,3 +84,24 @@ def test_the_words_of_the_fit_are_those_of_its_drawing_and_the_camera_file_has_i
     assert all(f"{colour} {mark}" in text for colour, mark in drawn) and "yellow line" in text
     assert "circles" not in text and "ten times" in text and "10 x residual" in draw_fit.__doc__
     assert 'write camera = "camera.json" under [[endcap]] in endcaps.toml' in text
+
+
+@pytest.mark.parametrize(
+    ("rings", "words"),
+    [
+        (PARAMS.dot_rings, "2 lines from tip to rim have a dot of every ring, 180° apart"),
+        ((1, 6, 12, 18), "6 lines from tip to rim have a dot of every ring, 60° apart"),
+        ((1, 5, 9, 11, 14), "One line from tip to rim has a dot of every ring: it is azimuth 0"),
+    ],
+)
+def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
+    params = EndcapParams(142.0, 7.5, rings)
+    layout = MoldLayout(params)
+    blocks = painting(SheetData(layout, {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {"dots": Path("dots.png")}))
+    step = next(block for block in blocks if isinstance(block, Step))
+    assert step.lines[-1].startswith(words) and "Write 0 at its end" in step.lines[-1]
+    azimuths = [{round(d.azimuth_deg, 6) for d in dot_pattern(params) if d.ring == k} for k in range(1, len(rings))]
+    assert len(set.intersection(*azimuths)) == (int(words[0]) if words[0].isdigit() else 1)
+    text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
+    assert "Azimuth counts clockwise as you look into the dome, print toward you" in text
+    assert "azimuth counts clockwise, as on the gores" in sheet(params)[0]

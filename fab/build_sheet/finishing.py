@@ -10,6 +10,7 @@ from cad.dots import dot_pattern, ring_count
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.params import EndcapParams
 from cad.pattern import step_deg
+from cad.robot_sides import robot_side
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command
@@ -96,15 +97,34 @@ def assembling(data: SheetData) -> list[Block]:
         Heading("Screws, as measured on the parts"),
         Table(
             ("joint", "screw", "grip", "held by the shortest", "wanted", "room before the tip"),
-            tuple(
-                (fit.joint.name, f"{len(fit.joint.places)} x {screw_name(fit)}", f"{fit.grip_mm:.2f}",
-                 f"{fit.engagement_mm:.2f}", f"{fit.needed_mm:.2f}",
-                 "through" if fit.tip_room_mm > 100 else f"{fit.tip_room_mm:.2f}")
-                for fit in data.fits
+            (
+                *(
+                    (fit.joint.name, f"{len(fit.joint.places)} x {screw_name(fit)}", f"{fit.grip_mm:.2f}",
+                     f"{fit.engagement_mm:.2f}", f"{fit.needed_mm:.2f}",
+                     "through" if fit.tip_room_mm > 100 else f"{fit.tip_room_mm:.2f}")
+                    for fit in data.fits
+                ),
+                *_robot_rows(data.robot),
             ),
             (2.4, 1.3, 0.8, 1.4, 0.8, 1.4), is_small=True,
         ),
     ]  # fmt: skip
+
+
+def _robot_rows(robot: str) -> list[tuple[str, ...]]:
+    """The screws into the robot's flange: what of them holds is the depth by which they enter it."""
+    return [
+        (
+            "adapter_to_robot",
+            f"{holes.count} x {holes.order_as.removeprefix('ISO 4762 ')}",
+            f"{holes.grip_mm:.2f}",
+            f"{holes.enters_mm:.2f} in the flange",
+            f"{holes.body_mm:.2f}",
+            f"{holes.flange_depth_mm - holes.enters_mm:.2f}, if the flange takes {holes.flange_depth_mm:g}",
+        )
+        for holes in robot_side(robot)
+        if holes.element == "screw"
+    ]
 
 
 def light_check(data: SheetData) -> list[Block]:

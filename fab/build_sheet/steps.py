@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cad.robot_sides import fixing_words, ream_words, robot_side, robot_words
+from cad.robot_sides import entry_words, fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
@@ -75,7 +75,12 @@ def _fixing(robot: str) -> str:
     if not robot_side(robot):
         return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
     ream = f"ream the pin's hole to {size} by hand; " if (size := ream_words(robot)) else ""
-    return f"{ream}pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
+    depth = (
+        f". A screw enters the flange {entry}: compare with your robot's flange, never longer than its thread"
+        if (entry := entry_words(robot))
+        else ""
+    )
+    return f"{ream}pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)}){depth}"
 
 
 def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:

@@ -100,7 +100,7 @@ def test_no_cell_of_the_shopping_tables_is_a_raw_name_or_says_print_for_a_use():
 def test_screws_of_the_robot_do_not_show_the_picture_of_the_adapter():
     bought = [block for block in bill(sheet_of(None)) if isinstance(block, Table)][1]
     rows = {row[1]: row[0] for row in bought.rows}
-    assert rows["screw ISO 4762 M6 x 25"] == "" and rows["pin ISO 2338 6 m6 x 16"] == ""
+    assert rows["screw ISO 4762 M6 x 20"] == "" and rows["pin ISO 2338 6 m6 x 16"] == ""
 
 
 @pytest.mark.parametrize("robot", sorted(robot_sides()))

@@ -215,12 +215,14 @@ def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
     assert any(not check.ok for check in ring_checks(PARAMS))
 
 
+PIECE = {"name": "base", "settings": {"walls": 3, "density_percent": 80.0, "pattern": "grid", "brim_mm": 0.0,
+         "support": False, "grow_mm": 0.0}, "own_settings": {}}  # fmt: skip
 SLICED = {
     "printer": {"name": "a1_mini", "title": "A1 mini", "size": "180", "nozzle_mm": 0.4, "prusa_printer": "",
                 "orca_printer": ""},
     "slicer": "PrusaSlicer",
-    "projects": [{"name": "base", "layer_mm": 0.2, "material": "PLA", "pieces": [], "time_s": 60.0, "grams": 1.0,
-                  "zone": None}],
+    "projects": [{"name": "base", "layer_mm": 0.2, "material": "PLA", "pieces": [PIECE, PIECE], "time_s": 60.0,
+                  "grams": 1.0, "zone": None}],
 }  # fmt: skip
 
 
@@ -239,6 +241,14 @@ def test_the_sheet_slices_for_the_printer_that_it_is_made_for(sliced, manifest, 
     text = " ".join(block.text for block in prints(data) if isinstance(block, Paragraph))
     assert slices in text
     assert ("Another printer: make slice D=142 T=7.5 printer=NAME" in text) == (sliced is not None)
+
+
+def test_plates_of_one_part_are_not_offered_once_more():
+    single = {**SLICED, "projects": [{**SLICED["projects"][0], "pieces": [PIECE]}]}
+    for sliced in (SLICED, single):
+        data = SheetData(MoldLayout(PARAMS), {}, sliced, MIX, [], [], [], [], 0.0, {})
+        text = " ".join(block.text for block in prints(data) if isinstance(block, Paragraph))
+        assert ("plates=single" in text and "A plate is lost" in text) == (sliced is SLICED)
 
 
 @pytest.mark.parametrize(("gyroid", "wanted"), [(0.1, "10"), (0.12, "12"), (0.093, "9.3")])

@@ -13,7 +13,7 @@ from fab.build_sheet.blocks import Table
 from fab.build_sheet.casting import _recipe_rows
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling
-from fab.build_sheet.prints import _coupon_words, _preset
+from fab.build_sheet.prints import _coupon_words, _preset, bed_needed
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
 from fab.slice.printers import printer
@@ -81,3 +81,16 @@ def test_the_sheet_says_how_deep_screws_enter_the_robots_flange(robot):
         (f"{count} x M6 x 20", "14.00", "6.00 in the flange", "6.00")
         for count in {"iso_9409_1_50_4_m6": [4], "tensegrity_arm": [6], "blank": []}[robot]
     ]
+
+
+def test_the_bed_is_that_of_the_part_with_the_largest_square():
+    squares = {"cup_bowl_2": 136.3, "hanger": 167.95, "base": 166.5}  # the bowl is the longest before it is turned
+    checks = [{"name": f"{name}.bed_mm", "value": value, "ok": True} for name, value in squares.items()]
+    checks.append({"name": "plate_1.outside_bed_mm", "value": 900.0, "ok": True})
+    layout, heights = MoldLayout(PARAMS), {"cup_bowl_2": 97.2, "hanger": 15.0}
+    mix = recipe(2e5, overflow_of(layout))
+    data = SheetData(layout, {}, None, mix, [], [], [], checks, 0.0, {}, heights, ("A1 mini (180 x 180 x 180 mm)",))
+    words = bed_needed(data)
+    assert words.startswith("hanger needs the most, a square of 168 mm in its best turn; the tallest part is 98 mm")
+    assert words.endswith("with 4 mm round each part these take all: A1 mini (180 x 180 x 180 mm)")
+    assert bed_needed(SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {})) == "not known"

@@ -159,7 +159,7 @@ def _lines(
     from fab.supplies import for_steps, plastic_g, with_spools
 
     plastics = plastic_g(export.manifest["parts"], printed_figures(sliced))
-    return for_steps(with_spools(bom_lines(export.manifest, shop.fits, mix, sliced), plastics), steps)
+    return for_steps(with_spools(bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced), plastics), steps)
 
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:

@@ -137,7 +137,7 @@ def light_check(data: SheetData) -> list[Block]:
     return [
         Heading("First light", 1),
         Paragraph(
-            "Plug the camera in and save a frame of 640 x 480 with nothing touching the dome, after `make setup`: "
+            "Plug the camera in and save a frame of 640 x 480 with nothing touching the dome, once make setup has run: "
             f"{INTERPRETER} -m sensing.sources save 0 a.jpg (0 is the camera's number; {INTERPRETER} -m "
             "sensing.sources lists them). Compare with the drawing: dots black, the edge of the bright disc green, the "
             "centre square dashed. It looks into the dome, as the camera does: azimuth 0 is at the right, and azimuth "

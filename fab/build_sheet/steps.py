@@ -31,7 +31,11 @@ def stage_blocks(data: SheetData, letter: str, stages: Sequence[str]) -> list[Bl
 def screws(data: SheetData, prefix: str) -> str:
     """Number and name of the screws of the joints whose name begins so."""
     fits = [fit for fit in data.fits if fit.joint.name.startswith(prefix)]
-    washers = ", each with a washer" if fits[0].joint.washers and fits[0].joint.holder == "captured nut" else ""
+    washers = (
+        ", each with a washer under its head"
+        if fits[0].joint.washers and fits[0].joint.holder == "captured nut"
+        else ""
+    )
     return f"{sum(len(fit.joint.places) for fit in fits)} x {screw_name(fits[0])}{washers}"
 
 

@@ -91,7 +91,7 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
             (
                 "Base under the interface; the ring goes through the bore. Turn until the holes meet the nuts and "
                 "the slot of the cables is under the dome's mark 0.",
-                "{screws:base_to_interface} from below, crosswise, until the heads bear.",
+                "{screws:base_to_interface}, from below, crosswise, until the heads bear.",
                 "Other silicones and walls of the same D fit the same base.",
             ),
             (Move(("base", *HARDWARE), down, ("interface", "shell")),),

@@ -49,7 +49,7 @@ def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, cou
     assert words.startswith(f"{robot_words(robot) if count else 'your own robot'}: ") and ("drill it" in words) == (
         count == 0
     )
-    lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
+    lines = bom_lines(data.layout, {"parts": [], "robot": robot}, [], data.recipe, None)
     assert sum(line.quantity for line in lines if line.owner == "robot") == count
     is_tight = robot == "iso_9409_1_50_4_m6"  # its hole is 6.0 for a pin 6 m6; that of the tensegrity arm is 6.3
     assert ("ream the pin's hole to 6 mm H7" in words) == is_tight

@@ -8,14 +8,21 @@ from pathlib import Path
 import pytest
 
 from cad.dots import dot_pattern, ring_count
+from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import finishing
-from fab.build_sheet.blocks import Paragraph, Step, Table
+from fab.build_sheet.blocks import Drawing, Paragraph, Step, Table
+from fab.build_sheet.casting import silicone
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import edge_words, light_check, painting
+from fab.build_sheet.lighting import led_ring
+from fab.build_sheet.prints import prints
+from fab.build_sheet.shopping import bill
 from fab.camera_view import FRAME_PX, camera_pixels, edge_cuts_px, edge_px
-from fab.recipe import recipe
+from fab.recipe import overflow_of, recipe
+from fab.steps.endcap import all_steps
+from fab.supplies import supply_lines
 from sensing.calibration.picture import draw_fit
 from sensing.sources.__main__ import main as sources
 
@@ -75,6 +82,16 @@ def test_the_sheet_saves_the_frame_with_a_command_that_there_is(tmp_path, capsys
     with pytest.raises(SystemExit) as end:
         sources(["save", "--help"])
     assert end.value.code == 0 and "save one frame" in capsys.readouterr().out.lower()
+
+
+def test_no_text_of_the_chapters_has_marks_of_markdown():
+    layout = MoldLayout(PARAMS)
+    mix, pictures = recipe(2e5, overflow_of(layout)), dict.fromkeys(("dots", "ring_light"), Path("a.png"))
+    ways = dict.fromkeys(REMOVAL_ORDER, ())
+    data = SheetData(layout, {}, None, mix, [], [], supply_lines(mix, layout), [], 0.0, pictures)
+    chapters = (*light_check(data), *painting(data), *led_ring(data), *prints(data), *silicone(data), *bill(data))
+    words = str([block for block in chapters if not isinstance(block, Drawing)]) + str(all_steps(layout, ways))
+    assert "make setup" in words and "`" not in words and "**" not in words
 
 
 def test_the_words_of_the_fit_are_those_of_its_drawing_and_the_camera_file_has_its_place():

@@ -41,7 +41,7 @@ SLICED = {
 
 def lines_of(sliced: dict | None) -> list[BomLine]:
     fits = [ScrewFit(joint, 12.0, 8.0, 9.0, 5.0, 1.0, 0.0) for joint in all_joints(LAYOUT)]
-    return bom_lines(MANIFEST, fits, recipe(282e3, 2e3), sliced)
+    return bom_lines(LAYOUT, MANIFEST, fits, recipe(282e3, 2e3), sliced)
 
 
 def sheet_of(sliced: dict | None, **changed) -> SheetData:
@@ -105,7 +105,7 @@ def test_screws_of_the_robot_do_not_show_the_picture_of_the_adapter():
 
 @pytest.mark.parametrize("robot", sorted(robot_sides()))
 def test_every_robot_has_words(robot):
-    lines = bom_lines({"parts": [], "robot": robot}, [], recipe(282e3, 2e3), None)
+    lines = bom_lines(LAYOUT, {"parts": [], "robot": robot}, [], recipe(282e3, 2e3), None)
     assert not any("_" in line.use for line in lines)
 
 

@@ -32,7 +32,7 @@ def test_the_step_degasses_where_the_clock_does(material, degassed):
     words = " ".join(filled(data, step.lines))
     assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
     assert ("do not degas" in words) != degassed
-    assert any(line.item == "vacuum chamber and pump" for line in supply_lines(mix)) == degassed
+    assert any(line.item == "vacuum chamber and pump" for line in supply_lines(mix, layout)) == degassed
 
 
 @pytest.mark.parametrize(("clearance", "leak"), [(0.053, "0.04"), (0.15, "0.8")])

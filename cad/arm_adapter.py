@@ -21,13 +21,13 @@ from cad.robot_sides import (
     GROOVE_AZIMUTH_DEG,
     GROOVE_HALF_WIDTH_MM,
     HUB_RADIUS_MM,
+    THICKNESS_MM,
     robot_side,
 )
 
 if TYPE_CHECKING:
     from cad.params import EndcapParams
 
-THICKNESS_MM = 20.0  # M
 GROOVE_DEPTH_MM = 10.0  # E
 SCREW_RADIUS_MM = 2.25  # M: M4 through
 HEAD_RADIUS_MM = 4.125  # M

@@ -21,9 +21,16 @@ ELEMENTS = ("screw", "pin", "none")
 HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
 BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 2.4 mm inside the heads of the flange's screws
 GROOVE_AZIMUTH_DEG, GROOVE_HALF_WIDTH_MM = 0.0, 6.0  # E: from the bore outward, between two arms, for the cable
+THICKNESS_MM = 20.0  # M: of the adapter; screws go through what is left of it under their heads
 LEAST_WALL_MM = 3.0  # E: PLA round a head
+LEAST_FLOOR_MM = 5.0  # E: PLA under a head
+LEAST_BEARING_MM = 1.0  # E: of a head on its floor, all round
+LEAST_PLAY_MM = 0.3  # S: ISO 273, fine series of M4 and M5: over the diameter of what goes in
 LEAST_RIB_MM = 0.8  # E: two lines of a 0.4 mm nozzle between two holes, a hole and the bore, a hole and the groove
-PIN = re.compile(r"ISO 2338 ([\d.]+) m6 ")  # a pin as it is ordered; its diameter in mm
+SCREW = re.compile(r"ISO 4762 M(\d+(?:\.\d+)?) x (\d+(?:\.\d+)?)\b")  # as it is ordered; thread and length in mm
+PIN = re.compile(r"ISO 2338 (\d+(?:\.\d+)?) m6\b")  # as it is ordered; its diameter in mm
+HEADS_MM = {4.0: 7.0, 5.0: 8.5, 6.0: 10.0, 8.0: 13.0}  # S: ISO 4762, thread -> head; a head is as high as its thread
+KEYS_MM = {4.0: 3.0, 5.0: 4.0, 6.0: 5.0, 8.0: 6.0}  # S: ISO 4762, thread -> hexagon
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,7 @@ class RobotHoles:
         hole_diameter_mm: through.
         head_diameter_mm: of the pocket for the head, from above; 0 for none.
         head_depth_mm: of that pocket.
+        flange_depth_mm: how deep a screw may enter the robot's flange at the most; 0 for a pin.
         order_as: the screw or pin that goes in, as a shop knows it.
     """
 
@@ -48,6 +56,7 @@ class RobotHoles:
     hole_diameter_mm: float
     head_diameter_mm: float
     head_depth_mm: float
+    flange_depth_mm: float
     order_as: str
 
     @property
@@ -62,10 +71,34 @@ class RobotHoles:
         return max(self.hole_diameter_mm, self.head_diameter_mm) / 2
 
     @property
+    def body_mm(self) -> float:
+        """Diameter of what goes in: thread or pin, by its order."""
+        return float(_ordered(self.element, self.order_as)[1])
+
+    @property
+    def head_mm(self) -> float:
+        """Diameter of a screw's head; 0 for a pin."""
+        return HEADS_MM[self.body_mm] if self.element == "screw" else 0.0
+
+    @property
+    def key_mm(self) -> float | None:
+        """Hexagon of a screw's head; None for a pin."""
+        return KEYS_MM[self.body_mm] if self.element == "screw" else None
+
+    @property
+    def grip_mm(self) -> float:
+        """What of the adapter lies under a screw's head."""
+        return THICKNESS_MM - self.head_depth_mm
+
+    @property
+    def enters_mm(self) -> float:
+        """How deep a screw enters the robot's flange: its length less what it grips; 0 for a pin."""
+        return float(_ordered(self.element, self.order_as)[2]) - self.grip_mm if self.element == "screw" else 0.0
+
+    @property
     def ream_mm(self) -> float | None:
         """Diameter H7 to ream a pin's hole to, which is printed no wider than the pin; None where it has room."""
-        pin = PIN.match(self.order_as)
-        return float(pin[1]) if pin and float(pin[1]) >= self.hole_diameter_mm else None
+        return self.body_mm if self.element == "pin" and self.body_mm >= self.hole_diameter_mm else None
 
 
 @dataclass(frozen=True)
@@ -118,8 +151,13 @@ def robot_side(robot: str) -> tuple[RobotHoles, ...]:
 
 
 def fixing_words(robot: str) -> str:
-    """Screws and pin of one pattern: ``4 x ISO 4762 M6 x 25, 1 x ISO 2338 6 m6 x 16``; empty for the blank side."""
+    """Screws and pin of one pattern: ``4 x ISO 4762 M6 x 20, 1 x ISO 2338 6 m6 x 16``; empty for the blank side."""
     return ", ".join(f"{holes.count} x {holes.order_as}" for holes in robot_side(robot))
+
+
+def entry_words(robot: str) -> str:
+    """How deep the screws enter the robot's flange: ``6 mm``; empty for the blank side."""
+    return ", ".join(f"{holes.enters_mm:g} mm" for holes in robot_side(robot) if holes.element == "screw")
 
 
 def ream_words(robot: str) -> str:
@@ -138,18 +176,88 @@ def _row(row: dict[str, str]) -> Row:
         raise ValueError(f"element={row['element']!r} is none of {', '.join(ELEMENTS)}")
     if row["element"] == "none":
         return Row(row["pattern"], None)
-    count, head, depth = (number(row, name) for name in ("count", "head_diameter_mm", "head_depth_mm"))
+    count, head, depth, flange = (
+        number(row, name) for name in ("count", "head_diameter_mm", "head_depth_mm", "flange_depth_mm")
+    )
     circle, hole = positive(row, "circle_radius_mm"), positive(row, "hole_diameter_mm")
     if count < 1 or count != int(count):
         raise ValueError(f"count={row['count']!r} is not a number of holes")
-    if depth and head <= hole:
-        raise ValueError(f"head_diameter_mm={head:g} is not larger than the hole's {hole:g}")
     if circle + max(head, hole) / 2 > HUB_RADIUS_MM - LEAST_WALL_MM:
         raise ValueError(f"circle_radius_mm={circle:g}: holes come nearer than {LEAST_WALL_MM:g} mm to the hub's edge")
     if circle - max(head, hole) / 2 < BORE_RADIUS_MM + LEAST_RIB_MM:
         raise ValueError(f"circle_radius_mm={circle:g}: holes open into the cable's bore of {2 * BORE_RADIUS_MM:g} mm")
     turn = number(row, "first_azimuth_deg")
-    return Row(row["pattern"], RobotHoles(row["element"], int(count), circle, turn, hole, head, depth, row["order_as"]))
+    holes = RobotHoles(row["element"], int(count), circle, turn, hole, head, depth, flange, row["order_as"])
+    _ordered(holes.element, holes.order_as)
+    if holes.element == "pin":
+        _require_pin(holes)
+    else:
+        _require_screw(holes)
+        _require_entry(holes)
+    return Row(row["pattern"], holes)
+
+
+def _ordered(element: str, order_as: str) -> re.Match[str]:
+    """Sizes of a screw or a pin as it is ordered.
+
+    Raises:
+        ValueError: the order does not state them, or it is a screw of an unknown size.
+    """
+    form, example = (PIN, "ISO 2338 6 m6 x 16") if element == "pin" else (SCREW, "ISO 4762 M6 x 20")
+    found = form.match(order_as)
+    if not found:
+        raise ValueError(f"order_as={order_as!r} does not state the size of a {element} as {example!r} does")
+    if element == "screw" and float(found[1]) not in HEADS_MM:
+        known = ", ".join(f"M{thread:g}" for thread in HEADS_MM)
+        raise ValueError(f"order_as={order_as!r}: the adapter takes heads of {known}")
+    return found
+
+
+def _require_pin(holes: RobotHoles) -> None:
+    """Refuse a pin with a head, or one that does not go into its hole."""
+    if holes.head_diameter_mm or holes.head_depth_mm:
+        raise ValueError(
+            f"head_diameter_mm={holes.head_diameter_mm:g}, head_depth_mm={holes.head_depth_mm:g}: a pin has no head: "
+            "make both 0"
+        )
+    if holes.hole_diameter_mm < holes.body_mm:
+        raise ValueError(
+            f"hole_diameter_mm={holes.hole_diameter_mm:g} is under the pin's {holes.body_mm:g}: print it as wide as "
+            "the pin, it is reamed then"
+        )
+
+
+def _require_screw(holes: RobotHoles) -> None:
+    """Refuse a screw that does not go through its hole, whose head falls through it, stands out, or has no floor."""
+    thread, hole, name = holes.body_mm, holes.hole_diameter_mm, f"ISO 4762 M{holes.body_mm:g}"
+    least, most = thread + LEAST_PLAY_MM, holes.head_mm - 2 * LEAST_BEARING_MM
+    if not least <= hole <= most:
+        raise ValueError(
+            f"hole_diameter_mm={hole:g} outside {least:g} to {most:g}: {name} must go through, and its head of "
+            f"{holes.head_mm:g} must bear"
+        )
+    if holes.head_diameter_mm < holes.head_mm + LEAST_PLAY_MM:
+        raise ValueError(
+            f"head_diameter_mm={holes.head_diameter_mm:g} is under {holes.head_mm + LEAST_PLAY_MM:g}: the head of "
+            f"{name} is {holes.head_mm:g} wide"
+        )
+    if not thread <= holes.head_depth_mm <= THICKNESS_MM - LEAST_FLOOR_MM:
+        raise ValueError(
+            f"head_depth_mm={holes.head_depth_mm:g} outside {thread:g} to {THICKNESS_MM - LEAST_FLOOR_MM:g}: the head "
+            f"of {name} is {thread:g} high and must not reach the base, and {LEAST_FLOOR_MM:g} mm of the "
+            f"{THICKNESS_MM:g} mm thick adapter stay under it"
+        )
+
+
+def _require_entry(holes: RobotHoles) -> None:
+    """Refuse a screw that holds in the robot's flange by less than its diameter, or that is too long for it."""
+    least = holes.body_mm
+    if not least <= holes.enters_mm <= holes.flange_depth_mm:
+        raise ValueError(
+            f"order_as={holes.order_as!r} enters the robot's flange {holes.enters_mm:g} mm, outside {least:g} (one "
+            f"diameter) to flange_depth_mm={holes.flange_depth_mm:g}: it goes through {holes.grip_mm:g} mm of the "
+            f"adapter, so order one {holes.grip_mm + least:g} to {holes.grip_mm + holes.flange_depth_mm:g} long"
+        )
 
 
 def _require_apart(holes: RobotHoles, others: Sequence[RobotHoles]) -> None:

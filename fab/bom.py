@@ -21,7 +21,7 @@ from fab.recipe import Recipe
 from fab.supplies import bag_size, camera_supply, silicone_line, supply_lines
 
 SCREW_USD = {"screw_m2": 0.05, "screw_m3": 0.06, "screw_m4": 0.10}
-ROBOT_SCREW_USD = 0.4  # E: a screw M6 or a pin, bought singly
+ROBOT_SCREW_USD = 0.4  # E: a screw or a pin, bought singly
 RING_USD, RING_BATCH = 12.0, 5  # E: a fitted board; so many at the least are made by a board house
 NUT_USD, WASHER_USD = 0.05, 0.02  # E
 STEEL = "A2 or 8.8"  # what to ask for besides standard and size
@@ -46,11 +46,16 @@ def fit_joints(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> lis
 
 
 def bom_lines(
-    manifest: Mapping[str, Any], fits: Sequence[ScrewFit], recipe: Recipe, sliced: Mapping[str, Any] | None
+    layout: MoldLayout,
+    manifest: Mapping[str, Any],
+    fits: Sequence[ScrewFit],
+    recipe: Recipe,
+    sliced: Mapping[str, Any] | None,
 ) -> list[BomLine]:
     """All lines: made parts, bought parts, screws and nuts, silicone, small things.
 
     Args:
+        layout: mold sizes.
         manifest: of the export.
         fits: every joint with its chosen screw.
         recipe: of the cast.
@@ -71,8 +76,8 @@ def bom_lines(
             lines.append(_bought_line(name, quantity))
         else:
             lines.append(silicone_line(recipe))
-    robot = _robot_lines(str(manifest.get("robot", DEFAULT_ROBOT)))
-    return [*lines, *_fastener_lines(fits), *robot, *supply_lines(recipe)]
+    robot = str(manifest.get("robot", DEFAULT_ROBOT))
+    return [*lines, *_fastener_lines(fits), *_robot_lines(robot), *supply_lines(recipe, layout, robot)]
 
 
 def printed_figures(sliced: Mapping[str, Any] | None) -> dict[str, tuple[float, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -12,6 +13,8 @@ from typing import Any
 from cad.data_table import positive, read_table
 from cad.fasteners import BomLine
 from cad.lens import camera_module
+from cad.mold_layout import MoldLayout
+from cad.robot_sides import DEFAULT_ROBOT, robot_side
 from fab.recipe import Recipe
 from fab.slice.filaments import filament
 from fab.steps.record import Step
@@ -22,6 +25,9 @@ AT_SOME_SIZES = ("soft ring",)  # rows that only some orders of the steps need
 CUP_TIMES = 5  # E: foam rises to this many times the volume while it is degassed
 STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
 DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
+DRILL_USE = "holes of the adapter for your robot"  # of rows that are needed only where its robot side is blank
+BLANK = re.compile(r"\{(\w+)\}")
+LEVEL_LIES_MM = 3.0  # E: of a spirit level on the dam, at either end
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
 STAYS_IN_BOTTLES = 1.02  # E: so much more is bought than is weighed out
 SPARE = 1.1  # E: skirts, brims, and a part that fails
@@ -37,10 +43,10 @@ class Supply:
     Attributes:
         name: what it is; of a silicone, its name in ``cad/materials.csv``.
         kind: one of ``KINDS``.
-        order_as: what to ask for; ``{cup_times}``, ``{cup_ml}``, ``{scale_g}`` and ``{chamber_l}`` are filled in.
+        order_as: what to ask for; the blanks of :func:`supply_lines` are filled in, such as ``{cup_ml}``.
         amount: how much, in ``unit``; of a silicone, what one kit weighs (g).
         unit: of the amount.
-        use: what it is for; ``{and_degas}`` is filled in.
+        use: what it is for; the same blanks are filled in.
         price_usd: of the amount; ``None`` for tools that a workshop has.
         provenance: letter of docs/provenance.md, and why.
     """
@@ -70,25 +76,46 @@ def supplies() -> dict[str, Supply]:
     return read_table(TABLE, _supply)
 
 
-def supply_lines(mix: Recipe) -> list[BomLine]:
-    """Lines of parts, consumables and tools that no part of the design asks for itself."""
+def supply_lines(mix: Recipe, layout: MoldLayout, robot: str = DEFAULT_ROBOT) -> list[BomLine]:
+    """Lines of parts, consumables and tools that no part of the design asks for itself.
+
+    Args:
+        mix: recipe of the cast. layout: mold sizes. robot: what the arm adapter fits.
+    """
+    blanks = _blanks(mix, layout, robot)
+
+    def filled(text: str) -> str:
+        return BLANK.sub(lambda found: blanks.get(found[1], found[0]), text)
+
+    is_left_out = {DEGAS_USE: not mix.is_degassed, DRILL_USE: bool(robot_side(robot))}
+    return [
+        BomLine(
+            row.name, row.amount, row.unit, row.name, filled(row.use), row.price_usd, row.letter,
+            filled(row.order_as), row.kind, spool_usd(row.name),
+        )
+        for row in supplies().values()
+        if row.kind != "silicone" and not is_left_out.get(row.use, False)
+    ]  # fmt: skip
+
+
+def _blanks(mix: Recipe, layout: MoldLayout, robot: str) -> dict[str, str]:
+    """What the blanks of the table's texts stand for; other words in braces stay as they are."""
     mixed_g = mix.part_a_g + mix.part_b_g
     cup_times = CUP_TIMES if mix.is_degassed else STIR_TIMES
     cup_ml = math.ceil(cup_times * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
-    scale_g = math.ceil(mixed_g / 500) * 500 + 500
-    chamber_l = max(LEAST_CHAMBER_L, math.ceil(CHAMBER_TIMES * cup_ml / 5000) * 5)
-    blanks = {
-        "cup_ml": f"{cup_ml:g}", "scale_g": f"{scale_g:g}", "chamber_l": f"{chamber_l:g}",
-        "cup_times": str(cup_times), "and_degas": " and degas" if mix.is_degassed else "",
-    }  # fmt: skip
-    return [
-        BomLine(
-            row.name, row.amount, row.unit, row.name, row.use.format(**blanks), row.price_usd, row.letter,
-            row.order_as.format(**blanks), row.kind, spool_usd(row.name),
-        )
-        for row in supplies().values()
-        if row.kind != "silicone" and (mix.is_degassed or row.use != DEGAS_USE)
-    ]  # fmt: skip
+    across_dam_mm = 2 * (layout.piston_radius_mm + layout.joint_clearance_mm + LEVEL_LIES_MM)
+    keys = [f", {holes.key_mm:g} (M{holes.body_mm:g} of the robot's flange)" for holes in robot_side(robot)
+            if holes.key_mm]  # fmt: skip
+    return {
+        "cup_ml": f"{cup_ml:g}",
+        "cup_times": str(cup_times),
+        "scale_g": f"{math.ceil(mixed_g / 500) * 500 + 500:g}",
+        "chamber_l": f"{max(LEAST_CHAMBER_L, math.ceil(CHAMBER_TIMES * cup_ml / 5000) * 5):g}",
+        "and_degas": " and degas" if mix.is_degassed else "",
+        "level_mm": str(math.ceil(across_dam_mm / 10) * 10),
+        "dot_mm": f"{layout.params.dot_mm:g}",
+        "robot_key": "".join(keys),
+    }
 
 
 def spool_usd(item: str) -> float | None:
@@ -158,7 +185,8 @@ def silicone_line(mix: Recipe) -> BomLine:
         return BomLine(item, grams, "g", "shell", "cast", None, "E", "add its kit to fab/supplies.csv", "silicone")
     count = math.ceil(STAYS_IN_BOTTLES * grams / kit.amount)
     order = f"{count} x {kit.order_as} ({kit.amount:g} g)"
-    return BomLine(item, grams, "g", "shell", "cast", count * (kit.price_usd or 0.0), kit.letter, order, "silicone")
+    price = None if kit.price_usd is None else count * kit.price_usd
+    return BomLine(item, grams, "g", "shell", "cast", price, kit.letter, order, "silicone")
 
 
 def bag_size(count: int) -> int:

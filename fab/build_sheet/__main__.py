@@ -144,9 +144,9 @@ def _collect(
     records = [check.record(FIGURES) for check in checks]
     listed = [*export.manifest["checks"], *(sliced["checks"] if sliced else []), *records]
     every = list({check["name"]: check for check in listed}.values())  # screws gate both export and sheet
-    beds, fitting = _beds(export, shop)
+    heights, fitting = _beds(export, shop)
     data = SheetData(
-        shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures, beds, fitting
+        shop.layout, export.manifest, sliced, mix, shop.fits, steps, lines, every, depth, pictures, heights, fitting
     )
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
 
@@ -159,7 +159,7 @@ def _lines(
     from fab.supplies import for_steps, plastic_g, with_spools
 
     plastics = plastic_g(export.manifest["parts"], printed_figures(sliced))
-    return for_steps(with_spools(bom_lines(export.manifest, shop.fits, mix, sliced), plastics), steps)
+    return for_steps(with_spools(bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced), plastics), steps)
 
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:
@@ -173,19 +173,16 @@ def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Prog
     return pictures | {"ring_light": draw_ring_light(export.params, folder)}
 
 
-def _beds(export: Export, shop: Workshop) -> tuple[dict[str, tuple[float, float, float]], tuple[str, ...]]:
-    """Size of every printed part as it is printed, and the printers that take them all."""
+def _beds(export: Export, shop: Workshop) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Height of every printed part as it is printed, mm, and the printers that take them all."""
     import numpy as np
 
     from fab.slice.pose import standing
     from fab.slice.printers import fitting_printers
 
     parts = {name: standing(name, shop.meshes[name].convex_hull) for name in export.printed}
-    sizes = {}
-    for name, points in parts.items():
-        x, y, z = (float(v) for v in np.ptp(points, axis=0))
-        sizes[name] = (x, y, z)
-    return sizes, tuple(f"{p.title} ({p.size})" for p in fitting_printers(parts))
+    heights = {name: float(np.ptp(points[:, 2])) for name, points in parts.items()}
+    return heights, tuple(f"{p.title} ({p.size})" for p in fitting_printers(parts))
 
 
 def open_workshop(export: Export) -> Workshop:

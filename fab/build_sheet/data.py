@@ -31,7 +31,7 @@ class SheetData:
         checks: gates of manifest, slices and sheet, as records ``name, value, limit, ok``.
         fill_depth_mm: how far below the bowl's seam the poured silicone stands.
         pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover``, ``section``, ``ring_light``.
-        beds: size of every printed part in its printing pose, x, y, z in mm.
+        heights_mm: of every printed part in its printing pose.
         fitting_printers: those of the table that take every part, in words, smallest bed first.
         asked_printer: name in the printers' table that the sheet was asked for; empty where it was not.
         exports_option: names the folder of exports in commands of make (:func:`fab.command.exports_words`).
@@ -47,7 +47,7 @@ class SheetData:
     checks: Sequence[Mapping[str, Any]]
     fill_depth_mm: float
     pictures: Mapping[str, Path]
-    beds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    heights_mm: Mapping[str, float] = field(default_factory=dict)
     fitting_printers: tuple[str, ...] = ()
     asked_printer: str = ""
     exports_option: str = ""

@@ -1,8 +1,11 @@
 """Drawings of the dots: gores at true size for painting, and what the camera should see. SVG in millimetres or pixels.
 
 A gore is the strip of the inner surface between two meridians: along its middle, lengths from the tip are true; across,
-lengths on each parallel are true. Cut out, its dots punched out, and laid into the dome from the tip, it has a dent
-under every hole: so dents are found that are hard to see, and those without ink.
+lengths on each parallel are true. Cut out, its dots punched out, and laid into the dome from the tip, print toward the
+viewer, it has a dent under every hole: so dents are found that are hard to see, and those without ink.
+
+Whoever looks into the dome looks along +z, as the camera does: azimuth counts clockwise there. With the tip up,
+decreasing azimuth is to the right.
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ LARGEST_WIDTH_MM = (PAGE_WIDTH_MM - SPACE_MM) / 2 - 2 * MARGIN_MM
 
 
 def gores(params: EndcapParams) -> list[Drawing]:
-    """Gores that together have every dot once, in order of azimuth."""
+    """Gores that together have every dot once, in order of azimuth, as seen with the print toward the viewer."""
     radius = params.inner_radius_mm
     count = max(SPLIT, math.ceil(2 * math.pi * radius / LARGEST_WIDTH_MM))
     dots = dot_pattern(params)
@@ -43,7 +46,7 @@ def gores(params: EndcapParams) -> list[Drawing]:
         middle = 360.0 / count * number
         own = [dot for dot in dots if gore_of(dot, count) == number]
         svg = _gore(params, own, middle, count, end, width, height)
-        caption = f"gore {number + 1} of {count}: {len(own)} dots about {middle:.1f}°"
+        caption = f"gore {number + 1} of {count}: {len(own)} dots about azimuth {middle:.1f}°"
         sheets.append(Drawing(svg, width, height, caption))
     return sheets
 
@@ -93,13 +96,13 @@ def ruler() -> Drawing:
 def _gore(
     params: EndcapParams, dots: Sequence[Dot], middle: float, count: int, end: float, width: float, height: float
 ) -> str:
-    """One gore, tip at the top."""
+    """One gore, tip at the top, as seen from inside the dome: azimuth counts to the left."""
     radius = params.inner_radius_mm
 
     def place(polar: float, azimuth_deg: float) -> tuple[float, float]:
         across = (azimuth_deg - middle + 180.0) % 360.0 - 180.0
         x = radius * math.sin(polar) * math.radians(across) if polar else 0.0
-        return width / 2 + x, MARGIN_MM + radius * polar
+        return width / 2 - x, MARGIN_MM + radius * polar
 
     half = 180.0 / count
     steps = [end * k / 40 for k in range(41)]
@@ -110,7 +113,8 @@ def _gore(
     dense = [place(end * k / 400, middle + side * half) for side in (-1, 1) for k in range(401)]
     dense += [(x, height * k / 400) for x in (0.0, width) for k in range(401)]  # what goes over it is cut off
     boxes: list[Box] = [(*point, params.dot_radius_mm, params.dot_radius_mm) for point in places]
-    for dot, (x, y) in zip(dots, places, strict=True):
+    ring_by_ring = sorted(zip(dots, places, strict=True), key=lambda each: (each[0].ring, each[1]))  # left to right
+    for dot, (x, y) in ring_by_ring:
         shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{params.dot_radius_mm:g}" fill="#20242a"/>')
         letters = len(str(dot.ring))
         label = label_place((x, y), boxes, params.dot_radius_mm, letters, dense)

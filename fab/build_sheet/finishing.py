@@ -10,6 +10,7 @@ from cad.dots import dot_pattern, ring_count
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.params import EndcapParams
 from cad.pattern import step_deg
+from cad.robot_sides import robot_side
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command
@@ -49,11 +50,23 @@ def painting(data: SheetData) -> list[Block]:
               f"This size has {len(dots)} dots of {params.dot_mm:g} mm, {spacing:.1f} mm from ring to ring along "
               f"the wall. Paint all: {sum(inside.values())} of them lie in the camera's centre square.",
               "Ink only inside the dents; wipe what runs over at once. Let it dry 10 min, dome up, before assembly.",
-              "The dots at azimuth 0 of all rings form one line: begin there."), "dots"),
+              f"{_full_lines(params)} Write 0 at its end on the interface's rim: azimuths count from it, clockwise as "
+              "you look into the dome."), "dots"),
         ]),
         Table(("ring", "dots", "angle from the tip", "in the centre square"), rows, (1, 1, 2, 2)),
         *_gore_blocks(params),
     ]  # fmt: skip
+
+
+def _full_lines(params: EndcapParams) -> str:
+    """Which meridians have a dot of every ring: as many as the pattern has turns after which it looks alike."""
+    count = round(360.0 / repeat_deg(params))
+    if count == 1:
+        return "One line from tip to rim has a dot of every ring: it is azimuth 0, begin there."
+    return (
+        f"{count} lines from tip to rim have a dot of every ring, {repeat_deg(params):.3g}° apart, and the pattern is "
+        "the same from each: choose one as azimuth 0 and begin there."
+    )
 
 
 def _gore_blocks(params: EndcapParams) -> list[Block]:
@@ -67,8 +80,10 @@ def _gore_blocks(params: EndcapParams) -> list[Block]:
         ruler(),
         Paragraph(
             f"They find dents that are hard to see. Cut a gore out, punch its dots out {params.dot_mm:g} mm wide, and "
-            "lay it into the dome from the tip, its middle at the azimuth below it: a dent lies under every hole. Lay "
-            "it in again when the ink is dry: a hole without ink is a dot that was missed. Numbers are rings."
+            "lay it into the dome from the tip, print toward you, its middle at the azimuth below it: a dent lies "
+            "under every hole. Azimuth counts clockwise as you look into the dome, print toward you: gore 1 lies on "
+            "the line marked 0, the others follow clockwise. Lay it in again when the ink is dry: a hole without ink "
+            "is a dot that was missed. Numbers are rings."
         ),
         *gores(params),
     ]
@@ -82,15 +97,34 @@ def assembling(data: SheetData) -> list[Block]:
         Heading("Screws, as measured on the parts"),
         Table(
             ("joint", "screw", "grip", "held by the shortest", "wanted", "room before the tip"),
-            tuple(
-                (fit.joint.name, f"{len(fit.joint.places)} x {screw_name(fit)}", f"{fit.grip_mm:.2f}",
-                 f"{fit.engagement_mm:.2f}", f"{fit.needed_mm:.2f}",
-                 "through" if fit.tip_room_mm > 100 else f"{fit.tip_room_mm:.2f}")
-                for fit in data.fits
+            (
+                *(
+                    (fit.joint.name, f"{len(fit.joint.places)} x {screw_name(fit)}", f"{fit.grip_mm:.2f}",
+                     f"{fit.engagement_mm:.2f}", f"{fit.needed_mm:.2f}",
+                     "through" if fit.tip_room_mm > 100 else f"{fit.tip_room_mm:.2f}")
+                    for fit in data.fits
+                ),
+                *_robot_rows(data.robot),
             ),
             (2.4, 1.3, 0.8, 1.4, 0.8, 1.4), is_small=True,
         ),
     ]  # fmt: skip
+
+
+def _robot_rows(robot: str) -> list[tuple[str, ...]]:
+    """The screws into the robot's flange: what of them holds is the depth by which they enter it."""
+    return [
+        (
+            "adapter_to_robot",
+            f"{holes.count} x {holes.order_as.removeprefix('ISO 4762 ')}",
+            f"{holes.grip_mm:.2f}",
+            f"{holes.enters_mm:.2f} in the flange",
+            f"{holes.body_mm:.2f}",
+            f"{holes.flange_depth_mm - holes.enters_mm:.2f}, if the flange takes {holes.flange_depth_mm:g}",
+        )
+        for holes in robot_side(robot)
+        if holes.element == "screw"
+    ]
 
 
 def light_check(data: SheetData) -> list[Block]:
@@ -103,10 +137,11 @@ def light_check(data: SheetData) -> list[Block]:
     return [
         Heading("First light", 1),
         Paragraph(
-            "Plug the camera in and save a frame of 640 x 480 with nothing touching the dome, after `make setup`: "
+            "Plug the camera in and save a frame of 640 x 480 with nothing touching the dome, once make setup has run: "
             f"{INTERPRETER} -m sensing.sources save 0 a.jpg (0 is the camera's number; {INTERPRETER} -m "
             "sensing.sources lists them). Compare with the drawing: dots black, the edge of the bright disc green, the "
-            "centre square dashed."
+            "centre square dashed. It looks into the dome, as the camera does: azimuth 0 is at the right, and azimuth "
+            "counts clockwise, as on the gores."
         ),
         first_light(data.layout.params),
         Table(

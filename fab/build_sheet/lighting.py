@@ -72,6 +72,8 @@ def steps_of_wiring() -> list[Block]:
                 f"It may share a USB port with the camera through a hub with its own supply, or take a second port; "
                 f"both together draw {draws:.0f} mA of the {1e3 * USB_A:.0f} mA that one USB 2.0 port gives.",
                 "No light: 5 V and GND exchanged, or one LED turned; the string is in series, one fault darkens all.",
+                "Unplug it from J1 again: the USB-A plug does not pass the base, so the SH plug goes up through it "
+                "first (chapter Assemble).",
             ),
         ),
     ]

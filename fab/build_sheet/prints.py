@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cad.mold_layout import JOINT_CLEARANCE_RANGE_MM, joint_clearance_range_mm
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import coupons_line, make_command
 from fab.build_sheet.data import SheetData
+from fab.slice.printers import MARGIN_MM
 from fab.slice.result import hours, is_mold
+
+BED_GATE = ".bed_mm"  # of the export's gates: the smallest square bed of a part in its printing pose
 
 
 def bed_needed(data: SheetData) -> str:
-    """The largest part as printed, and which printers take all."""
-    if not data.beds:
+    """The part that needs the largest bed, by the square of its gate ``<part>.bed_mm``, and which printers take all."""
+    squares = {
+        str(check["name"]).removesuffix(BED_GATE): float(check["value"])
+        for check in data.checks
+        if str(check["name"]).endswith(BED_GATE)
+    }
+    if not squares or not data.heights_mm:
         return "not known"
-    name, size = max(data.beds.items(), key=lambda item: max(item[1][:2]))
-    height = max(size[2] for size in data.beds.values())
+    name = max(squares, key=lambda part: squares[part])
     takers = ", ".join(data.fitting_printers) or "no printer of the table takes every part"
     return (
-        f"{name} is {size[0]:.0f} x {size[1]:.0f} mm on the bed, the tallest part {height:.0f} mm; with 4 mm round "
-        f"each part these take all: {takers}"
+        f"{name} needs the most, a square of {math.ceil(squares[name])} mm in its best turn; the tallest part is "
+        f"{math.ceil(max(data.heights_mm.values()))} mm high; with {MARGIN_MM:g} mm round each part these take all: "
+        f"{takers}"
     )
 
 
@@ -73,8 +82,7 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
         ),
         Paragraph(
             "Print ONE interface: interface_infill (the slicer makes the gyroid; quick, small) unless you want "
-            "the very gyroid of the CAD files: interface_gyroid. A plate is lost when one part on it comes loose: "
-            f"{make_command('slice', data)} plates=single makes one job for each part."
+            f"the very gyroid of the CAD files: interface_gyroid.{_one_by_one(data, projects)}"
         ),
         Table(
             ("plate", "material", "parts", "time", "g"),
@@ -82,6 +90,16 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
             (1.3, 0.9, 4, 0.8, 0.6),
         ),
     ]
+
+
+def _one_by_one(data: SheetData, projects: Sequence[Mapping[str, Any]]) -> str:
+    """How to print each part alone; empty where no plate has several."""
+    if all(len(project["pieces"]) <= 1 for project in projects):
+        return ""
+    return (
+        f" A plate is lost when one part on it comes loose: {make_command('slice', data)} plates=single makes one job "
+        "for each part."
+    )
 
 
 def _filled(data: SheetData, projects: list[Mapping[str, Any]]) -> list[Block]:

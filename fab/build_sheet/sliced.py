@@ -8,6 +8,7 @@ from typing import Any
 
 from cad.errors import FileError, ParameterError
 from cad.lens import camera_setting
+from fab.slice.printers import printer_option
 from fab.slice.projects import Export
 
 EVERY = "*"  # stands for all keys of a table whose entries have one form
@@ -62,7 +63,7 @@ def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, wor
     if asked_printer and found and found != asked_printer:
         raise ParameterError(
             f"printer={asked_printer}: it was sliced for {found}, and the sheet prints those plates: run `make slice "
-            f"{words} printer={asked_printer}` first, or leave printer= out",
+            f"{words} {printer_option(asked_printer)}` first, or leave printer= out",
             name="printer",
             value=asked_printer,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cad.robot_sides import fixing_words, ream_words, robot_side, robot_words
+from cad.robot_sides import entry_words, fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
@@ -31,7 +31,11 @@ def stage_blocks(data: SheetData, letter: str, stages: Sequence[str]) -> list[Bl
 def screws(data: SheetData, prefix: str) -> str:
     """Number and name of the screws of the joints whose name begins so."""
     fits = [fit for fit in data.fits if fit.joint.name.startswith(prefix)]
-    washers = ", each with a washer" if fits[0].joint.washers and fits[0].joint.holder == "captured nut" else ""
+    washers = (
+        ", each with a washer under its head"
+        if fits[0].joint.washers and fits[0].joint.holder == "captured nut"
+        else ""
+    )
     return f"{sum(len(fit.joint.places) for fit in fits)} x {screw_name(fits[0])}{washers}"
 
 
@@ -75,7 +79,12 @@ def _fixing(robot: str) -> str:
     if not robot_side(robot):
         return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
     ream = f"ream the pin's hole to {size} by hand; " if (size := ream_words(robot)) else ""
-    return f"{ream}pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)})"
+    depth = (
+        f". A screw enters the flange {entry}: compare with your robot's flange, never longer than its thread"
+        if (entry := entry_words(robot))
+        else ""
+    )
+    return f"{ream}pin first, then the screws from above, heads in the hub's pockets ({fixing_words(robot)}){depth}"
 
 
 def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, ...], str | None]]) -> list[Block]:

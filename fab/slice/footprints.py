@@ -30,7 +30,7 @@ from cad.mold_layout import (
 )
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
-from fab.slice.printers import MARGIN_MM, Printer, fitting_printers
+from fab.slice.printers import MARGIN_MM, Printer, fitting_printers, printer_option
 
 STEP_DEG = 3.0
 
@@ -77,7 +77,7 @@ def require_printer(layout: MoldLayout, where: Printer) -> None:
     remedies = with_it or ["it prints no size of the region"]
     if larger:
         remedies.append(
-            f"D={plain(layout.params.diameter_mm)} needs printer={larger.name} ({larger.title}) or a larger one"
+            f"D={plain(layout.params.diameter_mm)} needs {printer_option(larger.name)} ({larger.title}) or a larger one"
         )
     raise ParameterError(
         f"printer={where.name}: {', '.join(too_large)} of D={plain(layout.params.diameter_mm)} do not fit its "

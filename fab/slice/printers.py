@@ -7,6 +7,7 @@ better start where the slicer has it: the projects carry its name.
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -120,7 +121,12 @@ def printer(name: str = DEFAULT_PRINTER) -> Printer:
 
 def printer_words(name: str) -> str:
     """The option that names a printer, with a space before it, as it follows a command; empty for the default."""
-    return "" if name == DEFAULT_PRINTER else f" printer={name}"
+    return "" if name == DEFAULT_PRINTER else f" {printer_option(name)}"
+
+
+def printer_option(name: str) -> str:
+    """The option as a shell takes it: quotes round a name with a space."""
+    return f"printer={shlex.quote(name)}"
 
 
 def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
@@ -131,7 +137,7 @@ def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
         where: the printer.
     """
     room = np.array([where.width_mm, where.depth_mm]) - 2 * MARGIN_MM
-    if float(np.ptp(points[:, 2])) > where.height_mm:
+    if room.min() <= 0 or float(np.ptp(points[:, 2])) > where.height_mm:
         return None
     flat = _flat(points, where)
     best, best_fill = None, 1.0 + 1e-9
@@ -211,7 +217,7 @@ def require_bed(parts: Mapping[str, np.ndarray], where: Printer) -> None:
     words = ", ".join(f"{name} ({' x '.join(f'{v:.0f}' for v in np.ptp(p, axis=0))} mm)" for name, p in large.items())
     fits = next(iter(fitting_printers(parts)), None)
     remedy = (
-        f"the smallest that takes every part is printer={fits.name} ({fits.title}, {fits.size})"
+        f"the smallest that takes every part is {printer_option(fits.name)} ({fits.title}, {fits.size})"
         if fits
         else "none of the table takes every part: choose a smaller D"
     )
@@ -233,6 +239,12 @@ def _less(where: Printer) -> str:
 
 def _printer(row: dict[str, str]) -> Printer:
     width, depth, height, nozzle = (positive(row, f"{n}_mm") for n in ("width", "depth", "height", "nozzle"))
+    for side, length in (("width", width), ("depth", depth)):
+        if length <= 2 * MARGIN_MM:
+            raise ValueError(
+                f"{side}_mm={length:g} is not over {2 * MARGIN_MM:g}: {MARGIN_MM:g} mm stay free round each part, so "
+                "this bed takes none; write the bed's side in mm"
+            )
     if not NOZZLE_RANGE_MM[0] <= nozzle <= NOZZLE_RANGE_MM[1]:
         low, high = NOZZLE_RANGE_MM
         raise ValueError(

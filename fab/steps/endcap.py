@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from cad.base import SLOT_RADIUS_MM
 from cad.mold_layout import MoldLayout
 from fab.steps.cast import cast_steps
 from fab.steps.mold import TO_DOME, TO_RIM, Ways, mold_steps
 from fab.steps.record import Leg, Move, Step
 
 HARDWARE = ("camera", "ring_spacer", "led_ring")
+INTO_BASE = (Leg(TO_DOME, 40.0),)
 
 
 def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
     """From the base to the endcap on the robot."""
-    return (_inserts(), *_into_the_base(), *_under_the_dome(layout))
+    return (_inserts(), _camera(), _ring(), *_under_the_dome(layout))
 
 
 def _inserts() -> Step:
@@ -33,41 +35,48 @@ def _inserts() -> Step:
     )
 
 
-def _into_the_base() -> tuple[Step, ...]:
-    """Camera, spacer and LED ring."""
-    up = (Leg(TO_DOME, 40.0),)
-    return (
-        Step(
-            "camera",
-            "assemble",
-            "Camera into the base",
-            (
-                "Cable through the hole first. Board onto its four corner posts, lens up; lens cover off last.",
-                "{screws:camera_to_base} cut their own thread in the plastic: slowly, half a turn back for each turn "
-                "in; stop when they bear.",
-            ),
-            (Move(("camera",), up, ("base",)),),
-            screws=("camera_to_base",),
-            look="from above",
-            drawn_mm=25.0,
+def _camera() -> Step:
+    """Both cables through the base, the camera onto its posts."""
+    return Step(
+        "camera",
+        "assemble",
+        "Camera into the base",
+        (
+            f"Both cables go through the slot at azimuth 0, {2 * SLOT_RADIUS_MM:g} mm wide: of the two slots beside "
+            "the camera the one that points between two lugs. The adapter covers the other. No USB-A plug passes the "
+            "base, so the small plugs go up from below.",
+            "Unplug the camera's cable from its board. Push its small plug up through that slot, then the free SH plug "
+            "of the ring's cable, and let the SH plug lie beside the pocket. Plug the camera's cable in again.",
+            "Board onto its four corner posts, lens up, its cable in the channel under it; lens cover off last.",
+            "{screws:camera_to_base} cut their own thread in the plastic: slowly, half a turn back for each turn "
+            "in; stop when they bear.",
         ),
-        Step(
-            "ring",
-            "assemble",
-            "Spacer and LED ring",
-            (
-                "A drop of glue at two places of the recess, spacer in, notch over the cable's side.",
-                "SH cable into the plug J1 on the ring's back. Ring on the spacer, plug in the notch, glue at two "
-                "places; its wires leave beside the camera's.",
-                "5 V and GND: see Wiring in the chapter LED ring. Light it once before you go on.",
-            ),
-            (
-                Move(("ring_spacer",), up, ("base", "camera")),
-                Move(("led_ring",), up, ("base", "camera", "ring_spacer")),
-            ),
-            look="from above",
-            drawn_mm=40.0,
+        (Move(("camera",), INTO_BASE, ("base",)),),
+        screws=("camera_to_base",),
+        look="from above",
+        drawn_mm=25.0,
+    )
+
+
+def _ring() -> Step:
+    """Spacer and LED ring."""
+    return Step(
+        "ring",
+        "assemble",
+        "Spacer and LED ring",
+        (
+            "A drop of glue at two places of the recess, spacer in, its notch a quarter turn counterclockwise from "
+            "the slot of the cables, as seen from above.",
+            "SH plug into J1 on the ring's back, its wires inside the spacer from the slot to the notch. Ring on "
+            "the spacer, J1 in the notch, glue at two places.",
+            "5 V and GND: see Wiring in the chapter LED ring. Light it once before you go on.",
         ),
+        (
+            Move(("ring_spacer",), INTO_BASE, ("base", "camera")),
+            Move(("led_ring",), INTO_BASE, ("base", "camera", "ring_spacer")),
+        ),
+        look="from above",
+        drawn_mm=40.0,
     )
 
 
@@ -80,8 +89,9 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
             "assemble",
             "Base to endcap",
             (
-                "Base under the interface; the ring goes through the bore. Turn until the holes meet the nuts.",
-                "{screws:base_to_interface} from below, crosswise, until the heads bear.",
+                "Base under the interface; the ring goes through the bore. Turn until the holes meet the nuts and "
+                "the slot of the cables is under the dome's mark 0.",
+                "{screws:base_to_interface}, from below, crosswise, until the heads bear.",
                 "Other silicones and walls of the same D fit the same base.",
             ),
             (Move(("base", *HARDWARE), down, ("interface", "shell")),),
@@ -94,7 +104,7 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
             "Adapter to the robot, endcap to the adapter",
             (
                 "Adapter onto the robot's flange ({robot}): {robot_fixing}.",
-                "Cables through the hub's bore and out along its groove.",
+                "Endcap over it, the slot of the cables over the hub's groove; lay both cables out along the groove.",
                 "Endcap onto the arms; {screws:adapter_to_base} from below into the inserts of the lugs.",
                 "The heads of the endcap's own screws stay free between the arms: a dome is changed on the robot.",
             ),

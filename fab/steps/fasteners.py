@@ -30,7 +30,6 @@ CONTACT_MM = 0.01  # by which a head stays off its seat, an insert off its hole'
 ROOT_PITCHES = 1.2269  # S: ISO 68-1, the root's diameter is the thread's less this many pitches
 NUT_CORNERS = 2 / math.sqrt(3)  # of a hexagon: across corners over across flats
 NUT_M4_FLATS_MM = 7.0  # S: ISO 4032
-ROBOT_SHANK_MM, ROBOT_HEAD_MM = 6.0, 10.0  # S: M6 of ISO 4762, and the pin of ISO 2338
 SEGMENTS = 48
 
 Bodies = Mapping[str, manifold3d.Manifold]
@@ -125,19 +124,20 @@ def inserts_on_their_way(params: EndcapParams) -> manifold3d.Manifold:
 
 
 def robot_fixings_on_their_way(params: EndcapParams, robot: str) -> manifold3d.Manifold | None:
-    """What the screws M6 from above and the pin sweep in the adapter, before the base is on it; ``None``: a blank side.
+    """What the robot's screws and pin sweep in the adapter, before the base is on it; ``None``: a blank side.
 
-    A head goes down to its pocket's floor; the pin, which is pressed, is swept with the contact's play.
+    They come from above. A head goes down to its pocket's floor; the pin, which is pressed, is swept with the contact's
+    play.
     """
     high = -params.base_thickness_mm
     low, swept = high - THICKNESS_MM, []
     for holes in robot_side(robot):
-        shank = ROBOT_SHANK_MM / 2 - (CONTACT_MM if holes.element == "pin" else 0.0)
+        shank = holes.body_mm / 2 - (CONTACT_MM if holes.element == "pin" else 0.0)
         for place in holes.places_mm:
             swept.append(_cylinder(place, shank, low - CONTACT_MM, high + ACCESS_MM, True))
-            if holes.head_depth_mm:
+            if holes.head_mm:
                 floor = high - holes.head_depth_mm + CONTACT_MM
-                swept.append(_cylinder(place, ROBOT_HEAD_MM / 2, floor, high + ACCESS_MM, True))
+                swept.append(_cylinder(place, holes.head_mm / 2, floor, high + ACCESS_MM, True))
     return manifold3d.Manifold.batch_boolean(swept, manifold3d.OpType.Add) if swept else None
 
 

@@ -54,6 +54,19 @@ def test_every_pattern_keeps_its_walls(pattern):
     assert min(gaps, default=2.0) >= 1.5
 
 
+@pytest.mark.parametrize("pattern", [name for name in robot_sides() if robot_side(name)])
+def test_a_screw_enters_the_flange_by_what_the_adapter_leaves_of_its_length(pattern):
+    solid = adapter_part(EndcapParams(98.86, 6.5), pattern).solid
+    holes = next(holes for holes in robot_side(pattern) if holes.element == "screw")
+    under_head = (holes.hole_diameter_mm + holes.head_mm) / 4  # from the axis: half of it bears
+    x, y = holes.places_mm[0]
+    heights = [-36.0 + 0.05 + 0.1 * k for k in range(200)]
+    grip_mm = 0.1 * sum(solid.is_inside((x + under_head, y, z)) for z in heights)
+    length_mm = float(holes.order_as.split()[-1])
+    assert holes.enters_mm == pytest.approx(length_mm - grip_mm, abs=0.06)
+    assert holes.body_mm <= holes.enters_mm <= 8.0  # more breaks into some robots' flanges
+
+
 def test_an_unknown_robot_is_refused_with_the_list():
     with pytest.raises(ParameterError, match=r"robot=puma .*blank"):
         robot_side("puma")

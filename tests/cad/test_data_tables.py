@@ -12,6 +12,7 @@ from cad.errors import FileError
 
 BOUGHT = (bought.TABLE, bought._dimension, ("part", "dimension"))
 LED = (led_parts.TABLE, led_parts._part, ("part",))
+M6 = "ISO 4762 M6 x 20"
 ROBOT = (robot_sides.TABLE, robot_sides._row, ("pattern", "element"))
 
 
@@ -23,13 +24,30 @@ ROBOT = (robot_sides.TABLE, robot_sides._row, ("pattern", "element"))
         (BOUGHT, "nut_m5,thickness,4", "not one value for each column"),
         (LED, "r_two,d,m,n,0603,10,ohm,-1.6,0.8,0.5,E", "length_mm='-1.6'"),
         (LED, "r_two,d,m,n,0603,ten,ohm,1.6,0.8,0.5,E", "value='ten'"),
-        (ROBOT, "mine,screw,4.5,25,45,6.6,11,6,x,E,", "count='4.5'"),
-        (ROBOT, "mine,screw,4,31,45,6.6,11,6,x,E,", "hub's edge"),
-        (ROBOT, "mine,bolt,4,25,45,6.6,11,6,x,E,", "element='bolt'"),
-        (ROBOT, "mine,screw,4,25,45,6.6,6,6,x,E,", "not larger than the hole's 6.6"),
-        (ROBOT, "blank,none,0,0,0,0,0,0,x,E,", "is there twice"),
+        (ROBOT, f"mine,screw,4.5,25,45,6.6,11,6,8,{M6},E,", "count='4.5'"),
+        (ROBOT, f"mine,screw,4,31,45,6.6,11,6,8,{M6},E,", "hub's edge"),
+        (ROBOT, f"mine,bolt,4,25,45,6.6,11,6,8,{M6},E,", "element='bolt'"),
+        (ROBOT, f"mine,screw,4,25,45,6.6,6,6,8,{M6},E,", "head_diameter_mm=6 is under 10.3"),
+        (ROBOT, "blank,none,0,0,0,0,0,0,0,x,E,", "is there twice"),
+        (ROBOT, "mine,screw,4,25,45,6.6,11,6,8,x,E,", "order_as='x' does not state the size of a screw"),
+        (ROBOT, "mine,screw,4,25,45,6.6,11,6,8,ISO 4762 M7 x 20,E,", "takes heads of M4, M5, M6, M8"),
+        (ROBOT, "mine,screw,4,25,45,6.6,13.5,8,8,ISO 4762 M8 x 20,E,", "hole_diameter_mm=6.6 outside 8.3 to 11"),
+        (ROBOT, f"mine,screw,4,25,45,9.5,11,6,8,{M6},E,", "hole_diameter_mm=9.5 outside 6.3 to 8"),
+        *(
+            (ROBOT, f"mine,screw,4,25,45,6.6,11,{depth},8,{M6},E,", f"head_depth_mm={depth} outside 6 to 15")
+            for depth in (-3, 0, 3, 20)
+        ),
+        (ROBOT, "mine,screw,4,25,45,6.6,11,6,8,ISO 4762 M6 x 25,E,", "enters the robot's flange 11 mm, outside 6"),
+        (ROBOT, "mine,screw,4,25,45,6.6,11,6,8,ISO 4762 M6 x 16,E,", "enters the robot's flange 2 mm, outside 6"),
+        (ROBOT, "mine,pin,1,25,90,6,0,0,0,x,E,", "order_as='x' does not state the size of a pin"),
+        (ROBOT, "mine,pin,1,25,90,6,0,0,0,ISO 2338 8 m6 x 16,E,", "hole_diameter_mm=6 is under the pin's 8"),
+        (ROBOT, "mine,pin,1,25,90,6,0,3,0,ISO 2338 6 m6 x 16,E,", "a pin has no head"),
         (BOUGHT, "Nut_M3,height,4,E,", "part='Nut_M3' differs from 'nut_m3', in a row above it, in case"),
-        (ROBOT, "tensegrity arm,pin,1,25,90,6,0,0,x,E,", "pattern='tensegrity arm' differs from 'tensegrity_arm'"),
+        (
+            ROBOT,
+            "tensegrity arm,pin,1,25,90,6,0,0,0,ISO 2338 6 m6 x 16,E,",
+            "pattern='tensegrity arm' differs",
+        ),
     ],
 )
 def test_a_bad_row_is_named_by_its_line(table, row, expected, tmp_path):
@@ -45,13 +63,25 @@ def test_a_bad_row_is_named_by_its_line(table, row, expected, tmp_path):
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [
-        (("mine,screw,4,15.75,45,5.5,9.25,5,x,E,",), "open into the cable's bore of 34 mm"),  # ISO 9409-1-31.5-4-M5
-        (("mine,screw,4,25,0,6.6,11.25,6,x,E,",), "opens into the cable's groove at azimuth 0"),
-        (("mine,screw,8,25,22.5,6.6,11.25,6,x,E,",), "opens into the cable's groove at azimuth 0"),
-        (("mine,screw,12,25,30,6.6,12.5,6,x,E,",), "opens into the cable's groove at azimuth 0"),
-        (("mine,screw,4,25,45,6.6,11.25,6,x,E,", "mine,pin,1,25,60,6,0,0,x,E,"), "open into each other"),
-        (("mine,screw,2,25,45,6.6,11.25,6,x,E,", "mine,pin,1,25,90,6,0,0,x,E,"), None),
-        (("mine,screw,2,25,180,6.6,11.25,6,x,E,",), "opens into the cable's groove at azimuth 0"),  # the other at 0
+        (
+            ("mine,screw,4,15.75,45,5.5,9.25,5,8,ISO 4762 M5 x 20,E,",),
+            "open into the cable's bore of 34 mm",
+        ),  # ISO 9409-1-31.5-4-M5
+        (("mine,screw,4,25,0,6.6,11.25,6,8,ISO 4762 M6 x 20,E,",), "opens into the cable's groove at azimuth 0"),
+        (("mine,screw,8,25,22.5,6.6,11.25,6,8,ISO 4762 M6 x 20,E,",), "opens into the cable's groove at azimuth 0"),
+        (("mine,screw,12,25,30,6.6,12.5,6,8,ISO 4762 M6 x 20,E,",), "opens into the cable's groove at azimuth 0"),
+        (
+            ("mine,screw,4,25,45,6.6,11.25,6,8,ISO 4762 M6 x 20,E,", "mine,pin,1,25,60,6,0,0,0,ISO 2338 6 m6 x 16,E,"),
+            "open into each other",
+        ),
+        (
+            ("mine,screw,2,25,45,6.6,11.25,6,8,ISO 4762 M6 x 20,E,", "mine,pin,1,25,90,6,0,0,0,ISO 2338 6 m6 x 16,E,"),
+            None,
+        ),
+        (
+            ("mine,screw,2,25,180,6.6,11.25,6,8,ISO 4762 M6 x 20,E,",),
+            "opens into the cable's groove at azimuth 0",
+        ),  # the other at 0
     ],
 )
 def test_holes_of_a_robots_side_stay_holes(rows, expected, tmp_path, monkeypatch):

@@ -35,7 +35,7 @@ MANIFEST = {
 
 
 def test_every_part_screw_and_nut_has_its_line():
-    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
+    lines = bom_lines(LAYOUT, MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
     assert all(check.ok for check in bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), lines))
     assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 5 + 10 + 6 + 8 + 6
     rows = list(csv.DictReader(io.StringIO(bom_csv(lines))))
@@ -47,13 +47,15 @@ def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
     parts = [{"name": name, "material": "PLA", "quantity": 1} for name in ("base", "hanger", "not_sliced")]
     plastics = plastic_g(parts, {"base": (100.0, 2.0), "hanger": (grams - 100.0, 2.0), "camera": (50.0, 1.0)})
     assert plastics == {"PLA": grams}
-    amounts = {line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, OVERFLOW)), plastics)}
+    amounts = {
+        line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, OVERFLOW), LAYOUT), plastics)
+    }
     assert amounts["PLA filament"] == spools and amounts["TPU filament"] == 1
 
 
 @pytest.mark.parametrize("volume_mm3", [100e3, 282e3, 1.25e6, 2.9e6])
 def test_the_mixing_cup_goes_into_the_vacuum_chamber(volume_mm3):
-    asked = {line.item: line.order_as for line in supply_lines(recipe(volume_mm3, OVERFLOW))}
+    asked = {line.item: line.order_as for line in supply_lines(recipe(volume_mm3, OVERFLOW), LAYOUT)}
     cup_ml = float(re.search(r"(\d+) ml", asked["mixing cup"])[1])
     chamber_l = float(re.match(r"(\d+) l", asked["vacuum chamber and pump"])[1])
     assert chamber_l >= max(5.0, 1.3e-3 * cup_ml) and chamber_l < 1.3e-3 * cup_ml + 5.0
@@ -62,7 +64,7 @@ def test_the_mixing_cup_goes_into_the_vacuum_chamber(volume_mm3):
 @pytest.mark.parametrize("name", sorted(silicones()))
 def test_what_only_degassing_needs_is_asked_for_where_there_is_time_to_degas(name):
     mix = recipe(282e3, OVERFLOW, name)
-    asked = {line.item: (line.order_as, line.use) for line in supply_lines(mix)}
+    asked = {line.item: (line.order_as, line.use) for line in supply_lines(mix, LAYOUT)}
     assert ("vacuum chamber and pump" in asked) == mix.is_degassed
     assert any("degas" in words for line in asked.values() for words in line) == mix.is_degassed
     order = asked["mixing cup"][0]
@@ -76,7 +78,7 @@ def test_what_only_degassing_needs_is_asked_for_where_there_is_time_to_degas(nam
     [("camera", "bom.parts_without_line"), ("screws", "bom.screws_short"), ("nuts", "bom.nuts_short")],
 )
 def test_a_missing_line_fails_its_gate(dropped, gate):
-    lines = bom_lines(MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
+    lines = bom_lines(LAYOUT, MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
     index = next(k for k, line in enumerate(lines) if line.owner == dropped)
     checks = bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), [*lines[:index], *lines[index + 1 :]])
     assert [check.name for check in checks if not check.ok] == [gate]

@@ -49,7 +49,7 @@ def test_the_sheet_buys_and_names_what_holds_the_adapter_on_the_robot(robot, cou
     assert words.startswith(f"{robot_words(robot) if count else 'your own robot'}: ") and ("drill it" in words) == (
         count == 0
     )
-    lines = bom_lines({"parts": [], "robot": robot}, [], data.recipe, None)
+    lines = bom_lines(data.layout, {"parts": [], "robot": robot}, [], data.recipe, None)
     assert sum(line.quantity for line in lines if line.owner == "robot") == count
     is_tight = robot == "iso_9409_1_50_4_m6"  # its hole is 6.0 for a pin 6 m6; that of the tensegrity arm is 6.3
     assert ("ream the pin's hole to 6 mm H7" in words) == is_tight
@@ -153,14 +153,6 @@ def test_html_is_one_file_with_every_word_escaped(document, tmp_path):
     assert not re.search(r'(src|href)="(?!data:)', text)
 
 
-def test_no_line_of_html_ends_within_an_option_of_a_command(tmp_path):
-    words = "typed: sensing.calibrate --photo a.jpg --no-such -m"
-    blocks = (Paragraph(words), Table(("a",), ((words,),), (1,)), Step("C1", "Pour", (words,)))
-    write_html(Document("Endcap", "a test", blocks), tmp_path / "a.html")
-    kept = re.findall(r'<span class="option">(.*?)</span>', (tmp_path / "a.html").read_text())
-    assert kept == 3 * ["--photo", "--no-such"]
-
-
 def test_a_limit_takes_one_line_of_the_appendix():
     limits = ["0.0989997 .. 0.101", ">= 0.8", "= 34", "<= 0.408451", "<= 1e-05", "5.75 .. 37"]
     assert [short_limit(limit) for limit in limits] == ["0.099 .. 0.101", *limits[1:3], "<= 0.4085", *limits[4:]]
@@ -215,12 +207,14 @@ def test_a_wrong_resistor_fails_the_gates_of_the_sheet(monkeypatch):
     assert any(not check.ok for check in ring_checks(PARAMS))
 
 
+PIECE = {"name": "base", "settings": {"walls": 3, "density_percent": 80.0, "pattern": "grid", "brim_mm": 0.0,
+         "support": False, "grow_mm": 0.0}, "own_settings": {}}  # fmt: skip
 SLICED = {
     "printer": {"name": "a1_mini", "title": "A1 mini", "size": "180", "nozzle_mm": 0.4, "prusa_printer": "",
                 "orca_printer": ""},
     "slicer": "PrusaSlicer",
-    "projects": [{"name": "base", "layer_mm": 0.2, "material": "PLA", "pieces": [], "time_s": 60.0, "grams": 1.0,
-                  "zone": None}],
+    "projects": [{"name": "base", "layer_mm": 0.2, "material": "PLA", "pieces": [PIECE, PIECE], "time_s": 60.0,
+                  "grams": 1.0, "zone": None}],
 }  # fmt: skip
 
 
@@ -239,6 +233,14 @@ def test_the_sheet_slices_for_the_printer_that_it_is_made_for(sliced, manifest, 
     text = " ".join(block.text for block in prints(data) if isinstance(block, Paragraph))
     assert slices in text
     assert ("Another printer: make slice D=142 T=7.5 printer=NAME" in text) == (sliced is not None)
+
+
+def test_plates_of_one_part_are_not_offered_once_more():
+    single = {**SLICED, "projects": [{**SLICED["projects"][0], "pieces": [PIECE]}]}
+    for sliced in (SLICED, single):
+        data = SheetData(MoldLayout(PARAMS), {}, sliced, MIX, [], [], [], [], 0.0, {})
+        text = " ".join(block.text for block in prints(data) if isinstance(block, Paragraph))
+        assert ("plates=single" in text and "A plate is lost" in text) == (sliced is SLICED)
 
 
 @pytest.mark.parametrize(("gyroid", "wanted"), [(0.1, "10"), (0.12, "12"), (0.093, "9.3")])

@@ -8,6 +8,7 @@ import manifold3d
 import pytest
 import trimesh
 
+from cad import robot_sides as robot_sides_module
 from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.fasteners import ScrewJoint
@@ -59,6 +60,27 @@ def test_screws_and_pin_of_every_robot_pass_the_adapter_and_nothing_else(robot):
     if swept is not None:
         assert (swept ^ adapter).volume() < OVERLAP_MM3
         assert (swept.rotate([0.0, 0.0, 3.0]) ^ adapter).volume() > 20.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "head_mm"),
+    [
+        ("mine,screw,4,25,45,5.5,9.5,5,8,ISO 4762 M5 x 20,E,\nmine,pin,1,25,90,5,0,0,0,ISO 2338 5 m6,E,\n", 8.5),
+        ("mine,screw,4,25,45,9,13.5,8,10,ISO 4762 M8 x 20,E,\n", 13.0),
+    ],
+)
+def test_screws_of_another_thread_sweep_what_is_ordered(rows, head_mm, tmp_path, monkeypatch):
+    copy = tmp_path / "robot_sides.csv"
+    copy.write_text(robot_sides_module.TABLE.read_text() + rows)
+    monkeypatch.setattr(robot_sides_module, "TABLE", copy)
+    table = robot_sides_module.robot_sides.__wrapped__()
+    monkeypatch.setattr(robot_sides_module, "robot_sides", lambda: table)
+    adapter = to_manifold(tessellate(adapter_part(PARAMS, "mine").solid))
+    swept = robot_fixings_on_their_way(PARAMS, "mine")
+    assert (swept ^ adapter).volume() < OVERLAP_MM3
+    above = swept.trim_by_plane((0.0, 0.0, 1.0), -PARAMS.base_thickness_mm)  # where heads and their keys come from
+    least_x, _, _, most_x, _, _ = above.bounding_box()
+    assert most_x - least_x == pytest.approx(2 * 25.0 * math.cos(math.pi / 4) + head_mm, abs=0.05)
 
 
 def joint(holder: str, up: bool) -> ScrewFit:

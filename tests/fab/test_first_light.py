@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import pytest
 
-from cad.dots import ring_count
+from cad.dots import dot_pattern, ring_count
 from cad.lens import VARIABLE, camera_module, camera_modules
+from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import finishing
-from fab.build_sheet.blocks import Paragraph, Table
+from fab.build_sheet.blocks import Drawing, Paragraph, Step, Table
+from fab.build_sheet.casting import silicone
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import first_light
-from fab.build_sheet.finishing import edge_words, light_check
+from fab.build_sheet.finishing import edge_words, light_check, painting
+from fab.build_sheet.lighting import led_ring
+from fab.build_sheet.prints import prints
+from fab.build_sheet.shopping import bill
 from fab.camera_view import FRAME_PX, camera_pixels, disc_px, edge_cuts_px, edge_px, lens_px
-from fab.recipe import recipe
+from fab.recipe import overflow_of, recipe
+from fab.steps.endcap import all_steps
+from fab.supplies import supply_lines
 from sensing.calibration.picture import draw_fit
 from sensing.sources.__main__ import main as sources
 
@@ -94,6 +102,16 @@ def test_the_sheet_saves_the_frame_with_a_command_that_there_is(tmp_path, capsys
     assert end.value.code == 0 and "save one frame" in capsys.readouterr().out.lower()
 
 
+def test_no_text_of_the_chapters_has_marks_of_markdown():
+    layout = MoldLayout(PARAMS)
+    mix, pictures = recipe(2e5, overflow_of(layout)), dict.fromkeys(("dots", "ring_light"), Path("a.png"))
+    ways = dict.fromkeys(REMOVAL_ORDER, ())
+    data = SheetData(layout, {}, None, mix, [], [], supply_lines(mix, layout), [], 0.0, pictures)
+    chapters = (*light_check(data), *painting(data), *led_ring(data), *prints(data), *silicone(data), *bill(data))
+    words = str([block for block in chapters if not isinstance(block, Drawing)]) + str(all_steps(layout, ways))
+    assert "make setup" in words and "`" not in words and "**" not in words
+
+
 def test_the_words_of_the_fit_are_those_of_its_drawing_and_the_camera_file_has_its_place():
     text, _ = sheet()
     drawn = re.findall(r"(\w+) (cross|ring) \w+", draw_fit.__doc__)
@@ -101,3 +119,24 @@ def test_the_words_of_the_fit_are_those_of_its_drawing_and_the_camera_file_has_i
     assert all(f"{colour} {mark}" in text for colour, mark in drawn) and "yellow line" in text
     assert "circles" not in text and "ten times" in text and "10 x residual" in draw_fit.__doc__
     assert 'write camera = "camera.json" under [[endcap]] in endcaps.toml' in text
+
+
+@pytest.mark.parametrize(
+    ("rings", "words"),
+    [
+        (PARAMS.dot_rings, "2 lines from tip to rim have a dot of every ring, 180° apart"),
+        ((1, 6, 12, 18), "6 lines from tip to rim have a dot of every ring, 60° apart"),
+        ((1, 5, 9, 11, 14), "One line from tip to rim has a dot of every ring: it is azimuth 0"),
+    ],
+)
+def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
+    params = EndcapParams(142.0, 7.5, rings)
+    layout = MoldLayout(params)
+    blocks = painting(SheetData(layout, {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {"dots": Path("dots.png")}))
+    step = next(block for block in blocks if isinstance(block, Step))
+    assert step.lines[-1].startswith(words) and "Write 0 at its end" in step.lines[-1]
+    azimuths = [{round(d.azimuth_deg, 6) for d in dot_pattern(params) if d.ring == k} for k in range(1, len(rings))]
+    assert len(set.intersection(*azimuths)) == (int(words[0]) if words[0].isdigit() else 1)
+    text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
+    assert "Azimuth counts clockwise as you look into the dome, print toward you" in text
+    assert "azimuth counts clockwise, as on the gores" in sheet(params)[0]

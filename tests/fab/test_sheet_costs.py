@@ -41,7 +41,7 @@ SLICED = {
 
 def lines_of(sliced: dict | None) -> list[BomLine]:
     fits = [ScrewFit(joint, 12.0, 8.0, 9.0, 5.0, 1.0, 0.0) for joint in all_joints(LAYOUT)]
-    return bom_lines(MANIFEST, fits, recipe(282e3, 2e3), sliced)
+    return bom_lines(LAYOUT, MANIFEST, fits, recipe(282e3, 2e3), sliced)
 
 
 def sheet_of(sliced: dict | None, **changed) -> SheetData:
@@ -100,12 +100,12 @@ def test_no_cell_of_the_shopping_tables_is_a_raw_name_or_says_print_for_a_use():
 def test_screws_of_the_robot_do_not_show_the_picture_of_the_adapter():
     bought = [block for block in bill(sheet_of(None)) if isinstance(block, Table)][1]
     rows = {row[1]: row[0] for row in bought.rows}
-    assert rows["screw ISO 4762 M6 x 25"] == "" and rows["pin ISO 2338 6 m6 x 16"] == ""
+    assert rows["screw ISO 4762 M6 x 20"] == "" and rows["pin ISO 2338 6 m6 x 16"] == ""
 
 
 @pytest.mark.parametrize("robot", sorted(robot_sides()))
 def test_every_robot_has_words(robot):
-    lines = bom_lines({"parts": [], "robot": robot}, [], recipe(282e3, 2e3), None)
+    lines = bom_lines(LAYOUT, {"parts": [], "robot": robot}, [], recipe(282e3, 2e3), None)
     assert not any("_" in line.use for line in lines)
 
 

@@ -73,6 +73,35 @@ def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():
     assert np.allclose(heights, wanted, atol=0.01)
 
 
+@pytest.mark.parametrize(
+    "params", [PARAMS, EndcapParams(171.3, 10.1), EndcapParams(101.2, 7.9, (1, 5, 9, 11, 14), 3.3)]
+)
+def test_a_gore_laid_into_the_dome_print_toward_the_viewer_has_a_dent_under_every_hole(params):
+    sheets, radius = gores(params), params.inner_radius_mm
+    dents = radius * np.array([dot.direction for dot in dot_pattern(params)])
+    for number, sheet in enumerate(sheets):
+        middle = 2 * math.pi * number / len(sheets)
+        outward = np.array([math.cos(middle), math.sin(middle), 0.0])  # the viewer stands on the axis, tip up
+        to_the_right = np.cross(outward, [0.0, 0.0, 1.0])
+        growing = np.array([-math.sin(middle), math.cos(middle), 0.0])  # the way in which azimuth grows
+        for x, y in re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"', sheet.svg):
+            polar = (float(y) - 4.0) / radius
+            turn = (float(x) - sheet.width_mm / 2) / max(radius * math.sin(polar), 1e-9) * (to_the_right @ growing)
+            flat = math.sin(polar) * np.array([math.cos(middle + turn), math.sin(middle + turn)])
+            hole = radius * np.array([*flat, math.cos(polar)])
+            assert np.linalg.norm(dents - hole, axis=1).min() < 0.05
+        assert f"about azimuth {math.degrees(middle):.1f}°" in sheet.caption
+
+
+def test_azimuth_counts_clockwise_in_the_picture_as_for_a_viewer_who_looks_into_the_dome():
+    right, down, forward = np.eye(3)  # of a camera that looks along +z, upright: a picture that is not mirrored
+    assert np.allclose(np.cross(right, down), forward)
+    for dot, (x, y) in camera_pixels(PARAMS).items():
+        if dot.ring:
+            turn = math.degrees(math.atan2(y - 240.0, x - 320.0))  # y down: clockwise
+            assert (turn - dot.azimuth_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-6)
+
+
 def test_ruler_is_a_hundred_millimetres_long():
     drawing = ruler()
     assert 'width="104mm"' in drawing.svg and 'viewBox="0 0 104 10"' in drawing.svg and "M2 8h100" in drawing.svg

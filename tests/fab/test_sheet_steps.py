@@ -9,9 +9,11 @@ import pytest
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab.build_sheet.blocks import Table
 from fab.build_sheet.casting import _recipe_rows
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.prints import _coupon_words, _preset
+from fab.build_sheet.finishing import assembling
+from fab.build_sheet.prints import _coupon_words, _preset, bed_needed
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
 from fab.slice.printers import printer
@@ -30,7 +32,7 @@ def test_the_step_degasses_where_the_clock_does(material, degassed):
     words = " ".join(filled(data, step.lines))
     assert ("degas until" in words) == degassed == any("degas" in row.what for row in mix.timeline)
     assert ("do not degas" in words) != degassed
-    assert any(line.item == "vacuum chamber and pump" for line in supply_lines(mix)) == degassed
+    assert any(line.item == "vacuum chamber and pump" for line in supply_lines(mix, layout)) == degassed
 
 
 @pytest.mark.parametrize(("clearance", "leak"), [(0.053, "0.04"), (0.15, "0.8")])
@@ -63,3 +65,32 @@ def test_a_preset_is_named_for_the_slicer_whose_files_name_it():
     assert orca_alone.startswith("The .orca.3mf files name the preset Bambu Lab A1 mini 0.4 nozzle.")
     assert ".prusa.3mf" not in orca_alone and "PrusaSlicer has none of this printer." in orca_alone
     assert none.startswith("Choose your printer's own preset")
+
+
+@pytest.mark.parametrize("robot", ["iso_9409_1_50_4_m6", "tensegrity_arm", "blank"])
+def test_the_sheet_says_how_deep_screws_enter_the_robots_flange(robot):
+    layout = MoldLayout(PARAMS)
+    mix = recipe(2e5, overflow_of(layout))
+    data = SheetData(layout, {"robot": robot}, None, mix, [], [], [], [], 0.0, {})
+    fixing = filled(data, ("{robot_fixing}",))[0]
+    said = "A screw enters the flange 6 mm: compare with your robot's flange, never longer than its thread"
+    assert (said in fixing) == (robot != "blank")
+    table = next(block for block in assembling(data) if isinstance(block, Table))
+    rows = [row for row in table.rows if row[0] == "adapter_to_robot"]
+    assert [row[1:5] for row in rows] == [
+        (f"{count} x M6 x 20", "14.00", "6.00 in the flange", "6.00")
+        for count in {"iso_9409_1_50_4_m6": [4], "tensegrity_arm": [6], "blank": []}[robot]
+    ]
+
+
+def test_the_bed_is_that_of_the_part_with_the_largest_square():
+    squares = {"cup_bowl_2": 136.3, "hanger": 167.95, "base": 166.5}  # the bowl is the longest before it is turned
+    checks = [{"name": f"{name}.bed_mm", "value": value, "ok": True} for name, value in squares.items()]
+    checks.append({"name": "plate_1.outside_bed_mm", "value": 900.0, "ok": True})
+    layout, heights = MoldLayout(PARAMS), {"cup_bowl_2": 97.2, "hanger": 15.0}
+    mix = recipe(2e5, overflow_of(layout))
+    data = SheetData(layout, {}, None, mix, [], [], [], checks, 0.0, {}, heights, ("A1 mini (180 x 180 x 180 mm)",))
+    words = bed_needed(data)
+    assert words.startswith("hanger needs the most, a square of 168 mm in its best turn; the tallest part is 98 mm")
+    assert words.endswith("with 4 mm round each part these take all: A1 mini (180 x 180 x 180 mm)")
+    assert bed_needed(SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {})) == "not known"

@@ -92,7 +92,8 @@ def test_the_upper_half_is_turned_over_once_and_drawn_as_it_is_held(size):
 
 
 def test_a_soft_ring_is_at_hand_where_a_step_names_it_and_the_core_hangs_through_it():
-    lines = supply_lines(recipe(2e5, overflow_of(MoldLayout(EndcapParams(104.0, 6.5)))))
+    small = MoldLayout(EndcapParams(104.0, 6.5))
+    lines = supply_lines(recipe(2e5, overflow_of(small)), small)
     for size, listed in (((104.0, 6.5), 1), ((130.0, 8.0), 0)):
         layout = MoldLayout(EndcapParams(*size))
         steps = mold_steps(layout, ways(layout))

@@ -1,0 +1,103 @@
+"""Tools and small things: every one that a step asks for is listed, as large as this size needs; rows that are odd."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from cad.mold_core import REMOVAL_ORDER
+from cad.mold_layout import MoldLayout
+from cad.params import EndcapParams
+from fab import supplies
+from fab.bom import all_joints
+from fab.build_sheet.data import SheetData
+from fab.build_sheet.finishing import painting
+from fab.build_sheet.lighting import steps_of_wiring
+from fab.build_sheet.steps import screws
+from fab.checks.screw_fit import ScrewFit
+from fab.recipe import overflow_of, recipe
+from fab.steps.endcap import all_steps
+from fab.supplies import silicone_line, supply_lines
+
+LAYOUT = MoldLayout(EndcapParams(171.3, 10.1, dot_mm=3.6))
+MIX = recipe(6e5, overflow_of(LAYOUT))
+ASKED_FOR = {  # words of a step -> what has to be listed
+    r"[Ss]older": "solder",
+    r"solder the crimped|solder joints|Iron at": "soldering iron",
+    r"Cut a USB cable": "side cutter",
+    r"insulate each": "wire stripper",
+    r"flat piece of metal": "flat piece of metal",
+    r"Trim the flash|Cut a gore out": "scissors",
+    r"punch its dots": "hole punch",
+    r"Print this page": "paper printer",
+    r"spirit level": "spirit level",
+    r"measure on the free": "multimeter",
+    r"flat pliers": "pliers",
+    r"rubber band": "rubber band",
+    r"[Aa]lcohol": "isopropyl alcohol",
+    r"drop of glue": "glue",
+}
+
+
+def items(robot: str = "iso_9409_1_50_4_m6") -> dict[str, tuple[str, str]]:
+    return {line.item: (line.order_as, line.use) for line in supply_lines(MIX, LAYOUT, robot)}
+
+
+def test_every_tool_that_a_step_asks_for_is_listed():
+    data = SheetData(LAYOUT, {}, None, MIX, [], [], [], [], 0.0, {"dots": None})
+    ways = dict.fromkeys(REMOVAL_ORDER, ())
+    words = f"{all_steps(LAYOUT, ways)} {steps_of_wiring()} {painting(data)}"
+    for asked, item in ASKED_FOR.items():
+        if item != "solder":  # its step says "solder the crimped cable on"
+            assert re.search(asked, words), asked
+        assert item in items(), item
+    assert items()["hole punch"][0].startswith("round, 3.6 mm")
+
+
+def test_the_spirit_level_reaches_across_the_dam():
+    order, use = items()["spirit level"]
+    length_mm = float(re.search(r"at least (\d+) mm", order)[1])
+    across_mm = 2 * (LAYOUT.params.outer_radius_mm + 5.0 + LAYOUT.joint_clearance_mm)
+    assert across_mm == pytest.approx(181.6) and across_mm + 5 < length_mm == 190 and "dam" in use
+
+
+def test_a_caliper_is_asked_for_what_it_can_measure():
+    order, use = items()["caliper"]
+    assert order == "150 mm" and "dome" not in use
+
+
+def test_a_blank_adapter_asks_for_a_drill_and_no_key_of_the_robot():
+    assert "drill" in items("blank") and "drill" not in items()
+    assert items("blank")["hex keys"][0].endswith("3 (M4)")
+    assert items()["hex keys"][0].endswith("3 (M4), 5 (M6 of the robot's flange)")
+
+
+def test_washers_lie_under_the_heads_and_the_screws_come_from_below():
+    fits = [ScrewFit(joint, 8.0, 8.0, 9.0, 5.0, 1.0, 0.0) for joint in all_joints(LAYOUT)]
+    data = SheetData(LAYOUT, {}, None, MIX, fits, [], [], [], 0.0, {})
+    step = next(step for step in all_steps(LAYOUT, dict.fromkeys(REMOVAL_ORDER, ())) if step.key == "base")
+    line = next(line for line in step.lines if "{screws:" in line)
+    joined = line.replace("{screws:base_to_interface}", screws(data, "base_to_interface"))
+    assert joined.startswith("10 x M3 x 8, each with a washer under its head, from below, crosswise")
+
+
+def row(**changed: str) -> supplies.Supply:
+    cells = {"name": "x", "kind": "tool", "order_as": "any", "amount": "1", "unit": "pc", "use": "x", "price_usd": "",
+             "provenance": "E"}  # fmt: skip
+    return supplies._supply(cells | changed)
+
+
+def test_words_in_braces_that_are_no_blank_stay_as_they_are(monkeypatch):
+    own = row(name="brace", order_as="set {A} of {scale_g} g", use="{}, {0} and {unknown}, {")
+    monkeypatch.setattr(supplies, "supplies", lambda: {own.name: own})
+    order, use = items()["brace"]
+    assert re.fullmatch(r"set \{A\} of \d+ g", order) and use == "{}, {0} and {unknown}, {"
+
+
+@pytest.mark.parametrize(("price", "expected"), [("", None), ("40", 80.0)])
+def test_a_silicone_without_a_price_costs_what_is_not_known(price, expected, monkeypatch):
+    kit = row(name=MIX.silicone.name, kind="silicone", amount="500", price_usd=price)
+    monkeypatch.setattr(supplies, "supplies", lambda: {kit.name: kit})
+    line = silicone_line(MIX)
+    assert line.order_as.startswith("2 x ") and line.price_usd == line.paid_usd == expected

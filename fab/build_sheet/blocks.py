@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-OPTION = "--[a-z][a-z-]*"  # of a command: a line that ends behind its hyphens is typed with a space in it
+WORD = (
+    r"\S*[-/]\S*"  # a line may end inside these words, and a command that does is typed with a space in it: keep them
+)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import re
 from html import escape
 from pathlib import Path
 
-from fab.build_sheet.blocks import OPTION, Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.blocks import WORD, Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
 
 _STYLE = """
 @page { size: A4; margin: 16mm 15mm; }
@@ -30,7 +30,7 @@ section.step { display: grid; grid-template-columns: 1fr 84mm; gap: 5mm; break-i
 section.words { grid-template-columns: 1fr; }
 section.step h2 { margin: 0 0 1mm; font-size: 11pt; }
 section.step ul { margin: 0; padding-left: 5mm; }
-.option { white-space: nowrap; }
+.word { display: inline-block; max-width: 100%; overflow-wrap: anywhere; }
 .drawing { display: inline-block; vertical-align: top; break-inside: avoid; margin: 1mm; }
 """
 
@@ -48,8 +48,11 @@ def write_html(document: Document, path: Path) -> None:
 
 
 def _words(text: str) -> str:
-    """Escaped, no option of a command broken behind its hyphens."""
-    return re.sub(OPTION, r'<span class="option">\g<0></span>', escape(text))
+    """Escaped; a line ends inside a word only where the word alone is longer than the line."""
+    parts = re.split(f"({WORD})", text)  # words that are kept have odd places
+    return "".join(
+        f'<span class="word">{escape(part)}</span>' if number % 2 else escape(part) for number, part in enumerate(parts)
+    )
 
 
 def _block(block: Block) -> str:

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from cad.errors import FileError
-from fab.build_sheet.blocks import OPTION, Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
+from fab.build_sheet.blocks import WORD, Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
 
 _HEAD = """\
 #set document(title: {title}, date: none)
@@ -16,7 +16,7 @@ _HEAD = """\
   header: context if counter(page).get().first() > 1 [#text(8pt, fill: rgb("#5a626c"), {title})])
 #set text(font: "DejaVu Sans", size: 9.5pt, fill: rgb("#20242a"), lang: "en")
 #set par(leading: 0.62em)
-#show regex("{option}"): it => box(it)
+#show regex({word}): it => box(it) // a word longer than its line ends it within the box
 #show heading.where(level: 1): it => {{ pagebreak(weak: true); text(15pt, it.body); v(-2mm)
   line(length: 100%, stroke: 1.2pt + rgb("#2f6f6a")) }}
 #show heading.where(level: 2): it => block(sticky: true, above: 5mm, below: 3mm, text(11.5pt, it.body))
@@ -40,7 +40,7 @@ def write_pdf(document: Document, path: Path) -> None:
         root = Path(scratch)
         printer = _Printer(root)
         body = "\n".join(printer.block(block) for block in document.blocks)
-        head = _HEAD.format(title=_text(document.title), subtitle=_text(document.subtitle), option=OPTION)
+        head = _HEAD.format(title=_text(document.title), subtitle=_text(document.subtitle), word=_text(WORD))
         source = root / "sheet.typ"
         source.write_text(head + body, encoding="utf-8")
         try:

@@ -153,14 +153,6 @@ def test_html_is_one_file_with_every_word_escaped(document, tmp_path):
     assert not re.search(r'(src|href)="(?!data:)', text)
 
 
-def test_no_line_of_html_ends_within_an_option_of_a_command(tmp_path):
-    words = "typed: sensing.calibrate --photo a.jpg --no-such -m"
-    blocks = (Paragraph(words), Table(("a",), ((words,),), (1,)), Step("C1", "Pour", (words,)))
-    write_html(Document("Endcap", "a test", blocks), tmp_path / "a.html")
-    kept = re.findall(r'<span class="option">(.*?)</span>', (tmp_path / "a.html").read_text())
-    assert kept == 3 * ["--photo", "--no-such"]
-
-
 def test_a_limit_takes_one_line_of_the_appendix():
     limits = ["0.0989997 .. 0.101", ">= 0.8", "= 34", "<= 0.408451", "<= 1e-05", "5.75 .. 37"]
     assert [short_limit(limit) for limit in limits] == ["0.099 .. 0.101", *limits[1:3], "<= 0.4085", *limits[4:]]

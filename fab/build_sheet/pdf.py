@@ -10,20 +10,13 @@ from pathlib import Path
 from cad.errors import FileError
 from fab.build_sheet.blocks import WORD, Block, Document, Drawing, Heading, Paragraph, Picture, Step, Table
 
-TEXT_MM = 180.0  # width of the text on A4
-INSET_MM = 1.5  # of a table's cell, at either side
-PICTURE_MM, GUTTER_MM = 86.0, 5.0  # of a step
-LIST_MM = 5.0  # before the lines of a list, at the most
 _HEAD = """\
 #set document(title: {title}, date: none)
 #set page(paper: "a4", margin: (x: 15mm, top: 16mm, bottom: 17mm), numbering: "1 / 1",
   header: context if counter(page).get().first() > 1 [#text(8pt, fill: rgb("#5a626c"), {title})])
 #set text(font: "DejaVu Sans", size: 9.5pt, fill: rgb("#20242a"), lang: "en")
 #set par(leading: 0.62em)
-#let keep(room, words) = {{
-  show regex({word}): it => context if measure(it).width <= room {{ box(it) }} else {{ it }}
-  words
-}}
+#show regex({word}): it => box(it) // a word longer than its line ends it within the box
 #show heading.where(level: 1): it => {{ pagebreak(weak: true); text(15pt, it.body); v(-2mm)
   line(length: 100%, stroke: 1.2pt + rgb("#2f6f6a")) }}
 #show heading.where(level: 2): it => block(sticky: true, above: 5mm, below: 3mm, text(11.5pt, it.body))
@@ -68,7 +61,7 @@ class _Printer:
         if isinstance(block, Heading):
             return f"#heading(level: {block.level}, {_text(block.text)})"
         if isinstance(block, Paragraph):
-            return f"#par({_kept(block.text, TEXT_MM)})"
+            return f"#par({_text(block.text)})"
         if isinstance(block, Picture):
             image = self.image(block.path, f"width: {100 * block.width_ratio:g}%")
             caption = f'text(8.5pt, fill: rgb("#5a626c"), {_text(block.caption)})'
@@ -87,30 +80,27 @@ class _Printer:
     def table(self, table: Table) -> str:
         """A table that repeats its header on every page."""
         columns = ", ".join(f"{width:g}fr" for width in table.widths)
-        rooms = [TEXT_MM * width / sum(table.widths) - 2 * INSET_MM for width in table.widths]
         size = "6.8pt" if table.is_small else "8pt"
         titles = ", ".join(f"strong({_text(cell)})" for cell in table.header)
         head = f"table.header({titles}), " if titles else ""
         cells = ", ".join(
-            self.image(cell, "height: 15mm") if isinstance(cell, Path) else _kept(cell, room)
+            self.image(cell, "height: 15mm") if isinstance(cell, Path) else _text(cell)
             for row in table.rows
-            for cell, room in zip(row, rooms, strict=True)
+            for cell in row
         )
-        inset = f"(x: {INSET_MM}mm, y: {1.1 if table.is_small else 1.5}mm)"
+        inset = "1.1mm" if table.is_small else "1.5mm"
         return (
-            f"#[#set text({size})\n#table(columns: ({columns}), inset: {inset}, align: horizon + left, "
+            f"#[#set text({size})\n#table(columns: ({columns}), inset: (x: 1.5mm, y: {inset}), align: horizon + left, "
             f'stroke: (x, y) => (bottom: 0.5pt + rgb("#d5dade")), {head}{cells})]'
         )
 
     def step(self, step: Step) -> str:
         """Words at the left, picture at the right if there is one, on one page."""
-        room = TEXT_MM - LIST_MM - (PICTURE_MM + GUTTER_MM if step.picture else 0.0)
-        lines = ", ".join(f"[#{_kept(line, room)}]" for line in step.lines)
+        lines = ", ".join(f"[#{_text(line)}]" for line in step.lines)
         words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
         body = words
         if step.picture:
-            picture = self.image(step.picture, "width: 100%")
-            body = f"grid(columns: (1fr, {PICTURE_MM}mm), gutter: {GUTTER_MM}mm, {words}, {picture})"
+            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {self.image(step.picture, 'width: 100%')})"
         return (
             '#block(breakable: false, width: 100%, above: 2mm, stroke: (top: 0.5pt + rgb("#d5dade")), '
             f"inset: (y: 2.5mm), {body})"
@@ -131,11 +121,6 @@ class _Printer:
 def _text(words: str) -> str:
     """A Typst string: JSON's escapes are Typst's for all we print."""
     return json.dumps(words, ensure_ascii=False)
-
-
-def _kept(words: str, room_mm: float) -> str:
-    """The same as content that is broken at spaces only, but for a word that is longer than its room."""
-    return f"keep({room_mm:g}mm, {_text(words)})"
 
 
 def _fonts() -> str:

@@ -4,6 +4,7 @@
     python -m pip install --target exports/blender bpy==4.2.0        # 500 MB, GPL: for this bench alone
     PYTHONPATH=. python bench/bench_foreign.py --blender exports/blender
     PYTHONPATH=. python bench/bench_foreign.py --forces              # whose force is right; needs no bpy
+    PYTHONPATH=. python bench/bench_foreign.py --our-forces          # the rows of it that are ours; needs no ccx
 
 Solves two paths of the plane and renders them as two sensors see them: one with another lens, one whose camera is
 turned and shifted, too, with another lens law and shiny ink (half an hour of one core; what is there is kept). Then
@@ -24,7 +25,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from bench.foreign.forces import force_rows
+from bench.foreign.forces import force_rows, our_rows
 from bench.foreign.ink import Hand
 from bench.foreign.links import Link, links, our_states
 from bench.foreign.solved import DESIGN, PATHS, solved
@@ -53,23 +54,41 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--blender", type=Path, help="folder into which bpy was installed")
     parser.add_argument("--forces", action="store_true", help="compare the forces of both programs, mesh by mesh")
+    parser.add_argument("--our-forces", action="store_true", help="renew our own rows of foreign_forces.csv")
     parser.add_argument("--sets", type=Path, default=Path("exports/foreign"), help="where states and pictures are put")
     parser.add_argument("--weights", type=Path, help="of the model (those that ship)")
     parser.add_argument("--samples", type=int, default=6, help="of the renderer, a pixel")
     parser.add_argument("--threads", type=int, default=1, help="of the renderer")
     parser.add_argument("--out", type=Path, default=HERE / "foreign.csv")
     options = parser.parse_args()
-    if options.blender is None and not options.forces:
-        parser.error("give --blender FOLDER (pictures), --forces (forces of both programs), or both")
+    if options.blender is None and not options.forces and not options.our_forces:
+        parser.error("give --blender FOLDER (pictures), --forces (of both programs), --our-forces, or several")
     options.sets.mkdir(parents=True, exist_ok=True)
     if options.forces:
         _write(
             options.out.with_stem("foreign_forces"),
             force_rows(options.sets, load_model("default", DESIGN, options.weights)),
         )
+    elif options.our_forces:
+        table = options.out.with_stem("foreign_forces")
+        _write(table, renewed(table, our_rows(options.sets)))
     if options.blender is not None:
         _pictures(options)
     return 0
+
+
+def renewed(table: Path, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of a table with those of ``rows``' kind replaced, where the first of them stood.
+
+    Args:
+        table: to read. rows: new ones, all of one value of ``what``.
+    """
+    with table.open(newline="") as stream:
+        before = list(csv.DictReader(stream))
+    kinds = [row["what"] for row in before]
+    place = kinds.index(rows[0]["what"])
+    others = [(k, row) for k, row in enumerate(before) if row["what"] != rows[0]["what"]]
+    return [row for k, row in others if k < place] + rows + [row for k, row in others if k > place]
 
 
 def _pictures(options: argparse.Namespace) -> None:

@@ -32,6 +32,8 @@ from sensing.simulator.verification.levels import LIBRARY
 from sensing.simulator.verification.reduced import ABOVE_N, UNSEEN_FRICTION, unseen_path
 
 FORCES_N = (2.0, 5.0, 10.0, 20.0, 35.0)
+SIZE_N = 20.0
+P0_MESHES = ("draft", "data", "fine", "draft, 2 layers", "data, 2 layers")  # finer in the plane and through the wall
 GEOMETRY, LAW = shell_geometry(130, 8), silicone().neo_hooke()
 TILTED = Indenter(30.0)
 PENALTY = 25.0
@@ -69,10 +71,12 @@ def relative(found: list, exact: list) -> list[float]:
 
 
 def row(curve: str, setting: str, found: dict, best: dict) -> dict:
-    """One line of the table; forces below the patch's resolution apart from those above."""
+    """One line of the table: errors at every force, and at one the size of the markers' shift over the exact one."""
     wrong = relative(found["markers"], best["markers"])
     line = {"curve": curve, "setting": setting, "unknowns": found["model"].solid.unknowns, "seconds": found["seconds"]}
     line |= {f"error_{force:g}n": error for force, error in zip(FORCES_N, wrong, strict=True)}
+    at = FORCES_N.index(SIZE_N)
+    line[f"size_{SIZE_N:g}n"] = float(np.sqrt((found["markers"][at] ** 2).mean() / (best["markers"][at] ** 2).mean()))
     print(line, file=sys.stderr, flush=True)
     return line
 
@@ -83,7 +87,7 @@ def mesh_rows() -> list[dict]:
     settings: dict[str, ShellModel] = {name: model_of(name) for name in ("draft", "data", "fine", "reference")}
     settings |= {f"{name}, 2 layers": model_of(replace(DENSITIES[name], layers=2)) for name in ("draft", "data")}
     found = [row("mesh", name, run(model), best) for name, model in settings.items()]
-    found += [row("element P0", n, run(constant_pressure(settings[n])), best) for n in ("draft", "data", "fine")]
+    found += [row("element P0", n, run(constant_pressure(settings[n])), best) for n in P0_MESHES]
     return [*found, row("mesh", "converged", best, best)]
 
 
@@ -179,18 +183,21 @@ def plot(rows: list[dict]) -> None:
         key = f"error_{force}n"
         mesh.loglog([r["seconds"] for r in chosen], [100 * r[key] for r in chosen], "o-", label=f"{force} N",
                     color=f"C{color}")  # fmt: skip
-    coarse = [line for line in rows if line["curve"] == "element P0"]
-    mesh.loglog([r["seconds"] for r in coarse], [100 * r["error_35n"] for r in coarse], "x--", color="C3",
-                label="35 N, constant pressure")  # fmt: skip
-    double = [line for line in rows if line["setting"].endswith("layers")]
-    mesh.loglog([r["seconds"] for r in double], [100 * r["error_35n"] for r in double], "^:", color="C3",
-                label="35 N, two layers")  # fmt: skip
+    for curve, double, mark, label in (
+        ("mesh", True, "^:", "two layers"),
+        ("element P0", False, "x--", "constant pressure"),
+        ("element P0", True, "+:", "constant pressure, two layers"),
+    ):
+        part = [r for r in rows if r["curve"] == curve and r["setting"].endswith("layers") == double]
+        mesh.loglog([r["seconds"] for r in part], [100 * r["error_35n"] for r in part], mark, color="C3",
+                    label=f"35 N, {label}")  # fmt: skip
     for line in chosen:
         mesh.annotate(f"{line['setting']}, {line['unknowns']}", (line["seconds"], 100 * line["error_35n"]), fontsize=7,
                       xytext=(0, -11), ha="center", textcoords="offset points")  # fmt: skip
     mesh.margins(0.15)
+    mesh.set_ylim(bottom=0.05)  # room for the legend
     mesh.set(xlabel="processor seconds a step", ylabel="marker error, % rms", title="Level 1: mesh and element")
-    mesh.legend(fontsize=7)
+    mesh.legend(fontsize=7, loc="lower left")
     _plot_levels(level, rows)
     for axes in (mesh, level):
         axes.xaxis.set_minor_formatter(ticker.NullFormatter())  # labels of less than a decade overlap

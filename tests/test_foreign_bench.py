@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.foreign.forces import extrapolated
+from bench.bench_foreign import renewed
+from bench.foreign.forces import OUR_FAMILY, OURS, THEIRS, _limits, _ours, extrapolated
 from bench.foreign.ink import TEXELS, Hand, map_places, texture
 from bench.foreign.mesh import GRAINS, Shell, brick_mesh
 from bench.foreign.press import PlanePath, Pressed
@@ -78,3 +79,33 @@ def test_the_limit_of_three_meshes_and_its_order():
     assert limit == pytest.approx(30.0, abs=1e-9) and order == pytest.approx(1.7, abs=1e-9)
     swinging, unknown = extrapolated(sizes, np.array([30.0, 30.2, 30.1]))
     assert swinging == 30.1 and np.isnan(unknown)
+
+
+def test_limits_are_of_meshes_that_differ_in_size_alone():
+    ours, theirs = [OURS[name] for name in OUR_FAMILY], [GRAINS[grain] for grain in THEIRS]
+    for layers, sizes in (
+        ({mesh.layers for mesh in ours}, [1 / mesh.core for mesh in ours]),
+        ({grain.layers for grain in theirs}, [grain.touch_mm for grain in theirs]),
+    ):
+        assert layers == {2} and sizes == sorted(sizes, reverse=True) and len(sizes) == 3
+
+
+def test_a_mesh_of_other_layers_moves_no_limit():
+    """One layer is softer: `fine` and `reference` beside `converged` gave an order that was that of the layers."""
+    path, rng = PlanePath(30, 0.5, ((1.5, 0.0), (3.5, 0.0), (6.5, 0.0))), np.random.default_rng(0)
+    forces = {name: 30.0 + (0.0 if name in OUR_FAMILY else rng.normal(size=3)) for name in OURS}
+    forces |= {name: 30.0 + 2.0 / np.full(3, OURS[name].core) ** 2 for name in OUR_FAMILY}
+    rows = {row["mesh"]: row["force_n_at_6.5_mm"] for row in _ours(path, forces)}
+    assert rows["limit"] == pytest.approx(30.0) and rows["order"] == pytest.approx(2.0)
+    assert list(rows) == [*OURS, "limit", "order", "scatter"]
+    assert rows["scatter"] == pytest.approx((2 / 8**2 - 2 / 14**2) / 2)
+    swinging = _limits("ours", path, [3.0, 2.0, 1.0], [np.full(3, 30.0), np.full(3, 30.2), np.full(3, 30.1)])
+    assert [row["force_n_at_1.5_mm"] for row in swinging] == pytest.approx([30.1, np.nan, 0.1], nan_ok=True)
+
+
+def test_our_rows_are_renewed_where_they_stood(tmp_path):
+    (tmp_path / "a.csv").write_text("what,mesh\nCalculiX,draft\nours,data\nours,limit\nweights,draft\n")
+    found = renewed(tmp_path / "a.csv", [{"what": "ours", "mesh": "fine"}])
+    assert [(row["what"], row["mesh"]) for row in found] == [
+        ("CalculiX", "draft"), ("ours", "fine"), ("weights", "draft")
+    ]  # fmt: skip

@@ -10,6 +10,7 @@ from enum import Enum
 
 import numpy as np
 
+from cad.pattern import step_deg
 from sensing.design.pressed import TILTS_DEG, Study, expected_share
 from sensing.design.prints import Prints, estimated_prints
 from sensing.design.region import SILICONE_USD_KG
@@ -101,7 +102,7 @@ def _dots(study: Study) -> list[Figure]:
     pixels = study.bound.rest_px()
     apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + np.diag(np.full(len(pixels), np.inf))
     pitch_px = float(np.median(apart.min(axis=1)))
-    pitch_mm = study.params.inner_radius_mm * math.radians(180 / 13)
+    pitch_mm = study.params.inner_radius_mm * math.radians(step_deg(study.params.dot_rings))
     per_n = study.bound.at(25.0, 0.5 * study.range_n).px_per_n
     return [
         Figure("dots", "dots seen", len(pixels), "", Source.COMPUTED, "whole, in 640 x 480"),

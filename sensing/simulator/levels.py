@@ -8,7 +8,7 @@
 ==  ==========================================================  =====================================================
 1   Newton on the full model                                    nothing left out
 2   stored tangents, contact condensed on the patch             nothing; residual below ``tolerance`` instead of 1e-9
-3   50 modes, a tenth of the elements, contact as in 1          what modes cannot show: the report measures it
+3   50 modes, a third of the elements or less, contact as in 1  what modes cannot show: the report measures it
 4   polynomials fitted to level 2 (a library)                   path, stick and slip; planes only; no contact patch
 ==  ==========================================================  =====================================================
 
@@ -266,7 +266,7 @@ class Simulator:
 
 
 def _error_estimate(state: State) -> float:
-    """Expected relative error of the markers: level 3's own, the residual at level 2, none at level 1."""
+    """Level 3's expected relative error of the markers; at level 2 the residual of the forces, at level 1 zero."""
     if state.error_estimate is not None:
         return state.error_estimate
     return 0.0 if state.level == 1 or state.certificate is None else state.certificate.residual

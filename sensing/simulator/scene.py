@@ -31,7 +31,10 @@ class SceneState:
         surface_mm: displacement of :attr:`sensing.simulator.levels.Simulator.surface` (k, 3).
         patch_mm2: area in contact, whole shell. slip_share: share of the normal force on slipping points; NaN at
             level 4.
-        error_estimate: expected relative rms error of the markers against level 1 on the same mesh; 0 at level 1.
+        error_estimate: at levels 3 and 4 the expected relative rms error of the markers (level 3: against level 1 on
+            the same mesh); at level 2 the certificate's residual, force imbalance over contact force, which is no error
+            of the markers; 0 at level 1, and in states interpolated in :mod:`sensing.simulator.similarity`, whose error
+            is not estimated.
         patch: points in contact with pressure, friction and slip (both halves), or None at level 4.
         certificate: of the equilibrium, or None at level 4.
     """
@@ -62,7 +65,10 @@ class SceneState:
 
 @dataclass(frozen=True)
 class BulkStates:
-    """Many states at once: markers (s, m, 3), wrench (s, 6), error estimate (s,), level that answered (s,)."""
+    """Many states at once: markers (s, m, 3), wrench (s, 6), level that answered (s,).
+
+    ``error_estimate`` (s,) is that of :class:`SceneState`.
+    """
 
     marker_mm: Array
     wrench: Array

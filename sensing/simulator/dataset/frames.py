@@ -33,6 +33,7 @@ from sensing.simulator.solid.surface import dot_directions, turn_about_axis, tur
 Array = NDArray[np.float64]
 SIMULATED = COLUMNS | {"outline_mm": "(d, 3) how each dot's outline moves in the picture: what a tracked window shows"}
 STEPS_A_PATH = 1 << 14  # noise numbers kept apart for each path
+PATHS_A_SEED = 1 << 32  # and paths kept apart for each seed
 
 
 @dataclass(frozen=True)
@@ -98,12 +99,14 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
         refusals += refused
         settings = _settings(request, path)
         if tools.renderer is not None:
-            references.append(tools.renderer.render(frame=path.number * STEPS_A_PATH, settings=settings).jpeg)
+            rest = noise_number(request.seed, path.number, 0)
+            references.append(tools.renderer.render(frame=rest, settings=settings).jpeg)
         for azimuth_index, azimuth in enumerate(path.azimuths_deg):
             for state in states:
                 row = _labels(request, path, state, azimuth)
                 row |= {"reference": number, **_light_labels(settings)}
-                noise = path.number * STEPS_A_PATH + azimuth_index * len(path.waypoints) + state.step + 1
+                picture_number = azimuth_index * len(path.waypoints) + state.step + 1
+                noise = noise_number(request.seed, path.number, picture_number)
                 dots, picture = _picture(tools, request, state, azimuth, noise, settings)
                 rows.append(row | dots)
                 pictures.append(picture)
@@ -113,6 +116,17 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
     if tools.renderer is None:
         return {**arrays, "surface_mm": np.array(surfaces)}
     return {**arrays, **_joined("jpeg", pictures), **_joined("reference_jpeg", references)}
+
+
+def noise_number(seed: int, path: int, picture: int) -> int:
+    """Frame number that selects a picture's noise; it holds the seed, so that sets of two seeds share no noise.
+
+    Args:
+        seed: of the request; the paint has another one, the sensor's. path: number of the path.
+        picture: number within the path, 0 for its reference. With seed 0 the number is that of sets written before
+            manifests had a ``noise_key``.
+    """
+    return (seed * PATHS_A_SEED + path) * STEPS_A_PATH + picture
 
 
 def rest_arrays(request: DataRequest) -> dict[str, NDArray[Any]]:

@@ -34,6 +34,7 @@ RENDERERS = ("off", *RENDER_LEVELS)
 LAMPS = ("varied", "steady")
 RELEASED, DESIGN = "released", "design"
 LOADS = (RELEASED, DESIGN)
+NOISE_KEY = 2  # how pictures' noise is numbered: 1 by path and picture, 2 by seed, path and picture
 # What a manifest written before these options means by its silence.
 ADDED_SINCE = {
     "rate_effects": False,
@@ -45,6 +46,7 @@ ADDED_SINCE = {
     "dot_rings": rings_text(RELEASED_RINGS),
     "dot_mm": RELEASED_DOT_MM,
     "interlock": PLAIN,
+    "noise_key": 1,
 }
 MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
 
@@ -223,4 +225,4 @@ class DataRequest:
         """For the manifest: the request and the constants behind its names."""
         law = silicone(self.silicone).neo_hooke()
         constants = {"c10_mpa": law.c10_mpa, "bulk_mpa": law.bulk_mpa, "poisson": law.poisson, "prony": self.prony}
-        return {**asdict(self), **constants}
+        return {**asdict(self), **constants, "noise_key": NOISE_KEY}

@@ -31,7 +31,7 @@ from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.card import NAME as CARD
 from sensing.simulator.dataset.card import write_card
 from sensing.simulator.dataset.frames import SIMULATED, rest_arrays, shard_bytes
-from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
+from sensing.simulator.dataset.request import ADDED_SINCE, NOISE_KEY, DataRequest
 from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 
@@ -166,12 +166,14 @@ def _begin(request: DataRequest, folder: Path) -> int:
     if (folder / "manifest.json").exists():
         manifest = read_manifest(folder)
         found = ADDED_SINCE | manifest.get("request", {})
-        other = [name for name, value in wanted["request"].items() if found.get(name) != value and name != "frames"]
+        free = ("frames", "noise_key")
+        other = [name for name, value in wanted["request"].items() if found.get(name) != value and name not in free]
         if other:
             said = ", ".join(f"{name}={found.get(name)}" for name in other)
             raise FileError(f"{folder}: holds a set made with {said}: choose an empty folder or the same options")
         if manifest.get("columns", {}).keys() != SIMULATED.keys():
             raise FileError(f"{folder}: holds a set of other columns, of an earlier version: choose an empty folder")
+        _require_noise(request, folder, found.get("noise_key"))
         require_same(folder, "holds a set", identity_of(folder, manifest), request.identity, "choose an empty folder")
         frames = found.get("frames")
         if not isinstance(frames, int):
@@ -186,6 +188,15 @@ def _begin(request: DataRequest, folder: Path) -> int:
     request.mounted.save(folder / "camera.json", request.identity)
     put_file(folder / "manifest.json", (json.dumps(wanted, indent=1) + "\n").encode(), durable=True)
     return int(wanted["shards"])
+
+
+def _require_noise(request: DataRequest, folder: Path, key: object) -> None:
+    """Refuse to go on with pictures whose noise was numbered otherwise; with seed 0 it is the same by either key."""
+    if key != NOISE_KEY and request.render != "off" and request.seed != 0:
+        raise FileError(
+            f"{folder}: holds pictures of another version, with noise_key={key} where this one has {NOISE_KEY} (seed="
+            f"{request.seed} was not part of the noise): choose an empty folder"
+        )
 
 
 def _manifest(request: DataRequest) -> dict[str, Any]:

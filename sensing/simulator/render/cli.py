@@ -110,11 +110,18 @@ def _displacement(options: argparse.Namespace, params: EndcapParams, surface_mm:
 def _load(path: str) -> tuple[Array, Array]:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return np.asarray(archive["surface_mm"]), np.asarray(archive["displacement_mm"])
+            found = {name: np.asarray(archive[name]) for name in ("surface_mm", "displacement_mm")}
     except OSError as error:
         raise FileError(f"{path}: cannot read ({error})") from error
     except (KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"{path}: need arrays surface_mm and displacement_mm ({error})") from error
+    for name, array in found.items():
+        if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+            raise FileError(
+                f"{path}: {name} of shape {array.shape} and type {array.dtype}: need finite real numbers (mm) of shape "
+                "(n, 3), a row for each node"
+            )
+    return found["surface_mm"].astype(float), found["displacement_mm"].astype(float)
 
 
 def _read(path: str) -> Image:

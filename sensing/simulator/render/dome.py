@@ -135,12 +135,17 @@ class DomeRenderer:
             displacement_mm: (n, 3) at :attr:`surface_mm` when the exposure ends; ``None`` for the undeformed dome.
             azimuth_deg: the displacement is turned about the axis by this first (paint and lamp stay).
             start_mm: (n, 3) when the exposure begins, for motion blur; ``None`` for no motion.
-            frame: number that selects the noise; the same number gives the same bytes.
+            frame: number, 0 or more, that selects the noise; the same number gives the same bytes.
             settings: other lamp, optics or sensor for this frame; paint, mesh and texture stay those of the renderer.
 
         Raises:
-            ParameterError: displacement of the wrong shape or with numbers that are not finite.
+            ParameterError: a displacement of the wrong shape, with numbers that are not finite or beyond the inner
+                sphere's diameter, or a frame number under 0.
         """
+        if frame < 0:
+            raise ParameterError(
+                f"frame={frame} is under 0: it numbers the noise; give 0 or more", name="frame", value=frame
+            )
         settings = settings or self.settings
         end = self._displacement(displacement_mm)
         self._last = None
@@ -270,6 +275,14 @@ class DomeRenderer:
                 f"displacement_mm of shape {array.shape}: need finite numbers of shape {self.surface_mm.shape}, one "
                 f"row for each of the renderer's surface nodes",
                 name="displacement_mm",
+            )
+        most, limit = float(np.abs(array).max(initial=0.0)), 2 * self.params.inner_radius_mm
+        if most > limit:
+            raise ParameterError(
+                f"displacement_mm up to {most:.4g}, outside 0..{limit:g} (the inner sphere's diameter): no dome "
+                "moves so far; give it in mm",
+                name="displacement_mm",
+                value=most,
             )
         return array
 

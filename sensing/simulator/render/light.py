@@ -19,7 +19,7 @@ INK_SHININESS_LOG2 = 8  # exponent 256 (M: the glint is gone by the second ring 
 
 
 def led_positions_mm(lamp: Lamp) -> tuple[Array, Array]:
-    """LED positions (k, 3) and brightnesses (k,), mean 1 without gradient or dead LEDs."""
+    """LED positions (k, 3) and brightnesses (k,), which sum to ``lamp.brightness`` while none is dead."""
     azimuth = 2 * np.pi * np.arange(lamp.count) / lamp.count
     positions = np.stack(
         [lamp.radius_mm * np.cos(azimuth), lamp.radius_mm * np.sin(azimuth), np.full(lamp.count, lamp.height_mm)], -1

@@ -20,6 +20,7 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 
 Array = NDArray[np.float64]
+QUADRATIC = 6  # coefficients of a quadratic polynomial in two coordinates
 
 
 @dataclass(frozen=True)
@@ -101,12 +102,16 @@ def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, nei
         to_mm: points of the undeformed inner surface (t, 3), mm. neighbours: nodes used for each point.
 
     Raises:
-        ParameterError: fewer than ``neighbours`` nodes, or nodes off the inner sphere by over 1 % of its radius.
+        ParameterError: fewer than ``neighbours`` nodes, numbers that are not finite, nodes off the inner sphere by
+            over 1 % of its radius, or so many at one place that a point's neighbours hold no quadratic.
     """
     centre, radius = np.array([0, 0, params.centre_height_mm]), params.inner_radius_mm
-    source = np.asarray(from_mm, dtype=float) - centre
-    if source.ndim != 2 or source.shape[-1] != 3 or len(source) < neighbours:
-        raise ParameterError(f"surface nodes of shape {source.shape}: need (n, 3) with n of at least {neighbours}")
+    nodes = np.asarray(from_mm, dtype=float)
+    if nodes.ndim != 2 or nodes.shape[-1] != 3 or len(nodes) < neighbours or not np.isfinite(nodes).all():
+        raise ParameterError(
+            f"surface nodes of shape {nodes.shape}: need finite numbers of shape (n, 3) with n of at least {neighbours}"
+        )
+    source = nodes - centre
     off = float(np.abs(np.linalg.norm(source, axis=1) / radius - 1).max())
     if off > 0.01:
         raise ParameterError(
@@ -114,6 +119,7 @@ def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, nei
         )
     target = np.asarray(to_mm, dtype=float) - centre
     distance, index = cKDTree(source).query(target, k=neighbours)
+    _require_apart(nodes, index)
     first = _tangents(target)
     offsets = source[index] - target[:, None]
     x, y = (np.einsum("tkc,tc->tk", offsets, first[:, axis]) / distance[:, -1:] for axis in (0, 1))
@@ -122,6 +128,19 @@ def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, nei
     rows = np.linalg.pinv(basis * weight[..., None])[:, 0] * weight
     starts = np.arange(len(target) + 1) * neighbours
     return csr_matrix((rows.ravel(), index.ravel(), starts), shape=(len(target), len(source)))
+
+
+def _require_apart(nodes: Array, index: NDArray[np.int64]) -> None:
+    """Refuse neighbours (t, k) that lie at fewer places than a quadratic has coefficients."""
+    places = np.unique(nodes, axis=0, return_inverse=True)[1].ravel()
+    apart = 1 + (np.diff(np.sort(places[index], axis=1), axis=1) > 0).sum(axis=1)
+    worst = int(apart.argmin())
+    if apart[worst] < QUADRATIC:
+        x, y, z = nodes[index[worst, 0]]
+        raise ParameterError(
+            f"surface nodes: different places among the {index.shape[1]} nearest to ({x:.1f}, {y:.1f}, {z:.1f}) mm: "
+            f"{apart[worst]}, need {QUADRATIC} or more: give each node once"
+        )
 
 
 def _tangents(directions: Array) -> Array:

@@ -4,8 +4,9 @@
     states = library.states(ShellRatios.of(geometry))           # in units of R, mu R^2 and mu R^3
 
 A node is a shell; all nodes are pressed along the same paths in units of their own, so state s of one corresponds to
-state s of every other. Between nodes each number is interpolated in (log T/R, clamp/R) by a polyharmonic spline r^3
-with a linear part (Duchon 1977; Wendland 2005, doi:10.1017/CBO9780511617539), as one blend of nodes for all numbers.
+state s of every other. Between nodes each number is interpolated in (sqrt(T/R), 0.5 arccos(clamp/R)), the second the
+clamp's angle in radians times :data:`CLAMP_SCALE`, by a polyharmonic spline r^3 with a linear part (Duchon 1977;
+Wendland 2005, doi:10.1017/CBO9780511617539), as one blend of nodes for all numbers.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sensing.simulator.solid.elasticity import element_data
 from sensing.simulator.solid.element import Array, shape_hex, volume_rule
 from sensing.simulator.solid.shell import ShellModel
 from sensing.simulator.solid.surface import surface_sampler
@@ -21,9 +22,14 @@ KG_PER_MM3 = 1e-6  # of 1 g/cm3
 
 
 def nodal_mass_kg(model: ShellModel, density_g_cm3: float) -> Array:
-    """(n,) share of the skin's mass that each node carries; of half of it on a half model."""
+    """(n,) share of the skin's mass that each node carries; of half of it on a half model.
+
+    Args:
+        model: of the shell. density_g_cm3: of the silicone.
+    """
     mesh, (shape, _) = model.solid.mesh, shape_hex(volume_rule()[0])
-    share = np.einsum("eg,ga->ea", model.solid.data.weight, shape) * density_g_cm3 * KG_PER_MM3
+    volume_mm3 = element_data(mesh).weight  # those of the solid are larger where a stiffer interlock is
+    share = np.einsum("eg,ga->ea", volume_mm3, shape) * density_g_cm3 * KG_PER_MM3
     return np.bincount(mesh.cells.ravel(), share.ravel(), len(mesh.points)).astype(float)
 
 

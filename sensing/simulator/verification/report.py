@@ -11,6 +11,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -27,7 +28,6 @@ from sensing.simulator.press.state import State
 from sensing.simulator.solid import closed_forms
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import shell_geometry
-from sensing.simulator.solid.mesh import MeshDensity
 from sensing.simulator.solid.shell import ShellModel, shell_model
 from sensing.simulator.solid.surface import dot_directions, surface_sampler
 from sensing.simulator.verification import contact as verify_contact
@@ -125,16 +125,26 @@ def _contact(_: Path) -> str:
         f"point pressures scatter round Hertz's by {100 * ball.pressure_scatter:.0f} % rms, because there are more "
         "contact points than nodes on a face; sums over a face are right.\n"
     )
-    thin = []
-    for wall, density in ((3.0, MeshDensity(16, 16)), (2.0, MeshDensity(16, 16)), (1.5, MeshDensity(22, 22))):
-        ratio = verify_contact.reissner_ratio(wall, density)
-        thinness = wall / (65 - wall / 2)
-        thin.append((f"{wall:g}", f"{thinness:.4f}", f"{ratio:.3f}", f"{(1 - ratio) / thinness:.1f}"))
-    text += (
-        "\nReissner's point load on the open dome. The form holds as T/R goes to 0; the defect falls about in "
-        "proportion to T/R, as the membrane compliance that it leaves out:\n\n"
+    return text + _domes()
+
+
+def _domes() -> str:
+    """Reissner's point load on thinner and thinner domes, and what one more layer of elements changes."""
+    rows = []
+    for wall, density in verify_contact.DOMES:
+        finer = replace(density, layers=density.layers + 1)
+        ratio, more = (verify_contact.reissner_ratio(wall, each) for each in (density, finer))
+        thinness, defect = wall / (65 - wall / 2), 1 - ratio
+        rows.append(
+            (f"{wall:g}", f"{thinness:.4f}", f"{ratio:.3f}", f"{100 * (more / ratio - 1):+.1f} %",
+             f"{defect / thinness:.1f}", f"{defect / (-thinness * math.log(thinness)):.2f}")
+        )  # fmt: skip
+    text = (
+        "\nReissner's point load on the open dome, on meshes of two layers. The form leaves out shear through the "
+        "wall, so it holds as T/R goes to 0; the defect falls somewhat slower than T/R, about as T/R ln(R/T):\n\n"
     )
-    return text + table(("wall mm", "T/R", "stiffness over Reissner's", "defect over T/R"), thin)
+    titles = ("wall mm", "T/R", "stiffness over Reissner's", "a third layer changes it by", "defect over T/R")
+    return text + table((*titles, "defect over T/R ln(R/T)"), rows)
 
 
 def _march(model: ShellModel, friction: float, tilt: float, forces: tuple[float, ...]) -> list[State]:

@@ -10,9 +10,11 @@ import math
 import numpy as np
 import pytest
 
+from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.materials import silicone
 from cad.params import EndcapParams
+from cad.pattern import parse_rings
 from sensing import study as command
 from sensing.design.figures import Figure, Source, as_csv, figures
 from sensing.design.page import study_page
@@ -28,6 +30,14 @@ def test_every_figure_says_where_it_comes_from_and_none_is_not_a_number():
     assert len({line.key for line in lines}) == len(lines)
     assert all(line.source is Source.UNKNOWN if line.value is None else math.isfinite(line.value) for line in lines)
     assert len(as_csv(lines).splitlines()) == len(lines) + 1
+
+
+@pytest.mark.parametrize("words", ["1-6-10-12-16-18-20", "1-9-18-26-30-36"])
+def test_the_pitch_is_the_arc_between_the_rings_of_this_design(words):
+    params = EndcapParams(130, 8, parse_rings(words), 4.0)
+    polar_deg = {dot.ring: dot.polar_deg for dot in dot_pattern(params)}
+    found = {line.key: line for line in figures(Study(params))}["pitch_mm"].value
+    assert found == pytest.approx(params.inner_radius_mm * math.radians(polar_deg[2] - polar_deg[1]))
 
 
 def test_the_next_commands_are_those_of_the_very_design():

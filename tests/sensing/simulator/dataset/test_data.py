@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
-from sensing.simulator.dataset.frames import shard_arrays
+from sensing.simulator.dataset.frames import STEPS_A_PATH, noise_number, shard_arrays
 from sensing.simulator.dataset.writer import write_dataset
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import Waypoint
@@ -95,6 +96,38 @@ def test_stored_states_give_what_solving_them_gives(small_set: Path, tmp_path: P
             write_dataset(request, tmp_path / "no", stored=states)
     with pytest.raises(ParameterError, match="holds pictures and no states"):
         write_dataset(small_request(), tmp_path / "no", stored=seen)
+
+
+def pictures(arrays: dict[str, np.ndarray]) -> set[bytes]:
+    """Those of a shard, with the references."""
+    found: set[bytes] = set()
+    for name in ("jpeg", "reference_jpeg"):
+        found |= {part.tobytes() for part in np.split(arrays[name], arrays[f"{name}_end"][:-1])}
+    return found
+
+
+def test_sets_of_two_seeds_share_no_noise() -> None:
+    """Training and test sets may be of one sensor; states, lamp and paint are the same here, so only noise differs."""
+    request, path = replace(small_request(), lamp="steady", azimuths=1), short_path(0, 0, 1)
+    first, again, other = (pictures(shard_arrays(replace(request, seed=seed), [path])) for seed in (1, 1, 101))
+    assert first == again and len(first) == len(other) == 4
+    assert not first & other
+
+
+def test_pictures_are_not_continued_with_other_noise(tmp_path: Path) -> None:
+    request = replace(small_request(), frames=6)
+    for seed in (0, 1):
+        folder = tmp_path / str(seed)
+        write_dataset(replace(request, seed=seed), folder)
+        text = (folder / "manifest.json").read_text()
+        assert '"noise_key": 2' in text
+        (folder / "manifest.json").write_text(re.sub(r',\s*"noise_key": 2', "", text))  # as it was written before
+        if seed == 0:  # the key with seed 0 is the earlier one
+            assert write_dataset(replace(request, seed=seed), folder) == 0
+            assert noise_number(0, 7, 3) == 7 * STEPS_A_PATH + 3
+            continue
+        with pytest.raises(FileError, match="noise_key=1 where this one has 2"):
+            write_dataset(replace(request, seed=seed), folder)
 
 
 def test_another_indenter_presses_otherwise_and_is_never_mixed(tmp_path: Path) -> None:

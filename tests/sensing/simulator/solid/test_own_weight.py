@@ -29,6 +29,14 @@ def test_the_mass_is_that_of_the_shells_volume(model):
     assert nodal_mass_kg(model, DENSITY).sum() == pytest.approx((outer - inner) * DENSITY * 1e-6, rel=2e-3)
 
 
+def test_a_stiffer_interlock_weighs_no_more(model):
+    """Its factor scales stiffness alone: node by node the mass is volume times density."""
+    stiff = shell_model(model.geometry, silicone().neo_hooke(), "draft", interlock=100.0)
+    assert nodal_mass_kg(stiff, DENSITY) == pytest.approx(nodal_mass_kg(model, DENSITY), abs=1e-15)
+    plain, held = (own_weight_displacement(each, DENSITY, (G, 0, 0)) for each in (model, stiff))
+    assert np.abs(held).max() < np.abs(plain).max()
+
+
 def test_the_clamp_carries_the_weight(model):
     for gravity in ((G, 0.0, 0.0), (0.0, 0.0, -G)):
         moved = own_weight_displacement(model, DENSITY, gravity)

@@ -59,13 +59,18 @@ def painting(data: SheetData) -> list[Block]:
 
 
 def _full_lines(params: EndcapParams) -> str:
-    """Which meridians have a dot of every ring: as many as the pattern has turns after which it looks alike."""
+    """Which meridians have a dot of every ring: as many as the pattern has turns after which it looks alike.
+
+    Azimuth 0 lies midway between two screw holes of the interface; only with a line that does so, too, the base's holes
+    meet its nuts with the cables' slot under the mark.
+    """
     count = round(360.0 / repeat_deg(params))
     if count == 1:
         return "One line from tip to rim has a dot of every ring: it is azimuth 0, begin there."
     return (
         f"{count} lines from tip to rim have a dot of every ring, {repeat_deg(params):.3g}° apart, and the pattern is "
-        "the same from each: choose one as azimuth 0 and begin there."
+        "the same from each: choose one that ends midway between two screw holes of the interface as azimuth 0, and "
+        "begin there."
     )
 
 

@@ -36,7 +36,7 @@ def test_small_plugs_pass_the_slot_and_no_usb_a_plug_passes_the_base():
     assert f"slot at azimuth 0, {slot:g} mm wide" in words("camera")
 
 
-def test_the_slot_of_the_cables_is_named_by_what_differs_from_the_other():
+def test_the_slot_of_the_cables_is_named_by_the_lugs_beside_it():
     apart = [abs((azimuth + 180.0) % 360.0 - 180.0) for azimuth in PARAMS.arm_azimuths_deg]
     assert min(apart) == pytest.approx(36.0) and max(apart) == pytest.approx(180.0)  # between two lugs; at a lug
     assert GROOVE_AZIMUTH_DEG == 0.0 and NOTCH_AZIMUTH_DEG == 90.0

@@ -137,6 +137,12 @@ def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
     assert step.lines[-1].startswith(words) and "Write 0 at its end" in step.lines[-1]
     azimuths = [{round(d.azimuth_deg, 6) for d in dot_pattern(params) if d.ring == k} for k in range(1, len(rings))]
     assert len(set.intersection(*azimuths)) == (int(words[0]) if words[0].isdigit() else 1)
+    full = sorted(set.intersection(*azimuths))
+    midway = [a for a in full if min(abs((a - s + 180) % 360 - 180) for s in params.screw_azimuths_deg) > 17.9]
+    for azimuth in midway:  # turned by it, the base's holes meet the nuts, and the dots are where they were
+        holes = {round((a + azimuth) % 360.0, 6) for a in params.screw_azimuths_deg}
+        assert holes == {round(a % 360.0, 6) for a in params.screw_azimuths_deg}
+    assert 0.0 in midway and ("midway between two screw holes" in step.lines[-1]) == (len(full) > 1)
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     assert "Azimuth counts clockwise as you look into the dome, print toward you" in text
     assert "azimuth counts clockwise, as on the gores" in sheet(params)[0]

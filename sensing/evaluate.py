@@ -133,8 +133,7 @@ def evaluate(
 
 def _weights_for(data: LabelledSet, weights: Path | None) -> WrenchModel:
     """The file that was named, else the weights for a set's design and silicone."""
-    cast_of = data.identity.aspects.get("silicone") or {}
-    return load_wrench_model(data.params, weights, silicone=None if weights else cast_of.get("name"))
+    return load_wrench_model(data.params, weights, silicone=None if weights else data.silicone)
 
 
 def _filtered(network: WrenchModel, test: Views, data: LabelledSet) -> dict[str, Score]:

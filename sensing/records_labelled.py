@@ -126,6 +126,16 @@ class LabelledSet:
         """
         return identity_of(self.folder, self.manifest)
 
+    @property
+    def silicone(self) -> str | None:
+        """Row of cad/materials.csv that the endcap is cast of; None in sets that do not say it.
+
+        Raises:
+            FileError: a manifest that does not say the design.
+        """
+        cast_of = self.identity.aspects.get("silicone") or {}
+        return cast_of.get("name")
+
     def path_name(self, number: int) -> str:
         """Identity of a loading path: sets with equal ones have seen the same motion."""
         request = self.manifest["request"]

@@ -8,9 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-WORD = (
-    r"\S*[-/]\S*"  # a line may end inside these words, and a command that does is typed with a space in it: keep them
-)
+# Words inside which a line may end: a command that ends there is typed with a space in it, so they are kept whole.
+WORD = r"\S*[-/]\S*"
 
 
 @dataclass(frozen=True)

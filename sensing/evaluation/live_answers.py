@@ -113,9 +113,9 @@ def _readings(
 
 def _pipeline(data: LabelledSet, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:
     """Of the endcap in a set: its size, its dots and its silicone."""
-    design, cast_of = data.params, data.identity.aspects.get("silicone") or {"name": DEFAULT_SILICONE}
+    design = data.params
     config = EndcapConfig(
         "evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera,
-        silicone=cast_of["name"], **dots_of(design),
+        silicone=data.silicone or DEFAULT_SILICONE, **dots_of(design),
     )  # fmt: skip
     return EndcapPipeline(config, model, single_zero(item.reference))

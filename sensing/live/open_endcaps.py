@@ -63,7 +63,7 @@ def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:
 
     def of(endcap: EndcapConfig) -> LiveModel:
         silicone = None if any_silicone or endcap.weighed else endcap.silicone
-        weights = config.weights or config.own_weights.get(endcap.name)
+        weights = config.weights_of(endcap)
         key = f"{endcap.identity.digest} {silicone} {weights}"
         if key not in loaded:
             loaded[key] = load_model(config.model, endcap.params, weights, config.method, silicone)

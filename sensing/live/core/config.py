@@ -244,6 +244,10 @@ class LiveConfig:
         if not 0 <= self.weight_n < 1e5:
             raise ParameterError(f"weight_n={self.weight_n:g} outside 0..1e5 N", name="weight_n", value=self.weight_n)
 
+    def weights_of(self, endcap: EndcapConfig) -> Path | None:
+        """The file of weights that is named for an endcap, by itself or for all; None where none is."""
+        return self.weights or self.own_weights.get(endcap.name)
+
     def _check_cameras(self) -> None:
         """Refuse one camera, or one endcap of the simulated robot, for two endcaps."""
         seen: dict[str, EndcapConfig] = {}

@@ -91,10 +91,8 @@ def weights_in_use(config: LiveConfig, endcap: EndcapConfig) -> Path | None:
     Args:
         config: names model and weights. endcap: of it; weighed, it takes the weights of the default silicone.
     """
-    if config.weights is not None:
-        return config.weights
     silicone = DEFAULT_SILICONE if endcap.weighed else endcap.silicone
-    return config.own_weights.get(endcap.name) or known_weights(config.model, endcap.params, silicone)
+    return config.weights_of(endcap) or known_weights(config.model, endcap.params, silicone)
 
 
 def load_model(

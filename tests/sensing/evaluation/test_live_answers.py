@@ -18,13 +18,14 @@ from sensing.sources.drawn import Drawing, draw_dots
 from sensing.wrench.model import load_wrench_model
 
 OWN = EndcapParams(101, 10, parse_rings("1-5-9-12"), 6.0)
+CAST_OF = "Dragon Skin 30"
 
 
 @pytest.fixture
 def data(tmp_path) -> SimpleNamespace:
     """What is read of a labelled set of an endcap with its own dots, cast of another silicone."""
     return SimpleNamespace(
-        params=OWN, identity=identity(OWN, "Dragon Skin 30"), folder=tmp_path, require_whole=lambda: None
+        params=OWN, identity=identity(OWN, CAST_OF), silicone=CAST_OF, folder=tmp_path, require_whole=lambda: None
     )
 
 

@@ -29,6 +29,7 @@ DEFAULT_SILICONE = "Smooth-Sil 950"
 YEOH_COLUMNS = ("yeoh_c10_mpa", "yeoh_c20_mpa", "yeoh_c30_mpa")
 MIX_RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)A:([0-9]+(?:\.[0-9]+)?)B by (?:weight|volume or weight)")
 MAX_POISSON = 0.49999  # above it the bulk modulus is 5e4 mu and double precision eats the shear
+LEAST_POISSON = 0.48  # M: of a row. Weights and study of any size are made with 0.49; a press is 1.1 % deeper at 0.48
 
 
 @dataclass(frozen=True)
@@ -229,6 +230,12 @@ def _silicone(row: dict[str, str]) -> Silicone:
     )
     mix_parts(made.mix_ratio)  # a ratio that cannot be weighed is refused here, with its row,
     made.neo_hooke()  # and so are constants that are not physical
+    if made.poisson < LEAST_POISSON:
+        raise ValueError(
+            f"poisson={made.poisson:g} outside {LEAST_POISSON:g}..{MAX_POISSON:g}: weights and study of any size are made "
+            "with 0.49 and would be off by more than 1 %; silicone is nearly incompressible: take 0.49 where yours is "
+            "not known"
+        )
     if made.yeoh_mpa is not None:
         made.yeoh()
     return made

@@ -40,6 +40,7 @@ def table(tmp_path, monkeypatch):
         ("pot_life_min", "-5", "pot_life_min='-5' is not a positive number"),
         ("neo_hooke_c10_mpa", "nan", "neo_hooke_c10_mpa='nan' is not a positive number"),
         ("poisson", "0.7", "poisson=0.7 outside"),
+        ("poisson", "0.45", "poisson=0.45 outside 0.48..0.49999: weights and study of any size are made with 0.49"),
         ("mix_ratio", "1A:1B by volume", "mix_ratio='1A:1B by volume' is not of the form '100A:10B by weight'"),
         ("mix_ratio", "1.2.3A:1B by weight", "mix_ratio='1.2.3A:1B by weight' is not of the form"),
         ("mix_ratio", "1A:0B by weight", "with both parts above 0"),

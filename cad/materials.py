@@ -62,7 +62,7 @@ class HyperelasticLaw:
         if not all(math.isfinite(c) for c in (self.c20_mpa, self.c30_mpa)) or not self._least_slope() > 0:
             raise ParameterError(
                 f"c20_mpa={self.c20_mpa:g}, c30_mpa={self.c30_mpa:g} make the Yeoh stiffness vanish below "
-                "I1 - 3 = 1 (30 % strain): raise c20_mpa or c30_mpa",
+                "I1 - 3 = 1 (a bar stretched by 68 %): raise c20_mpa or c30_mpa",
                 name="c20_mpa",
                 value=self.c20_mpa,
             )

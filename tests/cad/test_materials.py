@@ -49,6 +49,7 @@ def table(tmp_path, monkeypatch):
         (YEOH, ("", "", "0.1"), "yeoh_c10_mpa='': Yeoh's law has three constants"),
         (YEOH, ("nan", "0", "0"), "yeoh_c10_mpa='nan' is not a positive number"),
         (YEOH, ("0.2", "inf", "0"), "yeoh_c20_mpa='inf' is not a number"),
+        (YEOH, ("0.2", "-0.11", "0"), "below I1 - 3 = 1 (a bar stretched by 68 %)"),
         (YEOH, ("0.2", "-5", "0"), "c20_mpa=-5, c30_mpa=0 make the Yeoh stiffness vanish"),
         (YEOH, ("0.2", "-0.536", "0.4764"), "make the Yeoh stiffness vanish"),  # at I1 - 3 = 0.375 alone
         (YEOH, ("0.2", "1e308", "0"), "make the Yeoh stiffness vanish"),
@@ -70,6 +71,10 @@ def test_a_bad_row_is_named_by_line_and_silicone(table, column, value, expected)
     message = str(caught.value)
     assert message.startswith("materials.csv line 4 (Dragon Skin 30): ") and expected in message
     assert len(message.splitlines()) == 1
+
+
+def test_the_stretch_that_the_message_of_yeoh_states_is_that_of_its_invariant():
+    assert 1.68**2 + 2 / 1.68 - 3 == pytest.approx(1, abs=0.02)  # an incompressible bar
 
 
 def test_a_missing_column_is_named(table):

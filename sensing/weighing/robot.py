@@ -18,6 +18,7 @@ from cad.errors import FileError, ParameterError
 from cad.plain_numbers import is_plain
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.model import LiveModel
+from sensing.live.core.robot import unplaced
 from sensing.live.open_endcaps import Models, configured_models
 from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import film_readings
@@ -43,6 +44,13 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
     """
     if not config.weight_n > 0:
         raise ParameterError(f"weight_n is missing in {out}: give the robot's weight in N", name="weight_n", value=0.0)
+    if places := unplaced(config.endcaps):
+        raise ParameterError(
+            f"T_robot_endcap of {', '.join(places)} in {out}: two endcaps cannot sit in one place: give each "
+            "its own 4 x 4 matrix, endcap to robot coordinates, mm",
+            name="T_robot_endcap",
+            value=places,
+        )
     models = configured_models(config, any_silicone=True)
     postures = [Posture(recording.name, up, *_forces(config, recording, models, say)) for recording, up in _rows(table)]
     carried = [e.name for e in config.endcaps if any(e.name in posture.force_n for posture in postures)]

@@ -6,6 +6,7 @@ while nothing accelerates and nothing but the endcaps touches the ground.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -27,8 +28,9 @@ class RobotState:
     Attributes:
         touching: names of the endcaps that touch. since_s: of each, capture time at which contact began.
         unknown: names of the endcaps whose contact is not known.
-        force_n: (3,) sum over the endcaps that touch, robot frame. weight_n: of the robot; 0 where not given.
-        standing: at least three touch. consistent: whether the force sum carries the weight; None unless standing.
+        force_n: (3,) sum over the endcaps that touch, robot frame; NaN where their places are not stated.
+        weight_n: of the robot; 0 where not given. standing: at least three touch.
+        consistent: whether the force sum carries the weight; None unless standing, with all places stated.
     """
 
     touching: tuple[str, ...]
@@ -38,6 +40,16 @@ class RobotState:
     weight_n: float
     standing: bool
     consistent: bool | None
+
+
+def unplaced(endcaps: Sequence[EndcapConfig]) -> tuple[str, ...]:
+    """Names of the endcaps whose place in the robot is not stated: they share one, as the unit matrix of setup.
+
+    Args:
+        endcaps: of one robot.
+    """
+    count = Counter(endcap.T_robot_endcap.tobytes() for endcap in endcaps)
+    return tuple(endcap.name for endcap in endcaps if count[endcap.T_robot_endcap.tobytes()] > 1)
 
 
 def robot_state(
@@ -59,6 +71,8 @@ def robot_state(
             total += endcap.T_robot_endcap[:3, :3] @ reading.wrench.force_n
     standing = len(touching) >= STANDING
     consistent = None
-    if standing and weight_n > 0 and not unknown:
+    if not set(touching).isdisjoint(unplaced(endcaps)):
+        total = np.full(3, np.nan)
+    elif standing and weight_n > 0 and not unknown:
         consistent = bool(abs(weight_n - np.linalg.norm(total)) <= TOLERANCE * weight_n)
     return RobotState(tuple(touching), since, tuple(unknown), total, weight_n, standing, consistent)

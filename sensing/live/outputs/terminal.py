@@ -89,8 +89,10 @@ def robot_line(robot: RobotState) -> str:
     """Contact set and force sum."""
     names = ", ".join(robot.touching) or "none"
     text = f"touching: {names}"
-    if robot.touching:
-        text += f"; force sum {np.linalg.norm(robot.force_n):.1f} N"
+    if np.isfinite(robot.force_n).all():
+        text += f"; force sum {np.linalg.norm(robot.force_n):.1f} N" if robot.touching else ""
+    elif robot.weight_n > 0:
+        text += "; force sum unknown: endcaps.toml lacks T_robot_endcap"
     if robot.consistent is not None:
         text += f" of {robot.weight_n:.1f} N weight: {'consistent' if robot.consistent else 'NOT consistent'}"
     return text

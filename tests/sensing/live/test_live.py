@@ -275,6 +275,11 @@ def test_three_endcaps_carry_the_weight_in_the_robots_frame(press):
     assert robot_state(endcaps, held, 200.0, 9.1).consistent is False
     assert robot_state(endcaps, held, 120.0, 30.0).unknown == tuple(c.name for c in endcaps)  # old readings say nothing
     assert "consistent" in robot_line(state)
+    unstated = [replace(endcap, T_robot_endcap=np.eye(4)) for endcap in endcaps]  # as setup writes them
+    unknown = robot_state(unstated, held, 120.0, 9.1)
+    assert unknown.standing and unknown.consistent is None and "force sum unknown" in robot_line(unknown)
+    assert "force sum" not in robot_line(robot_state(unstated, held, 0.0, 9.1))
+    assert robot_state(unstated[:1], held, 0.0, 9.1).force_n == pytest.approx(held["endcap_0"].wrench.force_n)
 
 
 def test_a_source_that_does_not_say_the_size_of_its_pictures_is_read_all_the_same(press):

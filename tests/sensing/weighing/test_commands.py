@@ -29,7 +29,7 @@ ROBOT = "weight_n = 60.0\n" + "".join(
     + (
         "T_robot_endcap = [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]\n"
         if k == 1
-        else ""
+        else f"T_robot_endcap = [[1, 0, 0, {300 * k}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
     )
     for k in range(4)
 )
@@ -64,6 +64,14 @@ def test_a_robot_in_postures_stores_a_gain_for_each_endcap_that_stood(standing, 
     assert "endcap_3: carried no load, gain unchanged" in capsys.readouterr().out
     found = [endcap.gain for endcap in load_config(standing / "endcaps.toml").endcaps]
     assert found == pytest.approx([*GAINS, 1.0], rel=1e-4)
+
+
+def test_endcaps_whose_places_in_the_robot_are_not_stated_are_named(standing, capsys):
+    text = "".join(line for line in ROBOT.splitlines(keepends=True) if not line.startswith("T_robot_endcap"))
+    (standing / "endcaps.toml").write_text(text)
+    assert weighed(standing) == 2 and (standing / "endcaps.toml").read_text() == text
+    error = capsys.readouterr().err
+    assert "T_robot_endcap of endcap_0, endcap_1, endcap_2, endcap_3" in error and len(error.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

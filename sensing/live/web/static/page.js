@@ -4,7 +4,7 @@ const $ = (id) => document.getElementById(id);
 const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
 const QUIET_MS = 1000; // no answer for so long: what is shown is old
 const KEPT = "endcap chosen"; // in the browser's storage, so that a reload shows the same endcap
-let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], sought = null, kinds = null;
+let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], weight_n = 0, sought = null, kinds = null;
 const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
@@ -72,6 +72,7 @@ function begin(shown) {
   Scene.set(shown.hello);
   Dome.set(shown.hello);
   weighed = shown.hello.map((endcap) => endcap.weighed);
+  weight_n = shown.weight_n;
   names = shown.hello.map((endcap) => endcap.name);
   chosen = Math.max(0, names.indexOf(stored()));
   $("endcaps").replaceChildren(...shown.hello.map((endcap, k) => {
@@ -101,7 +102,8 @@ function draw(shown) {
   if (!endcap.confirmable) declined.delete(chosen);
   else if (asked === null && !declined.has(chosen) && shown.replay === null) question(endcap.message || `${endcap.name} looked pressed when it was zeroed.`);
   shown.endcaps.forEach((each, k) => card($("endcaps").children[k], each, k));
-  const sum = shown.touching.length ? `; force sum ${shown.force_sum_n} N` : "";
+  const unknown = weight_n > 0 ? "; force sum unknown: endcaps.toml lacks T_robot_endcap" : "";
+  const sum = shown.force_sum_n === null ? unknown : shown.touching.length ? `; force sum ${shown.force_sum_n} N` : "";
   const judged = shown.consistent === null ? "" : shown.consistent ? ", carries the weight" : ", does NOT carry the weight";
   write("robot", "touching: " + (shown.touching.join(", ") || "none") + sum + judged);
   recording(shown.recording);

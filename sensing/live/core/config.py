@@ -7,9 +7,11 @@
 
     [[endcap]]
     name = "endcap_0"                   # letters, digits, underscore; names topics and files
-    source = "0"                        # camera number, http address, folder, video; "scene:0" for the simulated robot
+    source = "0"                        # camera number or /dev/v4l/by-path/..., http address, folder, video, plug-in's
     zero = "endcap_0.npz"               # relative to this file; empty: zeroed at the start, untouched
-    camera = "endcap_0.json"            # of sensing.calibrate; empty: mounted as the design has it
+    camera = "endcap_0.json"            # of sensing.calibrate; empty: the design's, or found where that does not fit
+    diameter_mm = 130.0
+    wall_mm = 8.0
     silicone = "Smooth-Sil 950"         # row of cad/materials.csv
     dots = "released"                   # or dots of each ring, such as "1-6-10-12-16-18"
     dot_mm = 4.0                        # diameter of a dot
@@ -17,12 +19,14 @@
     own_weight = "subtracted"           # what a turn makes of the skin's own weight; "kept" leaves it in
     contact_on_n = 0.8                  # 0 for the model's own
     contact_off_n = 0.5
+    exposure = 0.0                      # fixed, in the driver's unit; 0: automatic
+    rate_hz = 0.0                       # asked of a camera; 0: 30
     gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
     gain_sd = 0.008
     gain_date = "2026-01-01"
     gain_weights = "0123456789abcdef"   # digest of the model's weights that it was found with
     relaxation = [[0.054, 0.1, 0.005], [0.033, 1.0, 0.003]]    # of sensing.dwell: strength, tau in s, sd of strength
-    T_robot_endcap = [[1.0, 0.0, 0.0, 0.0], ...]   # 4 x 4, mm
+    T_robot_endcap = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]    # mm; yours: setup writes this
 
 Forces in N, lengths in mm, times in s. ``python -m sensing.setup`` writes such a file.
 """
@@ -80,7 +84,7 @@ class EndcapConfig:
         exposure: fixed exposure of a camera in the driver's unit; 0 leaves it automatic.
         rate_hz: frames a second asked of a camera (0: 30), or pictures a second of a folder (0: one, each for itself).
         camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None
-            for the nominal one.
+            for the nominal one or, where that does not fit, the one found from each reference.
         gain, gain_sd: of its silicone (:mod:`sensing.weigh`) and standard deviation; 1 and 0 where it was not weighed.
         gain_date, gain_weights: when, and with which weights of the model (digest); empty where it was not.
         relaxation: terms (strength, tau_s, sd) of :mod:`sensing.dwell`; empty where the silicone was not identified.

@@ -20,6 +20,7 @@ TEXTS = (
     "name", "source", "model", "method", "zero", "camera", "weights", "silicone", "dots", "lens", "gain_date",
     "gain_weights", "own_weight",
 )  # fmt: skip
+EXAMPLE = "sensing.live.core.config"  # module whose text has every key
 MOST_BYTES = 1 << 20  # of the file
 NO_KEYS = ("endcaps", "own_weights")  # of a configuration: tables of their own, and what only a recording carries
 
@@ -104,7 +105,8 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
             good = _is_number(value)
         if not good:
             raise FileError(
-                f"{path}: {key} = {_short(value)} is of the wrong type or size: see the example in docs/live.md"
+                f"{path}: {key} = {_short(value)} is of the wrong type or size: see the example of "
+                f"python -m pydoc {EXAMPLE}"
             )
         if key in ("zero", "camera", "weights"):
             value = path.parent / value if value else None

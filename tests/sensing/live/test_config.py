@@ -1,6 +1,9 @@
 """The configuration's file, and bad input at the command line."""
 
-from dataclasses import replace
+import importlib
+import textwrap
+import tomllib
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ from live_stand_in import stand_in
 from cad.errors import FileError, ParameterError
 from sensing.live.cli import main
 from sensing.live.core.config import EndcapConfig, LiveConfig
-from sensing.live.core.endcaps_file import load_config, save_config
+from sensing.live.core.endcaps_file import EXAMPLE, NO_KEYS, load_config, save_config
 
 
 def test_a_configuration_survives_the_file(tmp_path):
@@ -29,6 +32,20 @@ def test_a_configuration_survives_the_file(tmp_path):
     ]
     assert np.array_equal(again.endcaps[0].T_robot_endcap, pose)
     assert (again.model, again.weights, again.method, again.weight_n) == ("paper", tmp_path / "w.pth", "dis", 117.7)
+
+
+def test_the_example_to_which_a_message_points_has_every_key_and_is_read(tmp_path):
+    module = importlib.import_module(EXAMPLE)
+    example = "\n".join(line for line in module.__doc__.splitlines() if line.startswith("    "))
+    (tmp_path / "endcaps.toml").write_text(textwrap.dedent(example))
+    assert len(load_config(tmp_path / "endcaps.toml").endcaps) == 1
+    shared = tomllib.loads(textwrap.dedent(example))
+    (endcap,) = shared.pop("endcap")
+    assert set(endcap) == {entry.name for entry in fields(EndcapConfig)}
+    assert set(shared) == {entry.name for entry in fields(LiveConfig)} - set(NO_KEYS)
+    with pytest.raises(FileError, match=f"pydoc {EXAMPLE}"):
+        (tmp_path / "endcaps.toml").write_text("[[endcap]]\nname = 'a'\nsource = 0")
+        load_config(tmp_path / "endcaps.toml")
 
 
 @pytest.mark.parametrize(

@@ -232,9 +232,8 @@ def _silicone(row: dict[str, str]) -> Silicone:
     made.neo_hooke()  # and so are constants that are not physical
     if made.poisson < LEAST_POISSON:
         raise ValueError(
-            f"poisson={made.poisson:g} outside {LEAST_POISSON:g}..{MAX_POISSON:g}: weights and study of any size are made "
-            "with 0.49 and would be off by more than 1 %; silicone is nearly incompressible: take 0.49 where yours is "
-            "not known"
+            f"poisson={made.poisson:g} outside {LEAST_POISSON:g}..{MAX_POISSON:g}: weights and study of any size are "
+            "made with 0.49 and would be off by more than 1 %; silicone is nearly incompressible: take 0.49 if unsure"
         )
     if made.yeoh_mpa is not None:
         made.yeoh()

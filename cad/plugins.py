@@ -3,7 +3,7 @@
     [project.entry-points."endcap.field_methods"]
     mine = "my_package:MyField"
 
-docs/extending.md has one section for each kind. Names are read without importing anything; what fails to load, or is
+docs/plugins has one page for each kind. Names are read without importing anything; what fails to load, or is
 not what it should be, is one line that names the plug-in and its distribution. Standard library only.
 """
 

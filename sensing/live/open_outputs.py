@@ -95,7 +95,7 @@ def _add_plugin(run: LiveRun, words: str, outputs: ExitStack) -> None:
     if name not in known:
         raise ParameterError(
             f"--output {words}: no plug-in adds {name!r} ({', '.join(known) or 'none'} installed): install one, or see "
-            "docs/extending.md",
+            "docs/plugins/output.md",
             name="output",
             value=words,
         )

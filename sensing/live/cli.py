@@ -116,11 +116,12 @@ def _check(path: Path, config: LiveConfig, from_s: float) -> int:
             f"{path}: {check.frames} frames computed again from {from_s:g} s on, {check.different} differ in a bit, "
             f"none by more than {check.largest_n:.2g} N"
         )
-        return 0 if check.end is None else LOST
-    show(f"{path}: {check.frames} frames computed again, {check.different} differ")
+    else:
+        show(f"{path}: {check.frames} frames computed again, {check.different} differ")
     if check.end is not None:
         LOG.error(f"sensing.live: {check.end}")
-    return LOST if check.different or isinstance(check.end, DamagedError) or not check.frames else 0
+    differs = check.different and not from_s  # from a moment on bits differ as they may
+    return LOST if differs or isinstance(check.end, DamagedError) or not check.frames else 0
 
 
 def _config(options: argparse.Namespace) -> LiveConfig:

@@ -131,5 +131,5 @@ def pressure_point(force: Array, torque: Array, normal: Array, height_mm: float)
         height_mm: of the plane over the sphere's centre.
     """
     push = -float(force @ normal)
-    # with p = H n + q, q in the plane: n x (p x F) = p (n F) - F (n p), so q = (H F' - n x T) / push, F' across n
+    # with p = H n + q, q in the plane: n x (p x F) = p (n F) - F (n p), so q = -(n x T + H F') / push, F' across n
     return np.asarray(height_mm * normal - (np.cross(normal, torque) + height_mm * (force + push * normal)) / push)

@@ -1,4 +1,4 @@
-"""``exports=`` as people type it: a home folder that no shell put there, names and links that no folder can have."""
+"""``exports=`` as people type it: a home folder that no shell put there, names and links that none can have."""
 
 from __future__ import annotations
 
@@ -34,3 +34,12 @@ def test_a_tilde_is_the_home_folder_not_a_folder_of_that_name(tmp_path, monkeypa
     assert typed_folder("a~b") == Path("a~b")
     with pytest.raises(ParameterError, match="no such user"):
         typed_folder("~nobody-of-this-name/x")
+
+
+def test_a_name_that_the_kernel_would_write_elsewhere_is_refused(tmp_path, monkeypatch):
+    assert typed_folder(str(tmp_path / "M\u00e4rz")) == tmp_path / "M\u00e4rz"
+    with pytest.raises(ParameterError, match=r"no UTF-8 where names are utf-8.* with exports=DIR"):
+        typed_folder(str(tmp_path / "M\udce4rz"))  # as Python reads a name of an older system's, in Latin-1
+    monkeypatch.setattr("os.fsencode", lambda path: str(path).encode("latin-1"))  # a terminal in Latin-1
+    with pytest.raises(ParameterError, match="LC_ALL"):
+        typed_folder(str(tmp_path / "M\u00e4rz"))

@@ -268,7 +268,8 @@ def _next(wanted: Wanted, folder: Path) -> str:
     params, material = wanted.variant.params, wanted.variant.silicone
     design = design_words(params)
     other = ("--silicone", material) if material != DEFAULT_SILICONE else ()
-    sheet = " ".join((wanted.variant.command("sheet"), *wanted.printer_option)) + exports_words(wanted.exports)
+    printer = f" printer={shlex.quote(wanted.printer)}" if wanted.printer else ""
+    sheet = wanted.variant.command("sheet") + printer + exports_words(wanted.exports)
     calibrate = ("--photo", "a.jpg", *design, "--out", "camera.json", "--picture", "fit.png")
     coupons = coupons_command(material) + exports_words(wanted.exports)
     return "\n".join([

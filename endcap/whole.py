@@ -30,7 +30,7 @@ from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_word
 from fab.variant import Variant, coupons_command
 from sensing.interpreter import typed_command
 
-OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
+OPTIONS = {**VARIANT_DEFAULTS, "printer": ""}
 PAGE = "start.html"
 LEFT_OUT = 2  # status of what an optional command refuses: no slicer, a shell that snaps
 END_S = 30.0  # for a command to remove what it began

@@ -16,6 +16,7 @@ from cad.errors import ParameterError
 from cad.options import parse_design
 from endcap import whole
 from endcap.whole import PAGE, Step, make, parsed, write_page
+from fab.command import EXPORTS
 from sensing import study
 
 MADE = {"checks": [{"name": "a"}, {"name": "b"}]}
@@ -152,7 +153,7 @@ def test_makes_variables_are_read_as_they_were_typed(monkeypatch):
     monkeypatch.setenv("MAKEFLAGS", r"w -- material=Dragon\ Skin\ 20 T=10 D=180 PYTHON=python3")
     wanted = parsed([whole.FROM_MAKE])
     assert wanted.variant.params.label == "D180_T10" and wanted.variant.silicone == "Dragon Skin 20"
-    assert wanted.exports == Path("exports")
+    assert wanted.exports == Path(EXPORTS)
 
 
 def test_help_and_errors_of_the_command(capsys):

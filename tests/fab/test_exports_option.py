@@ -10,6 +10,7 @@ import pytest
 from cad.errors import ParameterError
 from cad.typed_folder import typed_folder
 from endcap.whole import parsed
+from fab.command import EXPORTS, exports_words
 
 COMMANDS = [
     "fab.molds", "fab.slice.__main__", "fab.build_sheet.__main__", "fab.led_ring.__main__", "fab.coupons.__main__",
@@ -43,3 +44,9 @@ def test_a_name_that_the_kernel_would_write_elsewhere_is_refused(tmp_path, monke
     monkeypatch.setattr("os.fsencode", lambda path: str(path).encode("latin-1"))  # a terminal in Latin-1
     with pytest.raises(ParameterError, match="LC_ALL"):
         typed_folder(str(tmp_path / "M\u00e4rz"))
+
+
+def test_commands_name_the_same_folder_wherever_they_are_typed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert exports_words(Path("my files")) == f" exports='{tmp_path.resolve() / 'my files'}'"
+    assert exports_words(Path(EXPORTS)) == "" == exports_words(parsed([]).exports)  # that of molds, of endcap whole

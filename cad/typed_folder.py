@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,11 +18,12 @@ def typed_folder(text: str, name: str = "exports") -> Path:
         text: value of the option. name: of the option.
 
     Raises:
-        ParameterError: a name too long for any folder, a link that leads to itself, or a place that cannot be entered.
+        ParameterError: a name too long for any folder, a link that leads to itself, a place that cannot be entered, or
+            one whose name is no UTF-8: the kernel would write beside it, or not at all.
     """
     try:
         folder = Path(text).expanduser()
-        folder.resolve()
+        place = folder.resolve()
         with suppress(FileNotFoundError, NotADirectoryError):  # a folder that is not there yet is none of this
             folder.stat()  # Python 3.13 resolves a link that leads to itself without a word
     except (OSError, RuntimeError) as error:
@@ -28,4 +31,12 @@ def typed_folder(text: str, name: str = "exports") -> Path:
         raise ParameterError(
             f"{name}={brief(text)}: {reason}: name a folder you may write with {name}=DIR", name=name, value=text
         ) from error
+    if os.fsencode(place) != str(place).encode(errors="replace"):
+        raise ParameterError(
+            f"{name}={brief(text)}: the name of this folder, or of one above it, is no UTF-8 where names are "
+            f"{sys.getfilesystemencoding()}, and the CAD kernel takes no other: rename it, name another with "
+            f"{name}=DIR, or set LC_ALL=C.UTF-8",
+            name=name,
+            value=text,
+        )
     return folder

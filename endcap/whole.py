@@ -30,7 +30,7 @@ from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_word
 from fab.variant import Variant, coupons_command
 from sensing.interpreter import typed_command
 
-OPTIONS = {**VARIANT_DEFAULTS, "printer": "", "exports": "exports"}
+OPTIONS = {**VARIANT_DEFAULTS, "printer": ""}
 PAGE = "start.html"
 LEFT_OUT = 2  # status of what an optional command refuses: no slicer, a shell that snaps
 END_S = 30.0  # for a command to remove what it began
@@ -268,7 +268,8 @@ def _next(wanted: Wanted, folder: Path) -> str:
     params, material = wanted.variant.params, wanted.variant.silicone
     design = design_words(params)
     other = ("--silicone", material) if material != DEFAULT_SILICONE else ()
-    sheet = " ".join((wanted.variant.command("sheet"), *wanted.printer_option)) + exports_words(wanted.exports)
+    printer = f" printer={shlex.quote(wanted.printer)}" if wanted.printer else ""
+    sheet = wanted.variant.command("sheet") + printer + exports_words(wanted.exports)
     calibrate = ("--photo", "a.jpg", *design, "--out", "camera.json", "--picture", "fit.png")
     coupons = coupons_command(material) + exports_words(wanted.exports)
     return "\n".join([

@@ -51,10 +51,13 @@ VARIANT_DEFAULTS = {
 def exports_words(exports: Path) -> str:
     """The option that names a folder of exports, with a space before it, as it follows a command; empty for the usual.
 
+    It names the whole path: what was typed in one folder is another in the toolkit's, where the command is typed.
+
     Args:
         exports: folder that holds those of the variants.
     """
-    return "" if exports.resolve() == Path(EXPORTS).resolve() else f" exports={shlex.quote(str(exports))}"
+    place = exports.resolve()
+    return "" if place == Path(EXPORTS).resolve() else f" exports={shlex.quote(str(place))}"
 
 
 class Interrupts:

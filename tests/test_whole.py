@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import signal
@@ -14,7 +15,8 @@ import pytest
 from cad.errors import ParameterError
 from cad.options import parse_design
 from endcap import whole
-from endcap.whole import PAGE, Step, make, parsed
+from endcap.whole import PAGE, Step, make, parsed, write_page
+from fab.command import EXPORTS
 from sensing import study
 
 MADE = {"checks": [{"name": "a"}, {"name": "b"}]}
@@ -85,6 +87,10 @@ def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):
     }  # fmt: skip
     assert f"make sheet D=142 T=7.5 printer=a1_mini exports={tmp_path}" in (tmp_path / "D142_T7.5" / PAGE).read_text()
     assert not any("printer" in word for step in parsed([]).steps() for word in step.words)
+    own = parsed(["D=142", "T=7.5", "printer=my bed", f"exports={tmp_path}"])  # a row of one's own
+    write_page(own, own.folder, [])
+    page = html.unescape((own.folder / PAGE).read_text())
+    assert f"make sheet D=142 T=7.5 printer='my bed' exports={tmp_path}" in page
 
 
 def test_a_failure_stops_it_but_for_a_slicer_that_is_not_there(tmp_path, capsys):
@@ -147,7 +153,7 @@ def test_makes_variables_are_read_as_they_were_typed(monkeypatch):
     monkeypatch.setenv("MAKEFLAGS", r"w -- material=Dragon\ Skin\ 20 T=10 D=180 PYTHON=python3")
     wanted = parsed([whole.FROM_MAKE])
     assert wanted.variant.params.label == "D180_T10" and wanted.variant.silicone == "Dragon Skin 20"
-    assert wanted.exports == Path("exports")
+    assert wanted.exports == Path(EXPORTS)
 
 
 def test_help_and_errors_of_the_command(capsys):

@@ -91,15 +91,15 @@ def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
     """Largest D, to a tenth of a millimetre, whose parts a printer takes; ``None`` where it takes those of no size.
 
     Args:
-        layout: its wall is kept as far as another D can have it; joints do not widen a part. where: the printer.
+        layout: wall, silicone and joints, by which the bowl's wall is more or less high, are kept as far as another D
+            can have them.
+        where: the printer.
     """
     low, high = feasible.diameter_range_mm()
     steps = np.arange(math.ceil(low * 10), math.floor(high * 10) + 1)
 
     def fits(step: int) -> bool:
-        diameter = step / 10
-        wall = feasible.nearest_wall_mm(diameter, layout.params.wall_mm)
-        return all(where.takes(p) for p in footprints(MoldLayout(EndcapParams(diameter, wall))).values())
+        return all(where.takes(points) for points in footprints(_at(layout, step / 10)).values())
 
     if not fits(steps[0]):
         return None
@@ -110,18 +110,26 @@ def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
     return float(steps[first]) / 10
 
 
-def _along_with(layout: MoldLayout, diameter_mm: float) -> str:
-    """Options that another D cannot have, as the nearest that it can: `` with T=17.62``; empty for none."""
+def _at(layout: MoldLayout, diameter_mm: float) -> MoldLayout:
+    """The same endcap of another D: with its own wall, dots and joints, or the nearest that this D can have."""
     params = layout.params
     wall = feasible.nearest_wall_mm(diameter_mm, params.wall_mm)
     rings = pattern.fitting_rings(diameter_mm / 2 - wall, params.dot_rings, params.dot_mm)
     other = EndcapParams(diameter_mm, wall, rings, params.dot_mm, params.gyroid)
     low, high = joint_clearance_range_mm(other, layout.silicone)
-    gap = min(max(low, layout.joint_clearance_mm), high)
+    return MoldLayout(other, min(max(low, layout.joint_clearance_mm), high), layout.silicone)
+
+
+def _along_with(layout: MoldLayout, diameter_mm: float) -> str:
+    """Options that another D cannot have, as the nearest that it can: `` with T=17.62``; empty for none."""
+    nearest = _at(layout, diameter_mm)
+    params, other = layout.params, nearest.params
     words = {
-        f"T={plain(wall)}": wall != params.wall_mm,
-        f"dots={pattern.rings_text(rings)}": rings != params.dot_rings,
-        f"joint_clearance={plain(gap)}": gap != layout.joint_clearance_mm,
+        f"T={plain(other.wall_mm)}": other.wall_mm != params.wall_mm,
+        f"dots={pattern.rings_text(other.dot_rings)}": other.dot_rings != params.dot_rings,
+        f"joint_clearance={plain(nearest.joint_clearance_mm)}": (
+            nearest.joint_clearance_mm != layout.joint_clearance_mm
+        ),
     }
     changed = " ".join(word for word, differs in words.items() if differs)
     return f" with {changed}" if changed else ""

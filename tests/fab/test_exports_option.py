@@ -1,4 +1,4 @@
-"""``exports=`` as people type it: a home folder that no shell put there, names and links that no folder can have."""
+"""``exports=`` as people type it: a home folder that no shell put there, names and links that none can have."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from cad.errors import ParameterError
 from cad.typed_folder import typed_folder
 from endcap.whole import parsed
+from fab.command import EXPORTS, exports_words
 
 COMMANDS = [
     "fab.molds", "fab.slice.__main__", "fab.build_sheet.__main__", "fab.led_ring.__main__", "fab.coupons.__main__",
@@ -34,3 +35,18 @@ def test_a_tilde_is_the_home_folder_not_a_folder_of_that_name(tmp_path, monkeypa
     assert typed_folder("a~b") == Path("a~b")
     with pytest.raises(ParameterError, match="no such user"):
         typed_folder("~nobody-of-this-name/x")
+
+
+def test_a_name_that_the_kernel_would_write_elsewhere_is_refused(tmp_path, monkeypatch):
+    assert typed_folder(str(tmp_path / "M\u00e4rz")) == tmp_path / "M\u00e4rz"
+    with pytest.raises(ParameterError, match=r"no UTF-8 where names are utf-8.* with exports=DIR"):
+        typed_folder(str(tmp_path / "M\udce4rz"))  # as Python reads a name of an older system's, in Latin-1
+    monkeypatch.setattr("os.fsencode", lambda path: str(path).encode("latin-1"))  # a terminal in Latin-1
+    with pytest.raises(ParameterError, match="LC_ALL"):
+        typed_folder(str(tmp_path / "M\u00e4rz"))
+
+
+def test_commands_name_the_same_folder_wherever_they_are_typed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert exports_words(Path("my files")) == f" exports='{tmp_path.resolve() / 'my files'}'"
+    assert exports_words(Path(EXPORTS)) == "" == exports_words(parsed([]).exports)  # that of molds, of endcap whole

@@ -16,7 +16,7 @@ from cad.params import EndcapParams
 from cad.pattern import parse_rings
 from fab.build_sheet.sliced import require_sliced_for
 from fab.slice import printers
-from fab.slice.footprints import require_printer
+from fab.slice.footprints import largest_diameter_mm, require_printer
 from fab.slice.printers import fitting_turn_deg, printer, printer_words, require_bed, room_left_mm
 
 
@@ -29,6 +29,15 @@ def test_the_largest_size_that_a_refusal_names_can_be_made_with_what_it_names_be
     assert set(options) == {"T", "dots", "joint_clearance"}  # none of the three can be kept
     design = EndcapParams(float(words[1]), float(options["T"]), parse_rings(options["dots"]), 8.0)
     require_printer(MoldLayout(design, float(options["joint_clearance"])), printer("generic180"))
+
+
+def test_the_largest_size_of_a_low_printer_is_that_of_the_silicone_and_the_joints():
+    low = replace(printer(), height_mm=100.0)  # the bowl's wall, 6 to 9 mm by silicone and joints, is a part's height
+    wide_joints = MoldLayout(EndcapParams(230.0, 8.0), 0.2)
+    largest = largest_diameter_mm(wide_joints, low)
+    require_printer(MoldLayout(EndcapParams(largest, 8.0), 0.2), low)
+    with pytest.raises(ParameterError, match=f"the largest D of this printer is {largest:g};"):
+        require_printer(MoldLayout(EndcapParams(largest + 0.1, 8.0), 0.2), low)
 
 
 @pytest.mark.parametrize(("width", "depth"), [(7.0, 7.0), (250.0, 7.0), (8.0, 250.0)])

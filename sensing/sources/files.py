@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def read_picture(path: Path | str, sequence: int = 0, time_s: float = 0.0) -> Fr
 
 
 class FolderSource:
-    """The pictures of a folder in the order of their names.
+    """The pictures of a folder in the order of their names, numbers in them by their value: 2.jpg comes before 10.jpg.
 
     Args:
         folder: holds pictures.
@@ -57,7 +58,8 @@ class FolderSource:
         self.name, self.note = str(folder), ""
         self._rate_hz, self._faulty = rate_hz, faulty
         try:
-            self._paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES)
+            pictures = [p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES]
+            self._paths = sorted(pictures, key=lambda path: (_by_number(path.name), path.name))
         except OSError as error:
             raise FileError(f"{folder}: {error.strerror or error}: give a readable folder of pictures") from None
         if not self._paths:
@@ -79,6 +81,11 @@ class FolderSource:
                 frame = Frame(time_s, index, str(path), jpeg=faults[-1].encode(), fault=faults[-1])
             yield frame
         self.note = f"{len(faults)} of {len(self)} pictures cannot be read ({faults[0]})" if faults else ""
+
+
+def _by_number(name: str) -> list[str | int]:
+    """What sorts names as people count: text and numbers in turn."""
+    return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"([0-9]+)", name))]
 
 
 class VideoSource:

@@ -20,6 +20,7 @@ HINTS = {
     "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
     "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
     "moved": "camera or lens have moved since the reference; zero again",
+    "zeroed_under_load": "the reference was taken while something pressed; zero again",
 }
 Array = NDArray[np.float64]
 STILL_S = 1.0

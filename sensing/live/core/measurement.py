@@ -20,8 +20,10 @@ from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import SUBTRACTED, EndcapConfig
-from sensing.live.core.gate import Gate, Verdict, likeness, small_picture
+from sensing.live.core.gate import DISTURBED, Gate, Verdict, likeness, small_picture
 from sensing.live.core.kept import NOTHING_KEPT, Kept
+from sensing.live.core.load_watch import FLAG as ZEROED_UNDER_LOAD
+from sensing.live.core.load_watch import LoadWatch
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
@@ -41,7 +43,7 @@ from sensing.wrench.relaxation import RateFilter
 from sensing.wrench.simulation_spread import learned_from_simulation, simulation_spread
 from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, shear_mpa_of, weights_digest
 
-DRIFT_EVERY = 30  # frames between looks at lamp and mounting
+DRIFT_EVERY = 30  # frames between looks at lamp and mounting, and for a reference under load
 MOVED = "moved"  # flag: camera or lens, since the reference
 COARSE = 8  # reduction at which methods without dots compare whole pictures
 
@@ -88,13 +90,14 @@ class Measurement:
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved), 0
+        self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
         self.contact: ContactState | None = None
 
     @property
     def kept(self) -> Kept:
         """What a restart keeps of the frames so far."""
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
-        return Kept((x, y, z), self._mounting.reason)
+        return Kept((x, y, z), self._mounting.reason, self._load.reason)
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
@@ -136,6 +139,9 @@ class Measurement:
         if self._count % DRIFT_EVERY == 0 and tracks is not None and gray is not None:
             self._drift = measure_drift(self._used.zero, frame, tracks, gray, self._mounting.motion)
             watch.lap("drift")
+        clear = tracks is not None and used and DISTURBED not in verdict.flags and MOVED not in verdict.flags
+        if self._count % DRIFT_EVERY == 0 and clear:
+            self._load.update(field, estimate, contact.touching)
         self._count += 1
         flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return EndcapReading(
@@ -165,13 +171,14 @@ class Measurement:
             return verdict
         check = self._check
         flags = frozenset[str]() if check is None else check.flags
-        reasons = [verdict.reason, "" if check is None or not flags else check.reason, self._mounting.reason]
-        flags |= {MOVED} if self._mounting.reason else set()
+        reasons = ["" if check is None or not flags else check.reason, self._mounting.reason, self._load.reason]
+        flags |= {flag for flag, reason in zip((MOVED, ZEROED_UNDER_LOAD), reasons[1:], strict=True) if reason}
         if not flags:
             return verdict
         return replace(
-            verdict, event=Event.FLAGGED, reason="; ".join(filter(None, reasons)), flags=verdict.flags | flags
-        )
+            verdict, event=Event.FLAGGED, reason="; ".join(filter(None, [verdict.reason, *reasons])),
+            flags=verdict.flags | flags,
+        )  # fmt: skip
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
         """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""

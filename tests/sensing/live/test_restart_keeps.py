@@ -123,8 +123,10 @@ def test_a_replay_that_begins_during_a_touch_has_the_turn_of_that_moment(recorde
 
 
 def test_what_is_kept_is_read_as_it_was_written():
-    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved")
+    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved", "taken under load")
     assert kept_of(kept.text()) == kept
+    before = '{"own_weight_g": [0.5, 0, 1], "moved": ""}'  # of a recording made before loads were looked for
+    assert kept_of(before) == Kept((0.5, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"own_weight_g": [1, 2], "moved": ""}', '{"own_weight_g": [9, 0, NaN]}'])

@@ -193,3 +193,11 @@ def test_a_picture_that_cannot_be_read_is_an_error_or_a_frame_that_says_why(tmp_
     assert [bool(frame.fault) for frame in got] == [False, True, False] and "1 of 3 pictures" in source.note
     with pytest.raises(FrameError, match=r"b\.png: no picture"):
         decode_gray(got[1], 2)
+
+
+def test_pictures_of_a_folder_come_in_the_order_in_which_they_were_numbered(tmp_path):
+    """Programs that save pictures rarely pad numbers; 10.jpg before 2.jpg made a loaded picture the reference."""
+    names = ["2.jpg", "9.jpg", "10.jpg", "11.jpg", "101.jpg", "press_2_1.jpg", "press_02_2.jpg", "press_10_0.jpg"]
+    for name in names:
+        (tmp_path / name).write_bytes(jpeg(8))
+    assert [Path(frame.source).name for frame in FolderSource(tmp_path)] == names

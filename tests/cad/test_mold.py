@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
+import numpy as np
 import pytest
 from build123d import Plane, Pos, Rot, Solid
 from long_cases import others_long
@@ -207,6 +208,15 @@ def test_released_joints_have_their_clearance_between_neighbours(released_mold):
     for first, second in (("core_centre", "core_key_2"), ("core_key_3", "core_wedge_3"), ("cup_bowl_3", "cup_bowl_1")):
         gap = parts[first].solid.distance_to(parts[second].solid)
         assert gap == pytest.approx(layout.joint_clearance_mm, abs=1e-3)
+
+
+def test_the_centre_ends_where_the_layout_begins_the_wedges(released_mold):
+    """From there to the neck the layout places a wedge's screw."""
+    layout, _, meshes = released_mold
+    along = np.array([math.cos(math.radians(60.0)), math.sin(math.radians(60.0))])
+    vertices = meshes["core_centre"].vertices
+    farthest = (vertices[vertices[:, 2] < 1e-3][:, :2] @ along).max()
+    assert farthest == pytest.approx(layout.centre_short_inradius_mm, abs=1e-3)
 
 
 def test_a_bump_whose_poles_do_not_lie_on_its_radius_would_be_seen(layout, core):

@@ -10,6 +10,7 @@ from textbook_filter import Textbook
 from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.filter import ARM_M, STANDARD, FilterConfig, Motion, WrenchFilter
+from sensing.wrench.trend import Trend
 
 SIGMA = np.array([0.15] * 3 + [0.02] * 3)
 ARM = np.array([1.0] * 3 + [ARM_M] * 3)
@@ -169,6 +170,8 @@ def test_late_missing_stale_and_gaps_are_said():
     assert "missing" in tracker.update(wrench(np.full(6, np.nan), 0.0)).flags
     tracker.update(wrench(np.ones(6), 1.0))
     assert "late" in tracker.update(wrench(np.full(6, 99.0), 0.9)).flags and tracker.late == 1
+    twice = tracker.update(wrench(np.full(6, 1.1), 1.0))  # the same frame again
+    assert "late" in twice.flags and tracker.late == 2 and np.allclose(twice.force_n, 1)
     missing = tracker.update(wrench([np.inf, 0, 0, 0, 0, 0], 1.03))
     assert "missing" in missing.flags and np.allclose(missing.force_n, 1)
     zeros = replace(wrench(np.zeros(6), 1.04), flags=frozenset({"missing"}))  # what a model without dots answers
@@ -186,6 +189,21 @@ def test_late_missing_stale_and_gaps_are_said():
     for name, bad in ((name, bad) for name, values in bad_ones.items() for bad in values):
         with pytest.raises(ParameterError, match=f"{name}="):
             FilterConfig(**{name: bad})
+
+
+def test_after_a_gap_the_filter_is_a_new_one_to_the_bit():
+    old, new = WrenchFilter(), WrenchFilter()
+    for k in range(60):
+        old.update(wrench(k * SIGMA, k / 30))
+    spread = np.diag((2 * SIGMA) ** 2)
+    for k in range(6):
+        measured = wrench((5 - k) * SIGMA, 3.0 + k / 30, spread)
+        answers = [tracker.update(measured) for tracker in (old, new)]
+        answers += [tracker.now(measured.time_s + 0.05) for tracker in (old, new)]
+        for one, other in (answers[:2], answers[2:]):
+            assert (one.force_n == other.force_n).all() and (one.covariance == other.covariance).all()
+        if k == 0:  # nothing was averaged: as sure as the first estimate is, whatever of its error repeats
+            assert answers[0].covariance.diagonal() == pytest.approx(spread.diagonal())
 
 
 def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():
@@ -270,3 +288,16 @@ def test_now_is_at_when_the_rate_came_true_and_the_last_value_at_first():
     )
     tracker.update(wrench([3, 0, 0, 0, 0, 0], 9.0))  # a gap starts anew
     assert tracker.now(9.05).force_n[0] == pytest.approx(3.0)
+
+
+def test_a_factor_is_that_of_least_squares_less_two_of_its_deviations():
+    """A steady ramp, y = x: of S = sum x^2 / variance, fading, (S - 2 sqrt(2 S)) / (S + 4)."""
+    trend, slope, dt = Trend(), np.array([5.0, 0, 0, 0, 0, 0]), 0.03
+    for k in range(40):
+        trend.update(dt * k, slope * dt * k, np.full(6, 0.04), slope * dt * k, slope)
+        ages_s = dt * np.arange(max(0, k - 1))  # of the comparisons with the prediction of two frames before
+        total = (np.exp(-ages_s / 0.6) * (5.0 * 2 * dt) ** 2 / 0.04).sum()
+        wanted = min(max((total - 2 * np.sqrt(2 * total)) / (total + 4), 0), 1)
+        assert trend.factors[1, :3] == pytest.approx(np.full(3, wanted), abs=1e-9)
+        assert (trend.factors[1, 3:] == 0).all()  # torques that did not move say nothing
+    assert wanted > 0.1

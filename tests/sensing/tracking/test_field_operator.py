@@ -112,6 +112,19 @@ def test_stretch_within_its_scatter_changes_nothing():
     assert np.abs(operator.field(push, operator.predicted_stretch(push) + noise) - operator.field(push)).max() < 0.05
 
 
+def test_a_picture_of_twice_the_size_shows_the_same_field_in_twice_the_pixels():
+    motion = Displacement((2.0, 1.0), 0.01, bumps=(Bump((395.0, 262.0), (20.0, 12.0), 26.0),))
+    push, live = moved(motion, DOTS), DOTS[:, 0] < 320
+    small, large = field_operator(DOTS, SIZE), field_operator(2 * DOTS + 0.5, (1280, 960))
+    stretch = small.predicted_stretch(push)  # it has no unit
+    stretch[20:23] += [[0.3, -0.2], [0.1, 0.4]]
+    assert np.allclose(large.field(2 * push), 2 * small.field(push), atol=1e-3)
+    assert np.allclose(large.predicted_stretch(2 * push), small.predicted_stretch(push), atol=1e-9)
+    assert np.allclose(large.field(2 * push, stretch), 2 * small.field(push, stretch), atol=1e-2)
+    assert np.abs(small.field(push, stretch) - small.field(push)).max() > 0.5  # it did count
+    assert (large.valid(live) == small.valid(live)).all() and not small.valid(live).all()
+
+
 def test_mask_says_where_no_dot_reaches():
     operator = field_operator(DOTS, SIZE)
     live = DOTS[:, 0] < 320

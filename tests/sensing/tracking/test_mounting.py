@@ -1,5 +1,7 @@
 """A camera or lens that moved, and a touch, of rendered and drawn pictures."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from sensing.camera.nominal import nominal_mount
 from sensing.records import DotTracks
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
+from sensing.tracking.camera_motions import CameraMotions
 from sensing.tracking.mounting import LEAST_DOTS, MotionKind, MountingWatch, common_motion, without_motion
 
 SIZE = (640, 480)
@@ -118,6 +121,24 @@ def test_a_camera_that_tilted_or_shifted_in_its_mount_is_the_mounting_and_can_be
     watch = MountingWatch(params)
     watch.update(given)
     assert "camera or lens have moved" in watch.reason
+
+
+def test_every_small_motion_of_the_camera_and_a_zoom_are_among_those_that_are_fitted():
+    params = EndcapParams(130.0, 8.0)
+    still, points = nominal_mount(params), pattern_points(params)[0]
+    points = points[still.sees(points, 8.0)]
+    places = still.project(points)
+    motions = CameraMotions.of(places, SIZE, params)
+    zoomed = replace(still.camera, fx_px=1.001 * still.camera.fx_px, fy_px=1.001 * still.camera.fy_px)
+    moved = [MountedCamera(zoomed, still.T_camera_endcap)]
+    for axis in range(3):
+        turn, shift = np.eye(4), np.eye(4)
+        turn[:3, :3], shift[axis, 3] = cv2.Rodrigues(1e-3 * np.eye(3)[axis])[0], 0.05
+        moved += [MountedCamera(still.camera, pose @ still.T_camera_endcap) for pose in (turn, shift)]
+    for camera in moved:
+        px = camera.project(points) - places
+        for fitted in (motions.of_all(px), motions.of_most(px, np.ones(len(px), bool))):
+            assert np.abs(px - fitted).max() < 0.01 * np.abs(px).max()
 
 
 @pytest.mark.parametrize("turn_deg", [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)])

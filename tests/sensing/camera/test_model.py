@@ -123,6 +123,15 @@ def test_the_picture_ends_at_the_centres_of_its_outer_pixels_on_all_four_sides()
             assert (mounted.sees(points, margin) == inside).all()
 
 
+def test_a_pixel_is_followed_to_where_its_ray_leaves_the_sphere() -> None:
+    mounted, centre = mount(CAMERA, [0.4, -0.7, 17.0], rotation_matrix([0.02, -0.03, 1.2])), np.array([1.0, 2.0, 38.0])
+    outward = random_points(50, 70.0)
+    points = centre + 57.0 * outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    assert np.allclose(mounted.on_sphere(mounted.project(points), centre, 57.0), points, atol=1e-9)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(mounted.on_sphere(np.array([[20.0, 240.0]]), [0, 0, 200.0], 10.0)).all()  # it misses
+
+
 def test_bad_input_is_refused(tmp_path) -> None:
     with pytest.raises(ParameterError, match="fx_px=-1"):
         FisheyeCamera(640, 480, -1, 240, 320, 240)

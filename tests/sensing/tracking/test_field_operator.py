@@ -7,6 +7,7 @@ from cad.errors import ParameterError
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth
 from sensing.tracking.field_operator import AFFINE_VARIANCE, field_operator
+from sensing.tracking.parallax import _bilinear
 
 SIZE = (640, 480)
 DOTS = draw_dots(Drawing())[1]
@@ -141,3 +142,19 @@ def test_all_lost_gives_zero():
 def test_no_dots_or_nan_is_refused(place):
     with pytest.raises(ParameterError, match="at least one finite position"):
         field_operator(place, SIZE)
+
+
+def test_what_moves_as_far_as_it_lies_shows_where_the_cells_are():
+    """The field of the dots' own coordinates is those of the cells' middles: no half pixel, no axis exchanged."""
+    field = field_operator(DOTS, SIZE, (20, 30)).field(DOTS)
+    columns, rows = 80 + (np.arange(30) + 0.5) * 16 - 0.5, (np.arange(20) + 0.5) * 24 - 0.5
+    near = field_operator(DOTS, SIZE, (20, 30)).valid(np.ones(len(DOTS), bool))
+    assert np.abs(field[0] - columns[None])[near].max() < 0.1
+    assert np.abs(field[1] - rows[:, None])[near].max() < 0.1
+
+
+def test_cells_are_read_at_dots_along_the_right_axes():
+    columns, rows = 80 + (np.arange(30) + 0.5) * 16 - 0.5, (np.arange(20) + 0.5) * 24 - 0.5
+    place = np.random.default_rng(0).uniform([100, 20], [540, 460], (40, 2))
+    plane = 3 * columns[None] - 2 * rows[:, None]
+    assert _bilinear(place, SIZE, (20, 30)) @ plane.ravel() == pytest.approx(3 * place[:, 0] - 2 * place[:, 1])

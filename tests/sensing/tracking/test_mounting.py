@@ -11,11 +11,12 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import pattern_points
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
-from sensing.records import DotTracks
+from sensing.records import DotTracks, Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
 from sensing.tracking.camera_motions import CameraMotions
-from sensing.tracking.mounting import LEAST_DOTS, MotionKind, MountingWatch, common_motion, without_motion
+from sensing.tracking.mounting import LEAST_DOTS, CommonMotion, MotionKind, MountingWatch, common_motion, without_motion
+from sensing.tracking.zero import measure_drift, single_zero
 
 SIZE = (640, 480)
 REST, _ = draw_dots(Drawing())
@@ -180,3 +181,13 @@ def zoomed(scale: float) -> np.ndarray:
         REST, cv2.getRotationMatrix2D((319.5, 239.5), 0, scale), SIZE, flags=cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("rows", "cause"), [(480, "contact"), (960, "none")])
+def test_a_pixel_of_a_larger_picture_is_less_of_a_touch(rows, cause):
+    size, dots = (rows * 4 // 3, rows), np.arange(20)
+    place = np.random.default_rng(0).uniform(40, 440, (20, 2))
+    motion = CommonMotion(np.zeros(2), 0.0, 1.0, 0.0, 1.0, 0.2, size)  # dots that stand but for 1 px of the third
+    tracks = DotTracks(0.0, dots, place, place, np.ones(20), dots < 0, size)
+    zero, gray = single_zero(Frame(0.0, 0, "a", image=REST)), np.full((8, 8), round(REST.mean()), np.uint8)
+    assert measure_drift(zero, zero.frame(), tracks, gray, motion).cause == cause

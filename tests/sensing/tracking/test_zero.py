@@ -13,12 +13,12 @@ from sensing.calibration.dots import pattern_points
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
 from sensing.field import main as field_main
-from sensing.records import DotTracks, Frame
+from sensing.records import Frame
 from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
 from sensing.tracking.auto_zero import AutoZero
-from sensing.tracking.mounting import CommonMotion, MotionKind, common_motion, without_motion
+from sensing.tracking.mounting import MotionKind, common_motion, without_motion
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import ZeroError, load_zero, measure_drift, save_zero, take_zero
 from sensing.zero import main
@@ -105,16 +105,6 @@ def test_drift_is_reported_apart_from_contact(zero, motion, gain, cause):
     frame = still(1, gain, motion)[0]
     tracks = DotTracker(zero.frame()).update(frame)
     assert measure_drift(zero, frame, tracks).cause == cause
-
-
-@pytest.mark.parametrize(("rows", "cause"), [(480, "contact"), (960, "none")])
-def test_a_pixel_of_a_larger_picture_is_less_of_a_touch(zero, rows, cause):
-    size, dots = (rows * 4 // 3, rows), np.arange(20)
-    place = np.random.default_rng(0).uniform(40, 440, (20, 2))
-    motion = CommonMotion(np.zeros(2), 0.0, 1.0, 0.0, 1.0, 0.2, size)  # dots that stand but for 1 px of the third
-    tracks = DotTracks(0.0, dots, place, place, np.ones(20), dots < 0, size)
-    gray = np.full((8, 8), round(zero.brightness), np.uint8)
-    assert measure_drift(zero, zero.frame(), tracks, gray, motion).cause == cause
 
 
 def test_mounting_is_measured_and_taken_out(zero):

@@ -10,7 +10,6 @@ from textbook_filter import Textbook
 from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.filter import ARM_M, STANDARD, FilterConfig, Motion, WrenchFilter
-from sensing.wrench.trend import Trend
 
 SIGMA = np.array([0.15] * 3 + [0.02] * 3)
 ARM = np.array([1.0] * 3 + [ARM_M] * 3)
@@ -177,6 +176,11 @@ def test_late_missing_stale_and_gaps_are_said():
     zeros = replace(wrench(np.zeros(6), 1.04), flags=frozenset({"missing"}))  # what a model without dots answers
     assert np.allclose(tracker.update(zeros).force_n, 1)
     assert "stale" not in tracker.at(1.1).flags and "stale" in tracker.at(1.3).flags
+    ramp = WrenchFilter()
+    for k in range(30):
+        ramp.update(wrench(k * SIGMA, k / 30))
+    newest, longest, beyond = (ramp.at(29 / 30 + ahead_s).force_n for ahead_s in (0.0, 0.15, 0.6))
+    assert np.allclose(longest, beyond) and (longest > newest + 3 * SIGMA[:3]).all()  # a stale value stays
     far = tracker.update(wrench(np.full(6, 5.0), 3.0))
     assert np.allclose(far.force_n, 5.0) and np.isnan(tracker.nis)  # started anew
     with pytest.raises(ParameterError, match="causal"):
@@ -286,18 +290,7 @@ def test_now_is_at_when_the_rate_came_true_and_the_last_value_at_first():
         0.9 * (full - held) < now.force_n[0] - held <= full - held
         and now.covariance[0, 0] >= tracker.at(2.72).covariance[0, 0]
     )
+    left = full - now.force_n[0]  # what is left out of the rate widens the covariance
+    assert now.covariance[0, 0] - tracker.at(2.72).covariance[0, 0] == pytest.approx(left**2, rel=1e-6) and left > 0
     tracker.update(wrench([3, 0, 0, 0, 0, 0], 9.0))  # a gap starts anew
     assert tracker.now(9.05).force_n[0] == pytest.approx(3.0)
-
-
-def test_a_factor_is_that_of_least_squares_less_two_of_its_deviations():
-    """A steady ramp, y = x: of S = sum x^2 / variance, fading, (S - 2 sqrt(2 S)) / (S + 4)."""
-    trend, slope, dt = Trend(), np.array([5.0, 0, 0, 0, 0, 0]), 0.03
-    for k in range(40):
-        trend.update(dt * k, slope * dt * k, np.full(6, 0.04), slope * dt * k, slope)
-        ages_s = dt * np.arange(max(0, k - 1))  # of the comparisons with the prediction of two frames before
-        total = (np.exp(-ages_s / 0.6) * (5.0 * 2 * dt) ** 2 / 0.04).sum()
-        wanted = min(max((total - 2 * np.sqrt(2 * total)) / (total + 4), 0), 1)
-        assert trend.factors[1, :3] == pytest.approx(np.full(3, wanted), abs=1e-9)
-        assert (trend.factors[1, 3:] == 0).all()  # torques that did not move say nothing
-    assert wanted > 0.1

@@ -78,7 +78,7 @@ def closing_stroke_mm(diameter_mm: float, wall_mm: float) -> float:
     outer = diameter_mm / 2
     inner = outer - wall_mm
     above_equator = scaling.centre_height_mm(diameter_mm) - scaling.FLANGE_THICKNESS_MM
-    return (outer**2 - inner**2) * max(0.0, above_equator) / inner**2
+    return (outer**2 - inner**2) * above_equator / inner**2
 
 
 def dam_height_mm(diameter_mm: float, wall_mm: float) -> float:
@@ -159,11 +159,9 @@ def _diameter_holds(diameter_mm: float) -> bool:
 def _collar_wall_limit(outer: float, centre: float) -> float:
     """Thickest wall whose closing stroke leaves room for dam margin and bolt flange: solves the stroke for r."""
     room = centre - BOLT_FLANGE_MM - DAM_MARGIN_MM
-    above_equator = centre - scaling.FLANGE_THICKNESS_MM
+    above_equator = centre - scaling.FLANGE_THICKNESS_MM  # over 0 wherever there is room: the flange is thinner
     if room <= 0:
         return -math.inf
-    if above_equator <= 0:
-        return math.inf
     return outer - outer * math.sqrt(above_equator / (room + above_equator))
 
 

@@ -164,15 +164,11 @@ class MountingWatch:
 
 
 def without_motion(tracks: DotTracks, motion: CommonMotion) -> DotTracks:
-    """Tracks with a common motion taken out."""
+    """Tracks with a common motion taken out, and without their stretch."""
     if motion.camera_px is not None:
         return replace(tracks, position_px=tracks.position_px - motion.camera_px, stretch=None)
     centre = (np.array(tracks.size) - 1) / 2
     arm = tracks.position_px - centre - motion.shift_px
     cos, sin = np.cos(motion.turn_rad) / motion.scale, np.sin(motion.turn_rad) / motion.scale
     back = np.stack([cos * arm[:, 0] + sin * arm[:, 1], -sin * arm[:, 0] + cos * arm[:, 1]], axis=1) + centre
-    stretch = None
-    if tracks.stretch is not None:
-        turn_back = np.array([[cos, sin], [-sin, cos]])
-        stretch = turn_back @ (np.eye(2) + tracks.stretch) - np.eye(2)
-    return replace(tracks, position_px=back, stretch=stretch)
+    return replace(tracks, position_px=back, stretch=None)

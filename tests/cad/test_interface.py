@@ -9,6 +9,7 @@ import pytest
 from long_cases import others_long
 from scipy.integrate import quad
 
+from bench.sizes import random_sizes
 from cad import interface
 from cad.bought import bought_mm
 from cad.errors import ParameterError
@@ -111,6 +112,10 @@ def test_a_thick_wall_leaves_the_gyroid_standing_on_the_flange() -> None:
     thick, thin = EndcapParams(130, 13), EndcapParams(130, 8)
     assert interface.zone_clip_radius_mm(thick) == pytest.approx(thick.bore_radius_mm + 0.5)
     assert interface.zone_clip_radius_mm(thin) == 0.0
+    for params in (random_size.params for random_size in random_sizes(3, 300)):
+        foot = params.inner_radius_mm + params.skin_mm  # sphere of the zone, where it meets the flange
+        section = math.sqrt(foot**2 - (params.flange_thickness_mm - params.centre_height_mm) ** 2)
+        assert max(section, interface.zone_clip_radius_mm(params)) >= params.bore_radius_mm + 0.5
 
 
 def test_bought_parts_are_read_from_the_table() -> None:

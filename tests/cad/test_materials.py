@@ -55,6 +55,7 @@ def table(tmp_path, monkeypatch):
         (YEOH, ("0.2", "1e308", "0"), "make the Yeoh stiffness vanish"),
         (PRONY, ("x", "1"), "prony_g='x' is not a positive number"),
         (PRONY, ("0.7;0.7", "1;2"), "prony_g='0.7;0.7': relative moduli add up to less than 1"),
+        (PRONY, ("0.5;0.5", "1;2"), "prony_g='0.5;0.5': relative moduli add up to less than 1"),
         (PRONY, ("-0.1", "1"), "prony_g='-0.1' is not a positive number"),
         (PRONY, ("0.1", "-1"), "prony_tau_s='-1' is not a positive number"),
         (PRONY, ("0.1;0.1", "1"), "prony_tau_s='1' have 2 and 1 numbers"),
@@ -92,6 +93,14 @@ def test_the_laws_that_a_row_gives_are_those_of_its_columns(table):
     row = materials.silicones()["Dragon Skin 30"]
     assert row.yeoh().c20_mpa == -0.1 and row.prony_series() == ((0.1, 0.5), (0.05, 2.0))
     assert materials.silicones()["Dragon Skin 20"].yeoh_mpa is None  # none of the three
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49, 0.4999])
+def test_the_moduli_of_a_law_are_those_of_linear_elasticity(poisson):
+    law = materials.hyperelastic_law(0.34, poisson)
+    young = 2 * law.shear_mpa * (1 + poisson)
+    assert law.shear_mpa == 0.68 and law.bulk_mpa == pytest.approx(young / (3 * (1 - 2 * poisson)))
+    assert law.poisson == pytest.approx(poisson, abs=1e-12) and law.young_mpa == pytest.approx(young)
 
 
 def test_the_parts_of_every_silicone_are_those_of_its_words():

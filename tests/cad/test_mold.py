@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
+import numpy as np
 import pytest
 from build123d import Plane, Pos, Rot, Solid
 from long_cases import others_long
@@ -204,9 +205,23 @@ def test_pieces_are_single_valid_solids_that_add_up_to_the_body_less_the_joints(
 
 def test_released_joints_have_their_clearance_between_neighbours(released_mold):
     layout, parts, _ = released_mold
-    for first, second in (("core_centre", "core_key_2"), ("core_key_3", "core_wedge_3"), ("cup_bowl_3", "cup_bowl_1")):
+    pairs = [("core_centre", "core_key_2"), ("core_centre", "core_wedge_1"), ("core_key_3", "core_wedge_3")]
+    pairs += [("cup_bowl_3", "cup_bowl_1")]
+    for first, second in pairs:
         gap = parts[first].solid.distance_to(parts[second].solid)
         assert gap == pytest.approx(layout.joint_clearance_mm, abs=1e-3)
+
+
+def test_the_centre_ends_where_the_layout_begins_the_wedges(released_mold):
+    """From there to the neck the layout places a wedge's screw."""
+    layout, _, meshes = released_mold
+    along = np.array([math.cos(math.radians(60.0)), math.sin(math.radians(60.0))])
+    vertices = meshes["core_centre"].vertices
+    farthest = (vertices[vertices[:, 2] < 1e-3][:, :2] @ along).max()
+    assert farthest == pytest.approx(layout.centre_short_inradius_mm, abs=1e-3)
+    places, _, _ = meshes["core_wedge_1"].ray.intersects_location([[0.0, 0.0, 0.01]], [[*along, 0.0]])
+    begins = np.hypot(*places[:, :2].T).min()
+    assert begins == pytest.approx(layout.centre_short_inradius_mm + layout.joint_clearance_mm, abs=1e-3)
 
 
 def test_a_bump_whose_poles_do_not_lie_on_its_radius_would_be_seen(layout, core):

@@ -123,6 +123,18 @@ def test_pilots_of_the_collar_end_under_a_roof_or_go_through_it():
         assert layout.collar_screw_depth_mm >= 9.0  # the longest M3 x 16 reaches 8.75
 
 
+def test_the_collars_flange_leaves_no_film_of_pla_under_its_bolts_at_any_size():
+    """Its top is the mating plane, or a step of 2 mm and more below it that spot faces are cut into."""
+    low, lowest = diameter_range_mm()[0], set()
+    for diameter in (*np.linspace(low + 1e-6, 112.0, 200), *DIAMETERS):
+        layout = MoldLayout(EndcapParams(float(diameter), 6.5))
+        top = layout.collar_flange_top_mm
+        assert top == 0.0 or top > 2.0
+        assert layout.dam_top_mm - top >= 6.0 - 1e-9  # PLA under a bolt's head
+        lowest.add(top > 0)
+    assert lowest == {True, False}
+
+
 def test_screws_of_the_core_keep_off_the_cavity_at_every_size():
     """They came into it where a thick wall stands over the neck, at D=179 and more."""
     for params in REGION:

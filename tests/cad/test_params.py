@@ -135,6 +135,8 @@ def test_thickest_wall_is_a_fifth_of_the_radius_or_less(diameter_mm):
 def test_a_wall_of_just_a_fifth_of_the_radius_is_accepted_as_typed():
     tenths = [(f"{step / 10:g}", f"{step / 100:g}") for step in range(1290, 2501)]  # D=179.2 T=17.92 was refused
     assert [words for words in tenths if EndcapParams(*map(float, words)).wall_mm != float(words[1])] == []
+    proposed = [(d, t, feasible.nearest_wall_mm(float(d), 99.0)) for d, t in tenths]  # 16.06 * 100 ends under 1606
+    assert [words for words in proposed if words[2] != float(words[1])] == []
     with pytest.raises(ParameterError, match=r"nearest valid choice D=179\.2 T=17\.92$"):
         EndcapParams(179.2, 17.9200001)
 

@@ -121,7 +121,10 @@ def test_unknown_material_and_manifest_are_refused():
 def test_the_wells_show_silicone_after_the_largest_leak_and_the_rest_has_its_place(size, clearance, material):
     layout = MoldLayout(EndcapParams(*size), clearance, material)
     cast = closed_cast_mm3(layout.params)
-    mix = recipe(cast, overflow_of(layout), material)
+    places = overflow_of(layout)
+    mix = recipe(cast, places, material)
+    assert places.film == pytest.approx(math.pi * (layout.hanger_radius_mm**2 - 10 * 3.5**2) * 1.0)
+    assert places.dam == pytest.approx(math.pi * layout.params.inner_radius_mm**2 * 1.5)  # the core stands in the bowl
     leaked = leak_check(layout, cast).value * cast
     density = silicone(material).density_g_cm3 / 1000
     left = (mix.poured_g - 1.0) / density - cast - leaked  # poured a gram short

@@ -79,6 +79,8 @@ def test_gcode_by_hand(tmp_path):
     assert moves.layer.tolist() == [0, 0, 1, 1] and moves.layer_tops_mm.tolist() == [0.2, 0.4]
     assert len(np.unique(moves.path)) == 3  # a change of speed does not break a line
     assert moves.slicer_time_s == 3723.0 and moves.slicer_grams == 7.75
+    for words, seconds in (("1d 1h 2m 3s", 90123.0), ("2m 3s", 123.0), ("3s", 3.0)):
+        assert read_gcode(written(tmp_path, LINES.replace("1h 2m 3s", words))).slicer_time_s == seconds
 
 
 def test_absolute_filament_and_resets_give_the_same_volume(tmp_path):

@@ -24,6 +24,7 @@ from fab.recipe import overflow_of, recipe
 from fab.steps.cast import cast_steps
 from fab.steps.endcap import all_steps
 from fab.steps.mold import UPPER, core_passes_gyroid, mold_steps
+from fab.steps.radial_spans import BodySpans
 from fab.steps.record import Move, one_by_one
 from fab.steps.sweep import move_overlap_mm3, places, step_bodies, sweep_checks
 from fab.supplies import for_steps, supply_lines
@@ -141,6 +142,9 @@ def test_the_overlap_is_the_volume_of_two_boxes():
     shifts = [place[2] for place in places(way)]
     wanted = max(max(0.0, 10 - abs(35 - shift)) for shift in shifts) * 100
     assert wanted > 0 and move_overlap_mm3(Move(("a",), way, ("b",)), bodies) == pytest.approx(wanted, rel=1e-6)
+    spans = {name: BodySpans(body) for name, body in bodies.items()}.__getitem__  # apart at first, not on the way
+    found = move_overlap_mm3(Move(("a",), way, ("b",)), bodies, spans=spans)
+    assert found == pytest.approx(wanted, rel=1e-6)
 
 
 def test_a_part_passes_those_that_entered_before_and_those_that_leave_after():

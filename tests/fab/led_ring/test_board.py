@@ -202,6 +202,8 @@ def test_light_of_the_ring():
     nine, six = dome_light(params), dome_light(params, 6)
     assert nine.ripple < six.ripple  # more LEDs, less swing
     assert dome_light(params, reflectance=0.0).ripple > nine.ripple  # scattered light evens it out
+    orders = sum(0.5**order for order in range(1, 60))  # of the whole flux, scattered again and again
+    assert nine.total - nine.direct == pytest.approx(orders / (4 * math.pi * params.inner_radius_mm**2))
     tip = nine.direct[0]  # on the axis every azimuth is the same place
     assert np.ptp(tip) < 1e-12 * tip.mean()
     height = params.tip_height_mm - params.wall_mm - 7.55

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import manifold3d
@@ -180,6 +181,33 @@ def closed_faces(printed: trimesh.Trimesh, all_of_them: bool) -> trimesh.Trimesh
     if all_of_them:
         body = body + skin(inner, inner + 0.45, 5.9, 31.0) + skin(inner, outer, 30.5, 31.0)
     return from_manifold(body)
+
+
+def test_every_closed_face_is_seen_and_a_ball_alone_in_the_mold_lies_on_the_flange() -> None:
+    inner, outer = zone_radii_mm(PARAMS)
+    tiny = trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation((0, 0, 20.0))  # no TPU in the zone
+    cast = cast_space.cast_space(PARAMS, tiny, 0.4)
+    assert gyroid_checks.closed_face_share(PARAMS, cast) == 0
+    covered, gap = cast_space.ball_reach(PARAMS, cast)
+    assert covered == 1.0 and 0 <= gap <= 0.4
+    for face in (cast.radius < inner + 0.45, cast.radius > outer - 0.45, cast.height > PARAMS.interlock_top_mm - 0.45):
+        tpu = np.broadcast_to(face, cast.radius.shape)
+        assert gyroid_checks.closed_face_share(PARAMS, replace(cast, tpu=tpu)) > 0.99
+
+
+@pytest.mark.parametrize("beyond_mm", [0.05, 0.3])
+def test_a_corner_outside_the_zone_is_seen_on_every_side(beyond_mm: float) -> None:
+    inner, outer = zone_radii_mm(PARAMS)
+    centre, top = PARAMS.centre_height_mm, PARAMS.interlock_top_mm
+
+    def at(radius: float, height: float) -> tuple[float, float, float]:
+        return (math.sqrt(radius**2 - (height - centre) ** 2), 0.0, height)
+
+    well = [at(inner, 10.0), at(outer, 10.0), at((inner + outer) / 2, top)]
+    assert gyroid_checks.outside_zone_mm(PARAMS, trimesh.Trimesh(well, [[0, 1, 2]])) == pytest.approx(0, abs=1e-9)
+    for corner in (at(inner - beyond_mm, 10.0), at(outer + beyond_mm, 10.0), at((inner + outer) / 2, top + beyond_mm)):
+        mesh = trimesh.Trimesh([*well, corner], [[0, 1, 2], [0, 1, 3]], process=False)
+        assert gyroid_checks.outside_zone_mm(PARAMS, mesh) == pytest.approx(beyond_mm)
 
 
 @pytest.mark.long

@@ -113,6 +113,25 @@ def test_mounted_camera_round_trip_and_file(tmp_path) -> None:
     assert again.camera == CAMERA and np.array_equal(again.T_camera_endcap, mounted.T_camera_endcap)
 
 
+def test_the_picture_ends_at_the_centres_of_its_outer_pixels_on_all_four_sides() -> None:
+    mounted = mount(CAMERA, [0.0, 0.0, 17.0])
+    for margin in (0.0, 30.0):
+        low, high = margin, np.array([639.0, 479.0]) - margin
+        for inside, away in ((True, 0.2), (False, -0.2)):
+            edges = [(low + away, 240), (high[0] - away, 240), (320, low + away), (320, high[1] - away)]
+            points = mounted.pupil_endcap_mm + 60 * mounted.rays_endcap(np.array(edges))
+            assert (mounted.sees(points, margin) == inside).all()
+
+
+def test_a_pixel_is_followed_to_where_its_ray_leaves_the_sphere() -> None:
+    mounted, centre = mount(CAMERA, [0.4, -0.7, 17.0], rotation_matrix([0.02, -0.03, 1.2])), np.array([1.0, 2.0, 38.0])
+    outward = random_points(50, 70.0)
+    points = centre + 57.0 * outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    assert np.allclose(mounted.on_sphere(mounted.project(points), centre, 57.0), points, atol=1e-9)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(mounted.on_sphere(np.array([[20.0, 240.0]]), [0, 0, 200.0], 10.0)).all()  # it misses
+
+
 def test_bad_input_is_refused(tmp_path) -> None:
     with pytest.raises(ParameterError, match="fx_px=-1"):
         FisheyeCamera(640, 480, -1, 240, 320, 240)

@@ -23,7 +23,7 @@ from sensing.live.core.camera_check import FLAG
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.records import Frame
+from sensing.records import DotTracks, Frame
 from sensing.setup import _camera_kept
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
@@ -172,3 +172,20 @@ def test_a_photo_of_another_diameter_is_refused_with_both_fits(tmp_path, capsys)
     assert calibrate(["--photo", str(photo), "--out", str(out), "--trust-design"]) == 0
     assert calibrate(["--photo", str(photo), "--out", str(out), "--diameter", "150"]) == 0
     assert "D=" not in capsys.readouterr().out and MountedCamera.load(out).covariance is not None
+
+
+def test_a_camera_that_may_not_see_the_dots_one_deviation_away_is_moved_by_less() -> None:
+    """A stand-in whose field goes with the focal length, and ends half a deviation from it."""
+    camera, known, slope = nominal_mount(PARAMS), np.ones(2, bool), np.arange(24.0).reshape(6, 4)
+    at, covariance = camera_vector(camera), np.zeros((11, 11))
+    covariance[0, 0] = 3.0**2
+
+    def linear(moved: MountedCamera) -> np.ndarray:
+        off = camera_vector(moved)[0] - at[0]
+        return np.full((4, 4), np.nan) if abs(off) > 1.5 else off * np.eye(4)
+
+    seen, model = SimpleNamespace(known=known, linear=linear), SimpleNamespace(slope=slope)
+    spread = CameraSpread(seen, model, replace(camera, covariance=covariance))
+    moved_px = np.array([[1.0, 2.0], [3.0, 4.0]])
+    tracks = DotTracks(0.0, np.arange(2), np.zeros((2, 2)), moved_px, np.ones(2), ~known, (640, 480))
+    assert np.abs(spread.deviations(tracks)[0]) == pytest.approx(3.0 * np.abs(slope @ moved_px.T.ravel()))

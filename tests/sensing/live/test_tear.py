@@ -1,10 +1,11 @@
-"""Where a picture is torn, from the displacements of the dots alone: steps sideways at one row, and nothing else."""
+"""What the gate makes of dots alone: pictures torn at one row, steps that are not confirmed, pictures that stay."""
 
 import numpy as np
 import pytest
 
-from sensing.live.core.gate import torn_row
-from sensing.records import DotTracks
+from sensing.live.core.gate import Gate, torn_row
+from sensing.live.core.state import Event
+from sensing.records import DotTracks, Frame, Wrench
 
 SIZE = (640, 480)
 
@@ -30,3 +31,44 @@ def test_a_tear_is_a_step_sideways_at_one_row():
     assert torn(np.outer(bump, [9.0, 0.0])) == 0.0
     shear = np.clip((places[:, 1] - 100) / 280, 0, 1)  # as a push along the picture
     assert torn(np.outer(shear, [6.0, 0.0])) == 0.0
+
+
+PLACES = np.random.default_rng(5).uniform([60, 20], [580, 460], (60, 2))
+
+
+def judged(gate: Gate, force_n: float, likeness: float = 1.0, quality: float = 0.95):
+    """Verdict on a picture with that force along -z, where the filter expects none."""
+    tracks = DotTracks(0.0, np.arange(60), PLACES, PLACES, np.full(60, quality), np.zeros(60, bool), SIZE)
+    estimate = Wrench(0.0, np.array([0.0, 0.0, -force_n]), np.zeros(3), "sphere", np.eye(6))
+    return gate.judge(likeness, tracks, estimate, lambda: np.zeros(3))
+
+
+def test_a_step_is_confirmed_by_a_frame_that_shows_the_same_and_by_no_other():
+    gate = Gate()
+    assert judged(gate, 10.0).held and not judged(gate, 9.0).held  # it lasts
+    assert judged(gate, 10.0).held and judged(gate, 4.0).held  # another false step
+    assert judged(Gate(), 0.2).held is False  # no step
+    assert judged(Gate(), 10.0, quality=0.99).held is False  # all windows are sure: a press
+
+
+def test_a_picture_without_a_number_between_confirms_nothing():
+    gate = Gate()
+    assert judged(gate, 10.0).held
+    assert judged(gate, 10.0, likeness=0.1).event is Event.UNSEEN
+    assert judged(gate, 10.0).held
+
+
+def test_few_pictures_of_a_slow_camera_are_no_camera_that_hangs():
+    gate, picture = Gate(), np.zeros((4, 4), np.uint8)
+    same_s = [gate.frozen(Frame(0.5 * k, k, "slow", image=picture)) for k in range(7)]
+    assert same_s == [0, 0, 0, 0, 0, 2.5, 3.0]
+    assert gate.frozen(Frame(3.5, 7, "slow", image=picture + np.uint8(1))) == 0
+
+
+@pytest.mark.parametrize(("rows", "is_torn"), [(480, True), (960, False)])
+def test_a_step_of_a_tear_counts_by_the_size_of_the_picture(rows, is_torn):
+    size, scale = (rows * 4 // 3, rows), rows / 480
+    places = PLACES * scale
+    moved = places + np.outer(places[:, 1] > 240 * scale, [1.5, 0.0])  # px
+    found = torn_row(DotTracks(0.0, np.arange(60), places, moved, np.ones(60), np.zeros(60, bool), size))
+    assert bool(found) is is_torn

@@ -7,6 +7,7 @@ from cad.errors import ParameterError
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth
 from sensing.tracking.field_operator import AFFINE_VARIANCE, field_operator
+from sensing.tracking.parallax import _bilinear
 
 SIZE = (640, 480)
 DOTS = draw_dots(Drawing())[1]
@@ -112,6 +113,19 @@ def test_stretch_within_its_scatter_changes_nothing():
     assert np.abs(operator.field(push, operator.predicted_stretch(push) + noise) - operator.field(push)).max() < 0.05
 
 
+def test_a_picture_of_twice_the_size_shows_the_same_field_in_twice_the_pixels():
+    motion = Displacement((2.0, 1.0), 0.01, bumps=(Bump((395.0, 262.0), (20.0, 12.0), 26.0),))
+    push, live = moved(motion, DOTS), DOTS[:, 0] < 320
+    small, large = field_operator(DOTS, SIZE), field_operator(2 * DOTS + 0.5, (1280, 960))
+    stretch = small.predicted_stretch(push)  # it has no unit
+    stretch[20:23] += [[0.3, -0.2], [0.1, 0.4]]
+    assert np.allclose(large.field(2 * push), 2 * small.field(push), atol=1e-3)
+    assert np.allclose(large.predicted_stretch(2 * push), small.predicted_stretch(push), atol=1e-9)
+    assert np.allclose(large.field(2 * push, stretch), 2 * small.field(push, stretch), atol=1e-2)
+    assert np.abs(small.field(push, stretch) - small.field(push)).max() > 0.5  # it did count
+    assert (large.valid(live) == small.valid(live)).all() and not small.valid(live).all()
+
+
 def test_mask_says_where_no_dot_reaches():
     operator = field_operator(DOTS, SIZE)
     live = DOTS[:, 0] < 320
@@ -128,3 +142,19 @@ def test_all_lost_gives_zero():
 def test_no_dots_or_nan_is_refused(place):
     with pytest.raises(ParameterError, match="at least one finite position"):
         field_operator(place, SIZE)
+
+
+def test_what_moves_as_far_as_it_lies_shows_where_the_cells_are():
+    """The field of the dots' own coordinates is those of the cells' middles: no half pixel, no axis exchanged."""
+    field = field_operator(DOTS, SIZE, (20, 30)).field(DOTS)
+    columns, rows = 80 + (np.arange(30) + 0.5) * 16 - 0.5, (np.arange(20) + 0.5) * 24 - 0.5
+    near = field_operator(DOTS, SIZE, (20, 30)).valid(np.ones(len(DOTS), bool))
+    assert np.abs(field[0] - columns[None])[near].max() < 0.1
+    assert np.abs(field[1] - rows[:, None])[near].max() < 0.1
+
+
+def test_cells_are_read_at_dots_along_the_right_axes():
+    columns, rows = 80 + (np.arange(30) + 0.5) * 16 - 0.5, (np.arange(20) + 0.5) * 24 - 0.5
+    place = np.random.default_rng(0).uniform([100, 20], [540, 460], (40, 2))
+    plane = 3 * columns[None] - 2 * rows[:, None]
+    assert _bilinear(place, SIZE, (20, 30)) @ plane.ravel() == pytest.approx(3 * place[:, 0] - 2 * place[:, 1])

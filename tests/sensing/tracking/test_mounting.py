@@ -1,5 +1,7 @@
 """A camera or lens that moved, and a touch, of rendered and drawn pictures."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,10 +11,12 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import pattern_points
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
-from sensing.records import DotTracks
+from sensing.records import DotTracks, Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
-from sensing.tracking.mounting import LEAST_DOTS, MotionKind, MountingWatch, common_motion, without_motion
+from sensing.tracking.camera_motions import CameraMotions
+from sensing.tracking.mounting import LEAST_DOTS, CommonMotion, MotionKind, MountingWatch, common_motion, without_motion
+from sensing.tracking.zero import measure_drift, single_zero
 
 SIZE = (640, 480)
 REST, _ = draw_dots(Drawing())
@@ -120,6 +124,24 @@ def test_a_camera_that_tilted_or_shifted_in_its_mount_is_the_mounting_and_can_be
     assert "camera or lens have moved" in watch.reason
 
 
+def test_every_small_motion_of_the_camera_and_a_zoom_are_among_those_that_are_fitted():
+    params = EndcapParams(130.0, 8.0)
+    still, points = nominal_mount(params), pattern_points(params)[0]
+    points = points[still.sees(points, 8.0)]
+    places = still.project(points)
+    motions = CameraMotions.of(places, SIZE, params)
+    zoomed = replace(still.camera, fx_px=1.001 * still.camera.fx_px, fy_px=1.001 * still.camera.fy_px)
+    moved = [MountedCamera(zoomed, still.T_camera_endcap)]
+    for axis in range(3):
+        turn, shift = np.eye(4), np.eye(4)
+        turn[:3, :3], shift[axis, 3] = cv2.Rodrigues(1e-3 * np.eye(3)[axis])[0], 0.05
+        moved += [MountedCamera(still.camera, pose @ still.T_camera_endcap) for pose in (turn, shift)]
+    for camera in moved:
+        px = camera.project(points) - places
+        for fitted in (motions.of_all(px), motions.of_most(px, np.ones(len(px), bool))):
+            assert np.abs(px - fitted).max() < 0.01 * np.abs(px).max()
+
+
 @pytest.mark.parametrize("turn_deg", [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0)])
 def test_a_pressed_tip_is_a_touch_whether_or_not_the_camera_tilted(turn_deg):
     found = common_motion(seen(turn_deg, pressed_mm=3.0))
@@ -159,3 +181,13 @@ def zoomed(scale: float) -> np.ndarray:
         REST, cv2.getRotationMatrix2D((319.5, 239.5), 0, scale), SIZE, flags=cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("rows", "cause"), [(480, "contact"), (960, "none")])
+def test_a_pixel_of_a_larger_picture_is_less_of_a_touch(rows, cause):
+    size, dots = (rows * 4 // 3, rows), np.arange(20)
+    place = np.random.default_rng(0).uniform(40, 440, (20, 2))
+    motion = CommonMotion(np.zeros(2), 0.0, 1.0, 0.0, 1.0, 0.2, size)  # dots that stand but for 1 px of the third
+    tracks = DotTracks(0.0, dots, place, place, np.ones(20), dots < 0, size)
+    zero, gray = single_zero(Frame(0.0, 0, "a", image=REST)), np.full((8, 8), round(REST.mean()), np.uint8)
+    assert measure_drift(zero, zero.frame(), tracks, gray, motion).cause == cause

@@ -228,6 +228,20 @@ def test_a_robots_weight_gives_the_gains_of_all_its_endcaps():
     assert all(abs(noisy.gain[name] - TRUE[name]) < 4 * noisy.sd[name] < 0.2 for name in NAMES)
 
 
+def test_a_softer_silicone_has_gains_and_deviations_in_proportion():
+    """Half the force and half its deviation are twice the gain; what the model leaves weighs as much as before."""
+    stiff = postures(np.random.default_rng(2))
+    soft = [
+        Posture(p.name, p.up, {k: f / 2 for k, f in p.force_n.items()}, {k: c / 4 for k, c in p.covariance.items()})
+        for p in stiff
+    ]
+    one, other = fit_gains(stiff, 117.7, NAMES), fit_gains(soft, 117.7, NAMES)
+    assert other.chi_square == pytest.approx(one.chi_square) and one.chi_square > 0.01
+    for name in NAMES:
+        assert other.gain[name] == pytest.approx(2 * one.gain[name])
+        assert other.sd[name] == pytest.approx(2 * one.sd[name])
+
+
 def test_endcaps_that_the_postures_do_not_show_are_named():
     with pytest.raises(WeighingError, match="endcap_5 never carries load"):
         fit_gains([*postures()[:3], stand("c", {"endcap_1": 0.5, "endcap_3": 0.5})], 117.7, NAMES)

@@ -55,6 +55,15 @@ def test_order_statistic_is_used_when_there_are_samples_enough():
     assert few.on_n > exact
 
 
+def test_contact_ends_above_what_an_untouched_endcap_with_an_offset_shows():
+    rng = np.random.default_rng(2)
+    forces = np.array([0.0, 0.0, -0.5]) + 0.01 * rng.normal(size=(2000, 3))
+    found = threshold_from_rest(forces)
+    rest = np.median(np.linalg.norm(forces, axis=1))
+    assert rest < found.off_n < found.on_n < 0.6
+    assert (found.off_n - rest) / (found.on_n - rest) == pytest.approx(0.6, abs=1e-6)
+
+
 def test_autocorrelation_time_of_a_first_order_process():
     rng = np.random.default_rng(1)
     x = np.zeros(60000)

@@ -169,11 +169,18 @@ def test_late_missing_stale_and_gaps_are_said():
     assert "missing" in tracker.update(wrench(np.full(6, np.nan), 0.0)).flags
     tracker.update(wrench(np.ones(6), 1.0))
     assert "late" in tracker.update(wrench(np.full(6, 99.0), 0.9)).flags and tracker.late == 1
+    twice = tracker.update(wrench(np.full(6, 1.1), 1.0))  # the same frame again
+    assert "late" in twice.flags and tracker.late == 2 and np.allclose(twice.force_n, 1)
     missing = tracker.update(wrench([np.inf, 0, 0, 0, 0, 0], 1.03))
     assert "missing" in missing.flags and np.allclose(missing.force_n, 1)
     zeros = replace(wrench(np.zeros(6), 1.04), flags=frozenset({"missing"}))  # what a model without dots answers
     assert np.allclose(tracker.update(zeros).force_n, 1)
     assert "stale" not in tracker.at(1.1).flags and "stale" in tracker.at(1.3).flags
+    ramp = WrenchFilter()
+    for k in range(30):
+        ramp.update(wrench(k * SIGMA, k / 30))
+    newest, longest, beyond = (ramp.at(29 / 30 + ahead_s).force_n for ahead_s in (0.0, 0.15, 0.6))
+    assert np.allclose(longest, beyond) and (longest > newest + 3 * SIGMA[:3]).all()  # a stale value stays
     far = tracker.update(wrench(np.full(6, 5.0), 3.0))
     assert np.allclose(far.force_n, 5.0) and np.isnan(tracker.nis)  # started anew
     with pytest.raises(ParameterError, match="causal"):
@@ -186,6 +193,21 @@ def test_late_missing_stale_and_gaps_are_said():
     for name, bad in ((name, bad) for name, values in bad_ones.items() for bad in values):
         with pytest.raises(ParameterError, match=f"{name}="):
             FilterConfig(**{name: bad})
+
+
+def test_after_a_gap_the_filter_is_a_new_one_to_the_bit():
+    old, new = WrenchFilter(), WrenchFilter()
+    for k in range(60):
+        old.update(wrench(k * SIGMA, k / 30))
+    spread = np.diag((2 * SIGMA) ** 2)
+    for k in range(6):
+        measured = wrench((5 - k) * SIGMA, 3.0 + k / 30, spread)
+        answers = [tracker.update(measured) for tracker in (old, new)]
+        answers += [tracker.now(measured.time_s + 0.05) for tracker in (old, new)]
+        for one, other in (answers[:2], answers[2:]):
+            assert (one.force_n == other.force_n).all() and (one.covariance == other.covariance).all()
+        if k == 0:  # nothing was averaged: as sure as the first estimate is, whatever of its error repeats
+            assert answers[0].covariance.diagonal() == pytest.approx(spread.diagonal())
 
 
 def test_a_thousand_restarts_never_give_nan_or_lose_definiteness():
@@ -268,5 +290,7 @@ def test_now_is_at_when_the_rate_came_true_and_the_last_value_at_first():
         0.9 * (full - held) < now.force_n[0] - held <= full - held
         and now.covariance[0, 0] >= tracker.at(2.72).covariance[0, 0]
     )
+    left = full - now.force_n[0]  # what is left out of the rate widens the covariance
+    assert now.covariance[0, 0] - tracker.at(2.72).covariance[0, 0] == pytest.approx(left**2, rel=1e-6) and left > 0
     tracker.update(wrench([3, 0, 0, 0, 0, 0], 9.0))  # a gap starts anew
     assert tracker.now(9.05).force_n[0] == pytest.approx(3.0)

@@ -54,3 +54,12 @@ def test_slow_ramps_stay_within_the_scatter_and_the_interval(slope):
     off = np.array([standing(lambda t: slope * min(max(t - 2.0, 0.0), 5.0), seed)[0][:, 2] - path for seed in range(8)])
     assert np.sqrt((off**2).mean()) < SCATTER[2]  # a measurement's own
     assert (np.abs(off) < 1.96 * 3 * SCATTER[2]).mean() > 0.99
+
+
+def test_what_repeats_is_that_of_the_last_estimate():
+    """A frame whose estimate is less sure (dots are lost) makes the answer less sure at once."""
+    tracker, sure = WrenchFilter(), np.diag([0.02**2] * 3 + [2e-3**2] * 3)
+    for k in range(40):
+        tracker.update(Wrench(k / 30, np.array([0, 0, -5.0]), np.zeros(3), "sphere", sure))
+    after = tracker.update(Wrench(40 / 30, np.array([0, 0, -5.0]), np.zeros(3), "sphere", 100 * sure))
+    assert after.covariance[2, 2] > 50 * sure[2, 2]

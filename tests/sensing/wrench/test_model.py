@@ -72,6 +72,17 @@ def test_strange_fields_are_flagged_and_known_ones_are_not(model, data):
     assert model.out_of_range(rng.normal(size=(20, 72)) * 2).all()
 
 
+def test_cells_that_do_not_count_do_not_stand_in_for_lost_dots(model, data):
+    """Under half of the cells that count are seen; with the corners, where no dot is, it is more than half."""
+    valid = ~model.range.cells
+    inner = np.flatnonzero(model.range.cells)
+    valid.flat[inner[: int(0.48 * len(inner))]] = True
+    assert valid.sum() > 0.5 * len(inner)
+    assert "dots_lost" in model.estimate(ShearField(0.0, data.fields[0], valid=valid)).flags
+    valid.flat[inner[: int(0.52 * len(inner))]] = True
+    assert "dots_lost" not in model.estimate(ShearField(0.0, data.fields[0], valid=valid)).flags
+
+
 def test_one_field_alone_gives_what_it_gives_among_others(model, data):
     value, covariance = model.predict(data.inputs)
     distance, rest = range_measures(

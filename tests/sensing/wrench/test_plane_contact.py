@@ -72,6 +72,7 @@ def test_a_pose_turns_z_to_the_normal():
     found = PlaneContactLaw(PARAMS, SHEAR_MPA).of(wrench)
     position, quaternion, covariance = found.pose()
     assert np.allclose(1000 * position, at, atol=1e-4)
+    assert 1000 * np.sqrt(np.trace(covariance[:3, :3]) / 2) == pytest.approx(found.position_sd_mm)
     assert np.allclose(Rotation.from_quat(quaternion).apply([0, 0, 1]), outward, atol=2e-6)
     assert np.trace(covariance[3:, 3:]) == pytest.approx(np.trace(found.normal_covariance) + np.pi**2 / 3, rel=1e-6)
     assert outward @ covariance[3:, 3:] @ outward == pytest.approx(np.pi**2 / 3)

@@ -1,15 +1,19 @@
 """Files of weights whose description is damaged: one line that says so, whatever stands in it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from safetensors.numpy import save
 
 from cad.errors import FileError
+from cad.identity import identity
+from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.wrench import model as models
 from sensing.wrench.model import load_wrench_model
+from sensing.wrench.stiffness import shear_mpa_of
 from sensing.wrench.weight_files import FORMAT, SHIPPED, read_weights, weights_name
 
 PARAMS = EndcapParams(130, 8)
@@ -75,3 +79,10 @@ def test_silicones_whose_names_a_file_cannot_spell_have_weights_of_their_own():
     names = ["Силикон А", "Силикон Б", "Köraform 42 A", "Küraform 42 A"]
     assert len({weights_name(PARAMS, name) for name in names}) == len(names)
     assert weights_name(PARAMS, "Dragon Skin 30") == "D130_T8_Dragon-Skin-30.safetensors"
+
+
+def test_the_shear_modulus_is_that_of_the_silicone_that_was_learned_on():
+    model = load_wrench_model(PARAMS)
+    soft = replace(model, identity=identity(model.design, "Ecoflex 00-30"))
+    assert shear_mpa_of(soft) == pytest.approx(silicone("Ecoflex 00-30").neo_hooke().shear_mpa)
+    assert shear_mpa_of(soft) < shear_mpa_of(model) == shear_mpa_of(object()) == silicone().neo_hooke().shear_mpa

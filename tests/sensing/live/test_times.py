@@ -1,0 +1,43 @@
+"""Times in the live loop: when a recorded frame is due, and what is expected of a wrench later."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sensing.live.core.feed import Pace
+from sensing.live.core.measurement import Measurement
+from sensing.live.core.reading import predicted
+from sensing.records import Wrench
+from sensing.wrench.filter import WrenchFilter
+
+
+def test_a_recording_at_another_pace_is_due_so_much_sooner():
+    pace = Pace(4.0)
+    first, later = pace.due_s(50.0), pace.due_s(52.0)
+    assert later - first == pytest.approx(0.5)
+    assert Pace(0).due_s(1e6) <= time.monotonic()
+
+
+def test_a_trend_counts_up_to_the_longest_delay_that_was_compared_and_widens_the_interval():
+    trend = np.outer([1, 1, 1, 2], [3.0, -2.0, 1.0, 0.1, 0.2, 0.3])
+    reading = SimpleNamespace(
+        captured_s=5.0, trend=trend, wrench=Wrench(4.0, np.ones(3), np.zeros(3), "endcap", np.eye(6))
+    )
+    near, far, farther = (predicted(reading, 5.0 + delay_s) for delay_s in (0.04, 0.15, 2.0))
+    assert near.force_n == pytest.approx(1 + 0.04 * trend[1, :3]) and far.force_n == pytest.approx(
+        1 + 0.15 * trend[3, :3]
+    )
+    assert (farther.force_n == far.force_n).all() and (farther.torque_nm == far.torque_nm).all()
+    assert near.covariance.diagonal() == pytest.approx(1 + (0.04 * trend[1]) ** 2)
+
+
+def test_after_a_gap_no_force_is_expected():
+    smooth = WrenchFilter()
+    expected = lambda time_s: Measurement._predicted_n(SimpleNamespace(_filter=smooth), time_s)  # noqa: E731
+    assert expected(0.0) is None
+    smooth.update(Wrench(0.0, np.full(3, 7.0), np.zeros(3), "sphere", np.eye(6)))
+    assert expected(0.4) == pytest.approx(np.full(3, 7.0)) and expected(0.6) is None

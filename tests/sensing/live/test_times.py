@@ -14,7 +14,7 @@ from sensing.live.core.feed import Pace
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import predicted
-from sensing.live.core.state import Event, Machine
+from sensing.live.core.state import MEASURED, VALID, Event, Machine, State, next_state
 from sensing.records import Wrench
 from sensing.wrench.filter import WrenchFilter
 
@@ -63,3 +63,10 @@ def test_a_place_of_contact_is_one_only_while_it_touches():
         last = [reading for reading in map(pipe.update, given) if reading is not None][-1]
         assert np.linalg.norm(last.wrench.force_n) > 1.5 and last.contact.touching is is_known
         assert last.place.known is is_known
+
+
+def test_numbers_count_after_a_measured_frame_and_no_other():
+    """From a state in which they do not, and after the end of a file the last ones still do."""
+    for event in Event:
+        after = next_state(State.BLIND, event)
+        assert (after in VALID) is (event in MEASURED or event is Event.ENDED), event

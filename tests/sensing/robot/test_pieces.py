@@ -8,17 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.stats import norm
+from standing_robot import feed, standing_samples
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contacts import _learn_normal
+from sensing.robot.estimator import RobotEstimator
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned
 from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct
 from sensing.robot.settings import Settings
 from sensing.robot.silence import MOVES_M_S, TURNS_RAD_S, follow_on, hold
+from sensing.robot.start import gather, goes_on, nothing_gathered
 from sensing.robot.state import empty_state
 from sensing.tensegrity.robot_file import load_robot
-from sensing.tensegrity.samples import FootSample
+from sensing.tensegrity.samples import FootSample, InertialSample
 from sensing.tensegrity.shape import rotation_of
 
 ROBOT = load_robot()
@@ -98,3 +101,24 @@ def test_a_normal_is_the_mean_of_its_measurements_as_long_as_it_does_not_wander(
         _learn_normal(state, 0, contact, number == 0, 0.03, 0, settings)
         assert state.normal_variance[0] == pytest.approx((0.1**2 + 1e-6) / (number + 1))
     assert state.normal[0] == pytest.approx([*-drawn[:, :2].mean(axis=0), 1.0], abs=0.01)
+
+
+def test_a_first_state_stands_on_the_ground_with_its_domes_pressed():
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, standing_samples(ROBOT, 1.2, noise=0.0, rate_hz=100.0)[1])
+    state, compliance = estimator._history.at(estimator.newest_s).state, Settings().compliance_m_n
+    standing = [k for k, contact in enumerate(state.contacts) if contact and contact.touching]
+    heights = [(state.place[b] + state.turn[b] @ LAYOUT.endcap_lever[k])[2] for k, b in enumerate(LAYOUT.endcap_bar)]
+    raised = [heights[k] + compliance * np.linalg.norm(state.contacts[k].force_n) for k in standing]
+    assert len(standing) == 3 and np.mean(raised) == pytest.approx(LAYOUT.radius_m[0], abs=1e-3)
+
+
+@pytest.mark.parametrize(("rate_rad_s", "is_moving"), [(0.08, False), (0.12, True)])
+def test_a_bar_that_turns_on_over_the_whole_start_does_not_stand(rate_rad_s, is_moving):
+    gathered, bar = nothing_gathered(LAYOUT, 0.0), 1
+    gathered.first_s = 0.0
+    for k in range(90):
+        rate = LAYOUT.sensor_turn[bar].T @ [rate_rad_s, 0.0, 0.0]
+        sample = InertialSample(0.01 * k, ROBOT.sensors[bar].name, rate, None)
+        gather(gathered, 0.01 * k, bar, sample, LAYOUT, Settings())
+    assert goes_on(gathered) is is_moving

@@ -1,4 +1,4 @@
-"""What counts as standing still grows with the load, and what is told apart without a gain."""
+"""What counts as standing still grows with the load; without its gain an endcap touches at another force."""
 
 import numpy as np
 import pytest

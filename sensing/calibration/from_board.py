@@ -219,7 +219,7 @@ def _pose_from_rays(board_mm: Array, rays: Array) -> Array:
     H = H * np.sign(np.sum((plane @ H.T) * rays))
     H = H / np.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
     u, _, vt = np.linalg.svd(np.column_stack([H[:, 0], H[:, 1], np.cross(H[:, 0], H[:, 1])]))
-    R = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    R = u @ vt  # no mirror: three columns of which the last is the others' product are right-handed
     shift = H[:, 2] * size - R[:, :2] @ board_mm.mean(0)
     return np.concatenate([_rotation_vector(R), shift])
 

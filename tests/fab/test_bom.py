@@ -38,6 +38,8 @@ def test_every_part_screw_and_nut_has_its_line():
     lines = bom_lines(LAYOUT, MANIFEST, fake_fits(), recipe(282e3, OVERFLOW), None)
     assert all(check.ok for check in bom_checks(MANIFEST, all_joints(LAYOUT), fake_fits(), lines))
     assert sum(line.quantity for line in lines if line.owner == "screws") == 10 + 4 + 5 + 10 + 6 + 8 + 6
+    counts = {line.item: line.quantity for line in lines}
+    assert counts["M4 washer ISO 7089"] == 2 * 6 and counts["M4 hexagon nut ISO 4032"] == 6  # a washer at either end
     rows = list(csv.DictReader(io.StringIO(bom_csv(lines))))
     assert len(rows) == len(lines) and math.isclose(float(rows[0]["quantity"]), 1)
 

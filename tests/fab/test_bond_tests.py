@@ -161,6 +161,8 @@ def test_intervals_hold_what_they_promise():
         low, high = mean_interval(rng.normal(10.0, 3.0, size=5))
         hits += low < 10.0 < high
     assert hits / 1500 == pytest.approx(0.95, abs=0.02)
+    table = 2.776 * math.sqrt(2.5) / math.sqrt(5)  # Student's t of four degrees of freedom
+    assert mean_interval(np.arange(1.0, 6.0)) == pytest.approx((3.0 - table, 3.0 + table), abs=1e-3)
     assert all(math.isnan(v) for v in mean_interval(np.array([1.0])))
 
 

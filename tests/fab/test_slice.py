@@ -83,6 +83,17 @@ def test_gcode_by_hand(tmp_path):
         assert read_gcode(written(tmp_path, LINES.replace("1h 2m 3s", words))).slicer_time_s == seconds
 
 
+def test_a_line_reaches_half_its_width_beyond_its_moves(tmp_path):
+    moves = read_gcode(written(tmp_path, LINES))
+    half = moves.width_mm.max() / 2
+    ends = np.concatenate([moves.start, moves.end])
+    for away, side in ((-ends.min(axis=0), "near"), (256.0 - ends.max(axis=0), "far")):
+        at_edge = dataclasses.replace(moves, start=moves.start + away, end=moves.end + away)
+        figures = print_figures(at_edge, filament("PLA"))
+        assert figures.outside_bed_mm == pytest.approx(half), side
+        assert figures.extent_mm[:2] == pytest.approx(np.ptp(ends, axis=0) + 2 * half)
+
+
 def test_absolute_filament_and_resets_give_the_same_volume(tmp_path):
     relative = read_gcode(written(tmp_path, LINES))
     text = LINES.replace("M83", "M82").replace("Y104 E.4", "Y104 E1.4").replace(";Z:0.4", ";Z:0.4\nG92 E0")

@@ -20,6 +20,7 @@ from fab.checks.extraction import (
     SEARCH_MM,
     Leg,
     _draft_deg,
+    _rim_strain,
     core_path,
     depth_in_cast,
     extract_core,
@@ -102,6 +103,15 @@ def test_a_key_too_wide_for_the_opening_stretches_the_rim(released_mold):
     layout, _, meshes = released_mold
     bad = failed(extract_core(layout, {"core_key_1": scaled(meshes["core_key_1"], 1.0, 1.8, 1.0)}))
     assert bad & {"core_key_1.rim_strain", "core_key_1.way_out_penetration_mm"}
+
+
+def test_under_a_thick_wall_the_silicone_is_the_opening():
+    layout = MoldLayout(EndcapParams(180.0, 18.0))
+    assert layout.params.opening_radius_mm < layout.params.bore_radius_mm - 1
+    between = (layout.params.opening_radius_mm + layout.params.bore_radius_mm) / 2
+    rod = trimesh.creation.cylinder(between, 20.0)
+    strain = _rim_strain(layout, rod, (Leg((0.0, 0.0, -1.0), 100.0),))
+    assert strain == pytest.approx(between / layout.params.inner_radius_at(6.0) - 1, abs=1e-6) and strain > 0.01
 
 
 def test_an_undivided_core_does_not_pass(released_mold):

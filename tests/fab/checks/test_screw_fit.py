@@ -53,6 +53,13 @@ def test_a_screw_too_short_or_too_long_fails_its_gate(length, failing):
     assert [check.name for check in fit.checks if not check.ok] == [f"plate_to_block.{failing}"]
 
 
+@pytest.mark.parametrize(("deep_mm", "is_ok"), [(8.47, True), (8.43, False)])
+def test_the_longest_screw_ends_a_tenth_above_the_floor(deep_mm, is_ok):
+    meshes = {"plate": block(-8, 0, 1.7), "block": block(0, 30, 1.3, (-1, deep_mm))}
+    check = next(c for c in screw_fit(joint("plastic"), meshes, 16.0).checks if c.name.endswith("tip_room_mm"))
+    assert check.value == pytest.approx(deep_mm - 8.35, abs=1e-4) and check.ok is is_ok
+
+
 def test_a_loose_nut_needs_its_height_and_one_pitch():
     meshes = {"plate": block(-6, 0, 2.25), "block": block(0, 6, 2.25)}
     bolt = joint("loose nut", washers=1, thread="screw_m4")

@@ -104,6 +104,21 @@ def test_camera_numbers_go_back_and_forth() -> None:
         assert np.allclose(again.project(POINTS[:40]), camera.project(POINTS[:40]), atol=1e-9)
 
 
+def test_the_same_dots_in_a_picture_of_twice_the_size_are_seen_by_the_same_camera() -> None:
+    dots, large = painted(turned(), 5), (1280, 960)
+    one, two = calibrate_from_dots(dots, PARAMS, SIZE), calibrate_from_dots(2 * dots + 0.5, PARAMS, large)
+    assert two.probabilities == pytest.approx(one.probabilities, abs=1e-4)
+    expected = camera_vector(replace(one.mounted, camera=one.mounted.camera.resized(*large)))
+    deviation = np.array([two.values[name][1] for name in NAMES])
+    assert (np.abs(camera_vector(two.mounted) - expected) <= 0.01 * deviation + 1e-9).all()
+    in_px = np.array([2.0, 2.0, 2.0] + [1.0] * 8)
+    assert deviation == pytest.approx(in_px * [one.values[name][1] for name in NAMES], rel=1e-2)
+    assert two.misplaced_px == pytest.approx(one.misplaced_px, rel=1e-2) and two.most_px > 1.9 * one.most_px
+    designed = painted(NOMINAL, 5)
+    found = camera_misfit(designed, SIZE, PARAMS), camera_misfit(2 * designed + 0.5, large, PARAMS)
+    assert found[0].statistic == pytest.approx(found[1].statistic, rel=1e-3) and found[0].fits and found[1].fits
+
+
 # --- the test of the assumed camera -------------------------------------------------------------------------------
 @pytest.mark.long
 def test_false_alarms_come_at_the_stated_rate() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sensing.design.bound import smallest_covariance
+from sensing.design.bound import _seen, smallest_covariance
 
 RNG = np.random.default_rng(5)
 SLOPES = RNG.normal(size=(3, 40)) * np.array([[1.0], [20.0], [0.01]])  # parameters of very different units
@@ -44,3 +44,10 @@ def test_what_nothing_shows_keeps_its_prior():
     answer = np.vstack([np.zeros((3, 1)), [[2.0]]])
     known = np.diag([0.0, 0.0, 0.0, 4.0])
     assert smallest_covariance(blind, NOISE, answer, known)[0, 0] == pytest.approx(2.0**2 / 4.0)
+
+
+def test_dots_are_whole_within_the_same_border_on_all_four_sides():
+    pixels = np.random.default_rng(0).uniform([-5, -5], [645, 485], (4000, 2))
+    seen = _seen(pixels)
+    assert (seen == _seen(np.array([639.0, 479.0]) - pixels)).all() and 0.5 < seen.mean() < 0.95
+    assert pixels[seen].min() > 8.5 and pixels[seen, 0].max() < 630.5 and pixels[seen, 1].max() < 470.5

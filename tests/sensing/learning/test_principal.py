@@ -12,6 +12,7 @@ from sensing.calibration.dots import pattern_points
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import NAMES, camera_at, camera_vector
+from sensing.learning.covered_range import _left
 from sensing.learning.found_camera import FRAME_PX, PAINT_PX, left_by_calibration
 from sensing.learning.principal import leading, pattern_tensor, principal_fields, same_states, second_moments
 from sensing.learning.samples import Samples
@@ -118,3 +119,10 @@ def test_fine_tuned_weights_keep_the_pattern_of_their_start(swirl):
     assert pattern_tensor(directions, samples, {"principal": directions}) == {}
     more = principal_fields(samples, 5).astype(np.float32)
     assert pattern_tensor(more, samples, known)["pattern"].shape == (directions.shape[1], 5)
+
+
+def test_what_is_left_of_a_field_may_grow_with_the_load_as_in_training():
+    """Of fields that leave 0.2 px and 0.05 px more for each newton, and a margin of 1.3."""
+    force_n = np.linspace(0.0, 40.0, 4001)
+    least, slope = _left(np.where(force_n < 2.0, 0.2, 0.2 + 0.05 * force_n), force_n)
+    assert least == pytest.approx(1.3 * 0.2) and slope == pytest.approx(1.3 * 0.05)

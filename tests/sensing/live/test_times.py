@@ -7,10 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from live_stand_in import film, frames, stand_in
 
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.feed import Pace
 from sensing.live.core.measurement import Measurement
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import predicted
+from sensing.live.core.state import MEASURED, VALID, Event, Machine, State, next_state
 from sensing.records import Wrench
 from sensing.wrench.filter import WrenchFilter
 
@@ -41,3 +45,28 @@ def test_after_a_gap_no_force_is_expected():
     assert expected(0.0) is None
     smooth.update(Wrench(0.0, np.full(3, 7.0), np.zeros(3), "sphere", np.eye(6)))
     assert expected(0.4) == pytest.approx(np.full(3, 7.0)) and expected(0.6) is None
+
+
+def test_a_state_has_lasted_since_its_first_event():
+    machine = Machine()
+    begins = [
+        machine.happened(event, "", float(k)).since_s for k, event in enumerate([Event.GOOD] * 3 + [Event.UNSEEN] * 2)
+    ]
+    assert begins == [0.0, 0.0, 0.0, 3.0, 3.0]
+
+
+def test_a_place_of_contact_is_one_only_while_it_touches():
+    """Above a newton a wrench has a place; under the threshold of its contact nothing is touched."""
+    given = frames(film([0, 0, 1.0, 1.0]))
+    for on_n, is_known in ((0.2, True), (80.0, False)):
+        pipe = EndcapPipeline(EndcapConfig("a", "test", contact_on_n=on_n, contact_off_n=0.1), stand_in(), None, 0, 1)
+        last = [reading for reading in map(pipe.update, given) if reading is not None][-1]
+        assert np.linalg.norm(last.wrench.force_n) > 1.5 and last.contact.touching is is_known
+        assert last.place.known is is_known
+
+
+def test_numbers_count_after_a_measured_frame_and_no_other():
+    """From a state in which they do not, and after the end of a file the last ones still do."""
+    for event in Event:
+        after = next_state(State.BLIND, event)
+        assert (after in VALID) is (event in MEASURED or event is Event.ENDED), event

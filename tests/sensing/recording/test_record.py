@@ -89,6 +89,8 @@ def test_pairs_are_interpolated_within_the_slop_only():
     assert sync.at(0.3) is None  # neighbours further than the slop
     sync.add(FtSample(0.48, np.full(6, 48.0)))  # out of order, within the slop: taken
     assert np.allclose(sync.at(0.49), 49.0)
+    sync.add(FtSample(0.56, np.full(6, 56.0)))
+    assert sync.at(0.505) is None  # one of them further than the slop
     with pytest.raises(ParameterError, match="slop_s=5"):
         Synchroniser(5.0)
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from cad.errors import ParameterError
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth
-from sensing.tracking.field_operator import AFFINE_VARIANCE, field_operator
+from sensing.tracking.field_operator import AFFINE_VARIANCE, displacement_to_cells, field_operator
 from sensing.tracking.parallax import _bilinear
 
 SIZE = (640, 480)
@@ -120,6 +120,7 @@ def test_a_picture_of_twice_the_size_shows_the_same_field_in_twice_the_pixels():
     stretch = small.predicted_stretch(push)  # it has no unit
     stretch[20:23] += [[0.3, -0.2], [0.1, 0.4]]
     assert np.allclose(large.field(2 * push), 2 * small.field(push), atol=1e-3)
+    assert np.allclose(displacement_to_cells(2 * DOTS + 0.5, (1280, 960)), small.to_cells, atol=1e-4)
     assert np.allclose(large.predicted_stretch(2 * push), small.predicted_stretch(push), atol=1e-9)
     assert np.allclose(large.field(2 * push, stretch), 2 * small.field(push, stretch), atol=1e-2)
     assert np.abs(small.field(push, stretch) - small.field(push)).max() > 0.5  # it did count

@@ -16,7 +16,7 @@ from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
 from sensing.tracking.camera_motions import CameraMotions
 from sensing.tracking.mounting import LEAST_DOTS, CommonMotion, MotionKind, MountingWatch, common_motion, without_motion
-from sensing.tracking.zero import measure_drift, single_zero
+from sensing.tracking.zero import ZeroError, measure_drift, single_zero, take_zero
 
 SIZE = (640, 480)
 REST, _ = draw_dots(Drawing())
@@ -191,3 +191,31 @@ def test_a_pixel_of_a_larger_picture_is_less_of_a_touch(rows, cause):
     tracks = DotTracks(0.0, dots, place, place, np.ones(20), dots < 0, size)
     zero, gray = single_zero(Frame(0.0, 0, "a", image=REST)), np.full((8, 8), round(REST.mean()), np.uint8)
     assert measure_drift(zero, zero.frame(), tracks, gray, motion).cause == cause
+
+
+def test_a_motion_is_of_the_same_kind_in_a_picture_of_twice_the_size():
+    kinds = set()
+    for reach in (0.01, 0.04, 0.06, 0.1, 0.16, 0.25, 2.0):
+        for left in (0.01, 0.06, 0.1, 0.16, 0.25, 1.0):
+            small, large = (
+                CommonMotion(np.zeros(2), 0.0, 1.0, s * reach, s * left, 0.2, (640 * s, 480 * s)) for s in (1, 2)
+            )
+            assert small.kind is large.kind and small.moved is large.moved
+            kinds.add((small.kind, small.moved))
+    assert len(kinds) == 4  # still, moved as one, touched with and without a motion in common
+
+
+def test_dots_are_at_rest_by_the_size_of_the_picture():
+    """By 0.9 px: more than rest in 480 rows, less in 960."""
+    for scale in (1, 2):
+        picture = cv2.resize(REST, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+        shift = np.array([[1.0, 0.0, 0.9], [0.0, 1.0, 0.0]])
+        moved = cv2.warpAffine(
+            picture, shift, picture.shape[1::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+        interval = [Frame(k / 30, k, "a", image=image) for k, image in enumerate((picture, picture, moved))]
+        if scale == 1:
+            with pytest.raises(ZeroError, match=r"moved by 0\.[89]\d px, at most 0\.60"):
+                take_zero(interval)
+        else:
+            assert take_zero(interval).frames == 3

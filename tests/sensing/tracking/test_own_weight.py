@@ -19,7 +19,7 @@ from sensing.simulator.solid.shell import shell_model
 from sensing.simulator.solid.surface import surface_sampler
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.mounting import MountingWatch
-from sensing.tracking.own_weight import LEAST_DOTS, MOST_G, TABLE, OwnWeight, own_weight_displacement
+from sensing.tracking.own_weight import LEAST_DOTS, MOST_G, NEWS_PX, TABLE, OwnWeight, own_weight_displacement
 
 DESIGN, MATERIAL = EndcapParams(130.0, 8.0), silicone()
 SIZE = (640, 480)
@@ -123,6 +123,14 @@ def test_a_turn_is_found_and_taken_out(seen, watch, gravity_g, lost):
 def test_a_still_skin_and_a_little_noise_change_nothing(seen, watch):
     assert watch.motion(moved(0 * sag(seen, 1, 0, 0))) is None
     assert watch.motion(moved(sag(seen, 0.2, 0, 0))) is None
+
+
+@pytest.mark.parametrize(("size", "is_news"), [((640, 480), True), ((1280, 960), False)])
+def test_a_turn_is_news_by_the_size_of_the_picture(seen, size, is_news):
+    seen.tracker = SimpleNamespace(size=size)
+    largest = np.linalg.norm(sag(seen, 1.0, 0.0, 0.0), axis=1).max()
+    found = OwnWeight(seen, DESIGN, MATERIAL).motion(moved(sag(seen, 1.6 * NEWS_PX / largest, 0.0, 0.0)))
+    assert (found is not None) is is_news
 
 
 @pytest.mark.parametrize("most_px", [0.5, 2.0, 8.0])

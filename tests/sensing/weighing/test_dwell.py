@@ -69,3 +69,14 @@ def test_the_command_refuses_in_one_line(tmp_path, capsys):
     assert "nowhere.mcap: no such file" in capsys.readouterr().err.splitlines()[-1]
     assert command.main(["--config", str(path), "--endcap", "b", "--source", "x"]) == 2
     assert "choose one of a" in capsys.readouterr().err
+
+
+def test_noise_that_lasts_makes_a_strength_less_sure_than_noise_that_does_not():
+    time_s, force_n, _ = creep(noise_n=0.0)
+    rng = np.random.default_rng(3)
+    white = 0.01 * rng.normal(size=len(time_s))
+    slow = white.copy()
+    for k in range(1, len(slow)):
+        slow[k] = 0.8 * slow[k - 1] + 0.6 * white[k]  # of the same variance
+    sure, unsure = (fit_dwell(time_s, force_n + noise).terms[-1].sd for noise in (white, slow))
+    assert unsure > 1.8 * sure  # (1 + 0.8) / (1 - 0.8) of the variance, where it all counts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
-from sensing.simulator.dataset.frames import STEPS_A_PATH, noise_number, shard_arrays
+from sensing.simulator.dataset.frames import STEPS_A_PATH, _labels, noise_number, shard_arrays
 from sensing.simulator.dataset.writer import write_dataset
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import Waypoint
@@ -198,3 +199,13 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
 def test_the_press_command_prints_a_certificate(capsys: pytest.CaptureFixture) -> None:
     assert main(["press", "--density", "draft", "--normal", "5", "--tilt", "20"]) == 0
     assert "certificate residual" in capsys.readouterr().out
+
+
+def test_a_frame_is_stamped_with_the_middle_of_its_exposure() -> None:
+    path = replace(short_path(0, 0, 1), exposure_s=0.01)
+    solved = SimpleNamespace(
+        wrench=np.zeros(6), level=1, depth_mm=1.0, shift_mm=(0.0, 0.0), normal_n=5.0, patch_mm2=3.0, slip_share=0.0,
+        certificate=None, error_estimate=0.0,
+    )  # fmt: skip
+    row = _labels(small_request(), path, SimpleNamespace(step=1, begin=solved, end=solved), 30.0)
+    assert row["time_s"] == pytest.approx(path.waypoints[1].time_s - 0.005) and row["exposure_s"] == 0.01

@@ -14,7 +14,7 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.press import newton
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal, State, contact_patch
-from sensing.simulator.press.validity import has_passed, require_outside
+from sensing.simulator.press.validity import has_passed, require_measured, require_outside
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
 from sensing.simulator.solid.shell import ShellModel, shell_model
@@ -104,6 +104,13 @@ def test_a_small_sphere_under_a_force_is_refused_for_the_mesh_not_for_a_snap(hal
     press = Press(half, Indenter(30, "sphere", 2.0), 0.5)
     with pytest.raises(Refusal, match="mesh: the sphere reaches"):
         press.advance(press.start(), Target(normal_n=1.0))
+
+
+def test_a_small_body_may_miss_a_part_of_its_radius_however_deep_it_is() -> None:
+    for depth, missed in ((20.0, 0.74), (1.0, 0.14), (0.1, 0.09)):
+        require_measured(Indenter(30, "sphere", 5.0), depth, missed)
+        with pytest.raises(Refusal, match="mesh"):
+            require_measured(Indenter(30, "sphere", 5.0), depth, missed + 0.02)
 
 
 @pytest.mark.parametrize("level", [1, 2])

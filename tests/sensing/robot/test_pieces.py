@@ -1,0 +1,124 @@
+"""Pieces of the robot's filter by themselves, against draws, finite differences and formulas written out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from standing_robot import feed, standing_samples
+
+from sensing.robot.contact import contact_of
+from sensing.robot.contacts import _learn_normal
+from sensing.robot.estimator import RobotEstimator
+from sensing.robot.friction import COEFFICIENTS, FIRST, learned
+from sensing.robot.layout import layout_of
+from sensing.robot.measurement_kernels import correct
+from sensing.robot.settings import Settings
+from sensing.robot.silence import MOVES_M_S, TURNS_RAD_S, follow_on, hold
+from sensing.robot.start import gather, goes_on, nothing_gathered
+from sensing.robot.state import empty_state
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import FootSample, InertialSample
+from sensing.tensegrity.shape import rotation_of
+
+ROBOT = load_robot()
+LAYOUT = layout_of(ROBOT)
+
+
+def test_deviations_of_a_contact_are_those_of_drawn_wrenches():
+    """The wrench is about the endcap's origin, and so is its covariance: force and torque go together."""
+    rng, force, torque = np.random.default_rng(0), np.array([4.0, -6.0, -30.0]), np.array([0.25, 0.2, 0.01])
+    root = np.diag([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
+    root[3, 1], root[4, 0] = -0.02, 0.02  # a part of the torque is that of the force, at a lever
+    name = ROBOT.endcaps[0].name
+
+    def contact(wrench):
+        return contact_of(FootSample(0.0, name, wrench[:3], wrench[3:], root @ root.T, True), 0, LAYOUT, Settings())
+
+    mean = np.concatenate([force, torque])
+    found = contact(mean)
+    drawn = [contact(mean + root @ rng.normal(size=6)) for _ in range(3000)]
+    spread = np.cov(np.array([d.normal for d in drawn]).T)
+    assert found.normal_sd == pytest.approx(np.sqrt(np.trace(spread) / 2), rel=0.05)
+    assert found.ratio_sd == pytest.approx(np.std([d.ratio for d in drawn]), rel=0.05)
+    flagged = FootSample(0.0, name, force, torque, root @ root.T, True, frozenset({"out_of_range"}))
+    assert contact_of(flagged, 0, LAYOUT, Settings()).normal_sd == pytest.approx(np.sqrt(2) * found.normal_sd)
+
+
+def test_a_pose_that_is_held_becomes_as_doubtful_in_one_step_as_in_many():
+    once, often = empty_state(LAYOUT, 0.0), empty_state(LAYOUT, 0.0)
+    hold(once, 2.0, LAYOUT)
+    for time_s in (0.1, 0.5, 0.9, 2.0):
+        hold(often, time_s, LAYOUT)
+    assert often.covariance == pytest.approx(once.covariance)
+    place, turn = LAYOUT.place(0), LAYOUT.turn(0)
+    assert once.covariance[place, place].diagonal() == pytest.approx(np.full(3, (MOVES_M_S * 2.0) ** 2))
+    assert once.covariance[turn, turn].diagonal() == pytest.approx(np.full(3, (TURNS_RAD_S * 2.0) ** 2))
+
+
+def test_what_begins_anew_heads_as_what_was_held():
+    new, held, leader = empty_state(LAYOUT, 5.0), empty_state(LAYOUT, 4.0), LAYOUT.leader
+    tilt = rotation_of(np.array([0.3, -0.2, 0.0]))
+    held.turn[:] = rotation_of(np.array([0.0, 0.0, 1.4])) @ tilt
+    new.turn[:] = rotation_of(np.array([0.0, 0.0, -0.5])) @ tilt
+    held.place[:] = [1.0, 2.0, 0.3]
+    follow_on(new, held, LAYOUT)
+    assert new.turn[leader] == pytest.approx(held.turn[leader]) and new.place[leader, :2] == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize("slips", [0.1, 0.5, 0.95])
+def test_the_likelihood_of_a_coefficient_is_that_of_slipping_or_of_holding(slips):
+    ratio, sd = 0.5, 0.03
+    spread = np.hypot(0.05 * (0.3 + COEFFICIENTS), sd)
+    holds = 1 / (1 + np.exp(-1.702 * (COEFFICIENTS - ratio) / spread)) / COEFFICIENTS  # as good as norm.cdf
+    likelihood = (1 - slips) * holds + slips * norm.pdf(COEFFICIENTS, ratio, spread) + 1e-2
+    wanted = FIRST * likelihood**0.15
+    wanted = (1 - 5e-4) * wanted / wanted.sum() + 5e-4 * FIRST
+    assert learned(FIRST, ratio, sd, slips) == pytest.approx(wanted, rel=2e-3)
+
+
+def test_a_correction_of_the_leaders_turn_turns_the_normals_with_it():
+    state, change, vector = empty_state(LAYOUT, 0.0), np.zeros(LAYOUT.size), np.array([0.1, -0.3, 0.2])
+    state.normal[:] = np.array([0.6, 0.0, 0.8])
+    change[LAYOUT.turn(LAYOUT.leader)] = vector
+    parts = (state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal)
+    correct(change, *parts, state.creep, state.softness, LAYOUT.leader)
+    assert state.normal == pytest.approx(np.tile(rotation_of(vector) @ [0.6, 0.0, 0.8], (LAYOUT.endcaps, 1)))
+
+
+def test_a_normal_is_the_mean_of_its_measurements_as_long_as_it_does_not_wander():
+    settings, state, rng = (
+        replace(Settings(), normal_walk=0.0, normal_sd=1e-3),
+        empty_state(LAYOUT, 0.0),
+        np.random.default_rng(1),
+    )
+    drawn = np.array([0.0, 0.0, -1.0]) + 0.1 * rng.normal(size=(20, 3)) * [1, 1, 0]
+    for number, normal in enumerate(drawn / np.linalg.norm(drawn, axis=1, keepdims=True)):
+        contact = SimpleNamespace(normal=normal, normal_sd=0.1)
+        _learn_normal(state, 0, contact, number == 0, 0.03, 0, settings)
+        assert state.normal_variance[0] == pytest.approx((0.1**2 + 1e-6) / (number + 1))
+    assert state.normal[0] == pytest.approx([*-drawn[:, :2].mean(axis=0), 1.0], abs=0.01)
+
+
+def test_a_first_state_stands_on_the_ground_with_its_domes_pressed():
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, standing_samples(ROBOT, 1.2, noise=0.0, rate_hz=100.0)[1])
+    state, compliance = estimator._history.at(estimator.newest_s).state, Settings().compliance_m_n
+    standing = [k for k, contact in enumerate(state.contacts) if contact and contact.touching]
+    heights = [(state.place[b] + state.turn[b] @ LAYOUT.endcap_lever[k])[2] for k, b in enumerate(LAYOUT.endcap_bar)]
+    raised = [heights[k] + compliance * np.linalg.norm(state.contacts[k].force_n) for k in standing]
+    assert len(standing) == 3 and np.mean(raised) == pytest.approx(LAYOUT.radius_m[0], abs=1e-3)
+
+
+@pytest.mark.parametrize(("rate_rad_s", "is_moving"), [(0.08, False), (0.12, True)])
+def test_a_bar_that_turns_on_over_the_whole_start_does_not_stand(rate_rad_s, is_moving):
+    gathered, bar = nothing_gathered(LAYOUT, 0.0), 1
+    gathered.first_s = 0.0
+    for k in range(90):
+        rate = LAYOUT.sensor_turn[bar].T @ [rate_rad_s, 0.0, 0.0]
+        sample = InertialSample(0.01 * k, ROBOT.sensors[bar].name, rate, None)
+        gather(gathered, 0.01 * k, bar, sample, LAYOUT, Settings())
+    assert goes_on(gathered) is is_moving

@@ -27,7 +27,7 @@ from cad.typed_folder import typed_folder
 from cad.whole_file import replace_file
 from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
-from fab.variant import Variant, coupons_command
+from fab.variant import Variant, coupons_command, printer_option
 from sensing.interpreter import typed_command
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": ""}
@@ -268,7 +268,7 @@ def _next(wanted: Wanted, folder: Path) -> str:
     params, material = wanted.variant.params, wanted.variant.silicone
     design = design_words(params)
     other = ("--silicone", material) if material != DEFAULT_SILICONE else ()
-    printer = f" printer={shlex.quote(wanted.printer)}" if wanted.printer else ""
+    printer = f" {printer_option(wanted.printer)}" if wanted.printer else ""
     sheet = wanted.variant.command("sheet") + printer + exports_words(wanted.exports)
     calibrate = ("--photo", "a.jpg", *design, "--out", "camera.json", "--picture", "fit.png")
     coupons = coupons_command(material) + exports_words(wanted.exports)

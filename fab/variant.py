@@ -104,6 +104,11 @@ def coupons_command(silicone: str) -> str:
     return "make coupons" + ("" if silicone == DEFAULT_SILICONE else f" material={shlex.quote(silicone)}")
 
 
+def printer_option(name: str) -> str:
+    """The option that names a printer, as a shell takes it: quotes round a name with a space."""
+    return f"printer={shlex.quote(name)}"
+
+
 def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
     """The variant that an export's manifest names.
 

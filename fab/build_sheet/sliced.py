@@ -8,8 +8,8 @@ from typing import Any
 
 from cad.errors import FileError, ParameterError
 from cad.lens import camera_setting
-from fab.slice.printers import printer_option
 from fab.slice.projects import Export
+from fab.variant import printer_option
 
 EVERY = "*"  # stands for all keys of a table whose entries have one form
 SETTINGS = {"density_percent": float, "pattern": str}

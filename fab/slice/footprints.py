@@ -30,7 +30,8 @@ from cad.mold_layout import (
 )
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
-from fab.slice.printers import MARGIN_MM, Printer, fitting_printers, printer_option
+from fab.slice.printers import MARGIN_MM, Printer, fitting_printers
+from fab.variant import printer_option
 
 STEP_DEG = 3.0
 

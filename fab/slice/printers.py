@@ -7,7 +7,6 @@ better start where the slicer has it: the projects carry its name.
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -19,6 +18,7 @@ from cad.data_table import positive, read_table
 from cad.errors import ParameterError
 from fab.choices import chosen
 from fab.slice.excluded import Rectangle, corners, gap_mm, outline, read_rectangle
+from fab.variant import printer_option
 
 PRINTER_TABLE = Path(__file__).with_name("printers.csv")
 DEFAULT_PRINTER = "generic256"
@@ -122,11 +122,6 @@ def printer(name: str = DEFAULT_PRINTER) -> Printer:
 def printer_words(name: str) -> str:
     """The option that names a printer, with a space before it, as it follows a command; empty for the default."""
     return "" if name == DEFAULT_PRINTER else f" {printer_option(name)}"
-
-
-def printer_option(name: str) -> str:
-    """The option as a shell takes it: quotes round a name with a space."""
-    return f"printer={shlex.quote(name)}"
 
 
 def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:

@@ -136,12 +136,12 @@ class Measurement:
         centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
         place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")
-        if self._count % DRIFT_EVERY == 0 and tracks is not None and gray is not None:
-            self._drift = measure_drift(self._used.zero, frame, tracks, gray, self._mounting.motion)
-            watch.lap("drift")
-        clear = tracks is not None and used and DISTURBED not in verdict.flags and MOVED not in verdict.flags
-        if self._count % DRIFT_EVERY == 0 and clear:
-            self._load.update(field, estimate, contact.touching)
+        if self._count % DRIFT_EVERY == 0 and tracks is not None:
+            if gray is not None:
+                self._drift = measure_drift(self._used.zero, frame, tracks, gray, self._mounting.motion)
+                watch.lap("drift")
+            if used and verdict.flags.isdisjoint({DISTURBED, MOVED}):
+                self._load.update(field, estimate, contact.touching)
         self._count += 1
         flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return EndcapReading(
@@ -171,12 +171,13 @@ class Measurement:
             return verdict
         check = self._check
         flags = frozenset[str]() if check is None else check.flags
-        reasons = ["" if check is None or not flags else check.reason, self._mounting.reason, self._load.reason]
-        flags |= {flag for flag, reason in zip((MOVED, ZEROED_UNDER_LOAD), reasons[1:], strict=True) if reason}
+        misfit = "" if check is None or not flags else check.reason
+        watched = {MOVED: self._mounting.reason, ZEROED_UNDER_LOAD: self._load.reason}
+        flags |= {flag for flag, reason in watched.items() if reason}
         if not flags:
             return verdict
         return replace(
-            verdict, event=Event.FLAGGED, reason="; ".join(filter(None, [verdict.reason, *reasons])),
+            verdict, event=Event.FLAGGED, reason="; ".join(filter(None, [verdict.reason, misfit, *watched.values()])),
             flags=verdict.flags | flags,
         )  # fmt: skip
 

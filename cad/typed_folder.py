@@ -1,4 +1,4 @@
-"""A folder as people type it: a home folder that no shell put there (standard library)."""
+"""The folder of exports, and a folder as people type it: a home folder that no shell put there (standard library)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from pathlib import Path
 
 from cad.errors import ParameterError
 from cad.plain_numbers import brief
+
+_ROOT = Path(__file__).resolve().parent.parent
+# In a checkout its own folder; where the wheel is installed, one in the current folder.
+EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 
 
 def typed_folder(text: str, name: str = "exports") -> Path:

@@ -26,15 +26,12 @@ from cad.options import (
     parse_options,
 )
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides
-from cad.typed_folder import typed_folder
+from cad.typed_folder import EXPORTS, typed_folder
 from fab.checks.check import ChecksFailedError
 from fab.choices import chosen, named_as_typed
 from fab.exports.whole_folder import ENDING_SIGNALS
 from fab.variant import Variant
 
-_ROOT = Path(__file__).resolve().parent.parent
-# In a checkout its own folder; where the wheel is installed, one in the current folder.
-EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 VARIANT_USAGE = (
     "[D=MM T=MM] [joint_clearance=MM] [material=NAME] [robot=NAME] [dots=COUNTS] [dot_mm=MM] [gyroid=FRACTION]"
 )

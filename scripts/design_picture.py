@@ -14,7 +14,7 @@ from pathlib import Path
 
 from live_picture import CHROMIUM, Browser, keep
 
-from fab.command import EXPORTS
+from cad.typed_folder import EXPORTS
 from fab.design_page.jobs import Jobs
 from fab.design_page.server import DesignServer
 

@@ -20,10 +20,9 @@ from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, parse_design, parse_options
 from cad.plain_numbers import plain_number
-from cad.typed_folder import typed_folder
+from cad.typed_folder import EXPORTS, typed_folder
 from cad.whole_file import make_folder, replace_file
 
-EXPORTS = "exports"
 OPTIONS = {
     "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "",
     "exports": EXPORTS, "folder": "",

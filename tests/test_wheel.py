@@ -63,7 +63,7 @@ def test_the_modules_are_those_of_the_wheel_and_their_data_is_read(installed, tm
         "from cad.led_parts import led_part\n"
         "from cad.materials import silicones\n"
         "from cad.params import EndcapParams\n"
-        "from fab.command import EXPORTS\n"
+        "from cad.typed_folder import EXPORTS\n"
         "from sensing.wrench.model import load_wrench_model\n"
         "assert bought_table() and led_part('led') and silicones()\n"
         "load_wrench_model(EndcapParams(130, 8))\n"

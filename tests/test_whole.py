@@ -14,9 +14,9 @@ import pytest
 
 from cad.errors import ParameterError
 from cad.options import parse_design
+from cad.typed_folder import EXPORTS
 from endcap import whole
 from endcap.whole import PAGE, Step, make, parsed, write_page
-from fab.command import EXPORTS
 from sensing import study
 
 MADE = {"checks": [{"name": "a"}, {"name": "b"}]}

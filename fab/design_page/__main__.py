@@ -11,7 +11,8 @@ from pathlib import Path
 from cad.errors import ParameterError
 from cad.messages import show
 from cad.plain_numbers import brief
-from fab.command import EXPORTS, Command, Interrupts
+from cad.typed_folder import EXPORTS
+from fab.command import Command, Interrupts
 
 HELP = """\
 options, as NAME=VALUE:

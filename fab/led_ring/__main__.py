@@ -11,8 +11,9 @@ from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
+from cad.typed_folder import EXPORTS
 from fab.checks.check import Check, require_passed
-from fab.command import EXPORTS, Command
+from fab.command import Command
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.led_ring.bom import bom_csv, placement_csv, ring_bom
 from fab.led_ring.budget import (

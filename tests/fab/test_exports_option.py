@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import argparse
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from cad.errors import ParameterError
-from cad.typed_folder import typed_folder
+from cad.typed_folder import EXPORTS, typed_folder
 from endcap.whole import parsed
-from fab.command import EXPORTS, exports_words
+from fab.command import exports_words
+from sensing import study
+from sensing.simulator.dataset import cli
 
 COMMANDS = [
     "fab.molds", "fab.slice.__main__", "fab.build_sheet.__main__", "fab.led_ring.__main__", "fab.coupons.__main__",
@@ -50,3 +53,20 @@ def test_commands_name_the_same_folder_wherever_they_are_typed(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert exports_words(Path("my files")) == f" exports='{tmp_path.resolve() / 'my files'}'"
     assert exports_words(Path(EXPORTS)) == "" == exports_words(parsed([]).exports)  # that of molds, of endcap whole
+
+
+def test_a_study_and_data_go_to_the_folder_of_the_molds_wherever_they_are_typed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exports, written = parsed([]).exports.resolve(), []
+
+    def note(request, folder, *_):
+        written.append(folder)
+        raise ParameterError("enough")
+
+    monkeypatch.setattr(cli, "write_dataset", note)
+    parser = argparse.ArgumentParser()
+    cli.add_options(parser)
+    with pytest.raises(ParameterError, match="enough"):
+        cli.run(parser.parse_args([]))
+    assert written == [exports / "data_D130_T8_static_0"]
+    assert Path(study.OPTIONS["exports"]).resolve() == exports

@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from cad.messages import show
+from cad.typed_folder import EXPORTS
 from sensing.arguments import number, scientific, whole
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.contact.indenter import KINDS
@@ -99,7 +100,7 @@ def _option(
 def run(options: argparse.Namespace) -> int:
     """Write what was asked for and say what lies there."""
     request = DataRequest(**{field.name: getattr(options, field.name) for field in fields(DataRequest)})
-    folder = options.out or Path("exports") / f"data_{request.params.label}_{request.protocol}_{request.seed}"
+    folder = options.out or Path(EXPORTS) / f"data_{request.params.label}_{request.protocol}_{request.seed}"
     written = write_dataset(request, folder, options.workers, options.scheduler, options.states)
     data, refused = LabelledSet(folder), refusals(folder)
     there, whole = len(data.shards), data.manifest["shards"]

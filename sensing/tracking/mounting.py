@@ -127,7 +127,8 @@ def _moved_camera(tracks: DotTracks, alike: CommonMotion, motions: CameraMotions
 class MountingWatch:
     """Says that camera or lens have moved since the reference, once a picture without a touch has shown it.
 
-    A touch hides it, so the last picture without one counts until the next. The dots are those of one reference.
+    A touch hides it, so the last picture without one counts until the next. A picture says nothing while most dots are
+    hidden: few dots move as one beside any touch. The dots are those of one reference.
 
     Args:
         params: the design; None takes the released. reason: to begin with, of a watch before this one.
@@ -152,7 +153,7 @@ class MountingWatch:
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
         motion = self.motion = common_motion(tracks, motions=self._motions)
-        if motion is None or motion.kind is MotionKind.CONTACT:
+        if motion is None or motion.kind is MotionKind.CONTACT or not tracks.enough:
             return
         self.reason = ""
         turned = own_weight is not None and (own_weight.explains or own_weight.left_px <= ALIKE * motion.residual_px)

@@ -87,6 +87,18 @@ def test_a_camera_that_has_moved_counts_until_an_untouched_picture_shows_otherwi
     assert "by 0.50 px" in watch.reason or "by 0.51 px" in watch.reason or "by 0.49 px" in watch.reason
 
 
+def test_few_dots_show_no_motion_of_the_mounting():
+    """Any motion of four dots is nearly a similarity: a hand before the lens during a touch was a moved camera."""
+    watch, count = MountingWatch(), len(tracks(similarity()).ids)
+    for lost in (count - LEAST_DOTS, count // 2 + 1):
+        watch.update(tracks(similarity((0.5, 0.0)), lost=lost))
+        assert watch.reason == "" and watch.motion is not None
+    watch.update(tracks(similarity((0.5, 0.0))))
+    said = watch.reason
+    watch.update(tracks(similarity(), lost=count // 2 + 1))
+    assert said and watch.reason == said
+
+
 def seen(turn_deg=(0.0, 0.0, 0.0), shift_mm=(0.0, 0.0, 0.0), pressed_mm: float = 0.0, design=(130.0, 8.0)) -> DotTracks:
     """The design's dots, seen by its camera before and after that has moved in the endcap, or the tip was pressed."""
     params, rng = EndcapParams(*design), np.random.default_rng(3)

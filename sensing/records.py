@@ -19,6 +19,7 @@ from cad.errors import ParameterError
 
 Image = NDArray[Any]  # uint8, (H, W) gray or (H, W, 3) BGR; OpenCV's own type hints cannot say so
 PIXELS_OF_200 = "px of the 200x200 centre crop"
+LEAST_SEEN = 0.5  # share of the dots; with fewer, what the others do is guesswork
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,11 @@ class DotTracks:
     def displacement_px(self) -> NDArray[np.float64]:
         """(N, 2) position minus reference, full-size pixels."""
         return self.position_px - self.reference_px
+
+    @property
+    def enough(self) -> bool:
+        """Whether so many dots are seen that something can be said of all."""
+        return bool(np.count_nonzero(~self.lost) >= LEAST_SEEN * len(self.lost))
 
 
 @dataclass(frozen=True)

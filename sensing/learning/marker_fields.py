@@ -28,6 +28,7 @@ from sensing.camera.parameters import camera_at, camera_vector
 from sensing.learning.found_camera import FRAME_PX, PAINT_PX, left_by_calibration
 from sensing.tracking.field_operator import FieldOperator, field_operator
 from sensing.tracking.gelslim import CROP_PX
+from sensing.wrench.dot_noise import STILL_PX
 
 Array = NDArray[np.float64]
 KNEE_PX = 0.15  # M: displacement by which half of the error of a moved dot is there
@@ -56,7 +57,7 @@ class Scatter:
     camera: float = 1.0
     paint_px: float = PAINT_PX
     unseen: float = 0.03
-    still_px: float = 0.0063
+    still_px: float = STILL_PX
     moving_px: float = 0.0288
     share: float = 0.006
 

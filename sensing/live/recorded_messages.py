@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +26,30 @@ from sensing.tracking.zero import Zero, single_zero
 LATEST_S = 1e9  # capture times beyond are no times
 
 
-def zero_in(path: Path, endcap: str, message: Message) -> Zero:
+def zero_in(path: Path, endcap: str, message: Message, noise: Message | None = None) -> Zero:
     """The reference of a ``zero`` message.
 
     Args:
         path: of the recording. endcap: name. message: of that topic.
+        noise: the ``zero_error_px`` that goes with it; None where it is yet to come, or in recordings of before.
     """
     try:
-        return single_zero(picture_in(path, endcap, message, 0.0), endcap)
+        zero = single_zero(picture_in(path, endcap, message, 0.0), endcap)
     except FrameError as error:
         raise _unusable(path, message, f"no reference: {error}") from None
+    return zero if noise is None else with_error(path, zero, noise)
+
+
+def with_error(path: Path, zero: Zero, message: Message) -> Zero:
+    """A reference with how much its dots scatter, of a ``zero_error_px`` message.
+
+    Args:
+        path: of the recording. zero: the reference. message: of that topic.
+    """
+    error_px = float(_decoded(path, ros.FLOAT64, message).data)
+    if not 0 <= error_px < min(zero.image.shape[:2]):
+        raise _unusable(path, message, f"dots that scatter by {error_px} px")
+    return replace(zero, error_px=error_px)
 
 
 def kept_in(path: Path, message: Message) -> Kept:

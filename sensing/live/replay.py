@@ -30,7 +30,15 @@ from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
 from sensing.live.outputs.recorded_tracks import ROWS, TRACK_TOPICS, refusal_of, rows_of
 from sensing.live.outputs.recorder import TOPICS
-from sensing.live.recorded_messages import kept_in, picture_in, read_message, time_in, wrench_in, zero_in
+from sensing.live.recorded_messages import (
+    kept_in,
+    picture_in,
+    read_message,
+    time_in,
+    with_error,
+    wrench_in,
+    zero_in,
+)
 from sensing.live.timeline import WHOLE, Start, Timeline
 from sensing.records import Frame
 from sensing.tracking.zero import Zero
@@ -139,13 +147,15 @@ def recorded_frames(path: Path, endcap: str, start: Start = WHOLE) -> Iterator[R
     Raises:
         FileError: missing, or no MCAP. DamagedError, CutError: after the pictures that can be read.
     """
-    zero = None if start.zero is None else zero_in(path, endcap, start.zero)
+    zero = None if start.zero is None else zero_in(path, endcap, start.zero, start.zero_error)
     kept = NOTHING_KEPT if start.kept is None else kept_in(path, start.kept)
     found, begun = _Found(), zero is not None
     for topic, message in _messages(path, endcap, start):
         if topic == "zero":
             zero, begun, kept = zero_in(path, endcap, message), True, NOTHING_KEPT
             found.size = zero.image.shape[1], zero.image.shape[0]
+        elif topic == "zero_error_px" and zero is not None:
+            zero = with_error(path, zero, message)
         elif topic == "kept":
             kept = kept_in(path, message)
         elif topic == "image/capture_time":

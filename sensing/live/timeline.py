@@ -25,14 +25,15 @@ class Start:
 
     Attributes:
         byte: of the chunk; 0 for the file's own begin. from_ns: stamp of the first message that counts.
-        zero: message with the reference in use there; None where the first is yet to come. kept: message with what the
-            frames before have left; None where there is none.
+        zero: message with the reference in use there; None where the first is yet to come. zero_error: message with
+            how much its dots scatter. kept: message with what the frames before have left; None where there is none.
         topics: of the file's channels, by number.
     """
 
     byte: int = 0
     from_ns: int = 0
     zero: Message | None = None
+    zero_error: Message | None = None
     kept: Message | None = None
     topics: dict[int, str] = field(default_factory=dict)
 
@@ -77,8 +78,8 @@ class Timeline:
         self._topics = self._topics or _topics(self._path)
         from_ns = self.begin_ns + round(moment_s / NS)
         first = next((chunk for chunk in self._chunks if chunk.end_ns >= from_ns), self._chunks[-1])
-        zero, kept = (self._last(f"/{endcap}/{name}", from_ns) for name in ("zero", "kept"))
-        return Start(first.byte, from_ns, zero, kept, self._topics)
+        zero, error, kept = (self._last(f"/{endcap}/{name}", from_ns) for name in ("zero", "zero_error_px", "kept"))
+        return Start(first.byte, from_ns, zero, error, kept, self._topics)
 
     def _last(self, topic: str, before_ns: int) -> Message | None:
         """The last message of a topic before a stamp."""

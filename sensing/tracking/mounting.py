@@ -16,6 +16,7 @@ Units: full-size pixels, radians.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -34,6 +35,7 @@ CAMERA_LEAVES = 0.25  # the same of the camera's own motions; between 0.12 and 0
 HOPELESS = 1.5  # so many times that, left by a quick fit to all dots: no robust fit brings it down
 ALIKE = 1.25  # a sag's three numbers follow the noise less than a camera's seven
 STILL_PX = 0.15  # at 480: left of no common motion, from which it is a touch; three times what noise makes
+NOISE_LEAVES = 3.0  # M: third largest motion of some 90 dots that only scatter, over the rms of an axis; 3.2 to 3.4
 LEAST_DOTS = 4  # for a similarity
 LEAST_DOTS_OF_CAMERA = 20  # for seven motions
 
@@ -58,6 +60,7 @@ class CommonMotion:
         leaves: share of the reach up to which what is left is none of a touch.
         size: (width, height) of the picture.
         camera_px: (N, 2) how far the camera moved each dot; None where the motion is the similarity.
+        error_px: standard deviation of an axis of a dot at rest, as the reference has it; 0 where it is unknown.
     """
 
     shift_px: NDArray[np.float64]
@@ -68,6 +71,7 @@ class CommonMotion:
     leaves: float
     size: tuple[int, int]
     camera_px: NDArray[np.float64] | None = None
+    error_px: float = 0.0
 
     @property
     def moved(self) -> bool:
@@ -77,19 +81,33 @@ class CommonMotion:
     @property
     def kind(self) -> MotionKind:
         """Of the mounting, of a touch, or none."""
-        if self.moved and self.residual_px <= self.leaves * self.reach_px:
+        left_px = beyond_noise_px(self.residual_px, self.error_px)
+        if self.moved and left_px <= self.leaves * self.reach_px:
             return MotionKind.MOUNTING
-        touched = self.moved or self.residual_px > STILL_PX * min(self.size) / 480.0
+        touched = self.moved or left_px > STILL_PX * min(self.size) / 480.0
         return MotionKind.CONTACT if touched else MotionKind.NONE
 
 
+def beyond_noise_px(residual_px: float, error_px: float) -> float:
+    """What the third largest motion that a fit leaves has beyond the dots' noise.
+
+    Args:
+        residual_px: left by the fit. error_px: standard deviation of an axis of a dot at rest.
+    """
+    return math.sqrt(max(residual_px**2 - (NOISE_LEAVES * error_px) ** 2, 0.0))
+
+
 def common_motion(
-    tracks: DotTracks, params: EndcapParams | None = None, motions: CameraMotions | None = None
+    tracks: DotTracks,
+    params: EndcapParams | None = None,
+    motions: CameraMotions | None = None,
+    error_px: float = 0.0,
 ) -> CommonMotion | None:
     """The motion that the dots have in common; None where under four of them are seen.
 
     Args:
         tracks: the dots. params: the design; None takes the released. motions: of these dots, if they are known.
+        error_px: standard deviation of an axis of a dot at rest.
     """
     live = ~tracks.lost
     if live.sum() < LEAST_DOTS:
@@ -100,7 +118,7 @@ def common_motion(
     )
     shift = np.array(shift_px)
     reach = float(np.linalg.norm(shift)) + (abs(turn) + abs(scale - 1)) * min(tracks.size) / 2
-    alike = CommonMotion(shift, turn, scale, reach, residual_px, SIMILARITY_LEAVES, tracks.size)
+    alike = CommonMotion(shift, turn, scale, reach, residual_px, SIMILARITY_LEAVES, tracks.size, error_px=error_px)
     if alike.kind is MotionKind.NONE:
         return alike
     moved = _moved_camera(tracks, alike, motions or CameraMotions.of(tracks.reference_px, tracks.size, params))
@@ -116,7 +134,8 @@ def _moved_camera(tracks: DotTracks, alike: CommonMotion, motions: CameraMotions
         return None
     moved = tracks.displacement_px
     quick = motions.of_all(moved)
-    if third_largest((moved - quick)[used]) > HOPELESS * CAMERA_LEAVES * third_largest(quick[used]):
+    left_px = beyond_noise_px(third_largest((moved - quick)[used]), alike.error_px)
+    if left_px > HOPELESS * CAMERA_LEAVES * third_largest(quick[used]):
         return None
     camera = motions.of_most(moved, used)
     reach, left = third_largest(camera[used]), third_largest((moved - camera)[used])
@@ -127,18 +146,20 @@ def _moved_camera(tracks: DotTracks, alike: CommonMotion, motions: CameraMotions
 class MountingWatch:
     """Says that camera or lens have moved since the reference, once a picture without a touch has shown it.
 
-    A touch hides it, so the last picture without one counts until the next. The dots are those of one reference.
+    A touch hides it, so the last picture without one counts until the next. A picture says nothing while most dots are
+    hidden: few dots move as one beside any touch. The dots are those of one reference.
 
     Args:
         params: the design; None takes the released. reason: to begin with, of a watch before this one.
+        error_px: standard deviation of an axis of a dot at rest; 0 where it is unknown.
 
     Attributes:
         reason: says so, and what to do; empty where nothing has moved.
         motion: what the last picture's dots have in common; None where under four of them are seen.
     """
 
-    def __init__(self, params: EndcapParams | None = None, reason: str = "") -> None:
-        self.reason, self._params = reason, params
+    def __init__(self, params: EndcapParams | None = None, reason: str = "", error_px: float = 0.0) -> None:
+        self.reason, self._params, self._error_px = reason, params, error_px
         self.motion: CommonMotion | None = None
         self._motions: CameraMotions | None = None
 
@@ -151,8 +172,8 @@ class MountingWatch:
         """
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
-        motion = self.motion = common_motion(tracks, motions=self._motions)
-        if motion is None or motion.kind is MotionKind.CONTACT:
+        motion = self.motion = common_motion(tracks, motions=self._motions, error_px=self._error_px)
+        if motion is None or motion.kind is MotionKind.CONTACT or not tracks.enough:
             return
         self.reason = ""
         turned = own_weight is not None and (own_weight.explains or own_weight.left_px <= ALIKE * motion.residual_px)

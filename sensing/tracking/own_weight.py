@@ -12,7 +12,8 @@ whole valid region (``python -m sensing.simulator.solid.own_weight_table`` solve
 
 No pose is asked for: c is fitted to the dots themselves, three numbers to some two hundred. The fit leaves almost
 nothing of a sag and at least a quarter of a touch's motion (bench/own_weight_leaves.csv), so c is set anew only where
-it leaves less than a fifth. While something touches, the last c counts.
+it leaves less than a fifth. While something touches, the last c counts; so it does while most dots are hidden, because
+the few beside a touch may move as a sag moves them.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class OwnWeight:
         moved = self._seen.motion(tracks)
         live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
         self.left_px, self.explains = float("nan"), False
-        if np.count_nonzero(live) >= LEAST_DOTS:
+        if tracks.enough and np.count_nonzero(live) >= LEAST_DOTS:
             self._look(moved, live)
         return self._modes @ self.change_g if self.change_g.any() else None
 

@@ -62,6 +62,7 @@ class Zero:
         brightness: mean gray of the picture.
         exposure: as the driver stated it; NaN where it did not.
         made_of: the endcap; None where nobody has said.
+        error_px: standard deviation of an axis of a dot at rest against the picture; 0 where it is unknown.
     """
 
     image: Image
@@ -72,6 +73,7 @@ class Zero:
     brightness: float
     exposure: float = float("nan")
     made_of: Identity | None = None
+    error_px: float = 0.0
 
     @property
     def params(self) -> EndcapParams | None:
@@ -147,7 +149,16 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapPar
     known = [f.exposure for f in frames if f.exposure is not None]
     date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     exposure = float(np.mean(known)) if known else float("nan")
-    return Zero(image, sensor, date, len(frames), noise, _brightness(Frame(0.0, 0, sensor, image=image)), exposure)
+    brightness = _brightness(Frame(0.0, 0, sensor, image=image))
+    error_px = _error_px(noise, len(frames))
+    return Zero(image, sensor, date, len(frames), noise, brightness, exposure, error_px=error_px)
+
+
+def _error_px(noise_px: NDArray[np.float64], frames: int) -> float:
+    """Of :class:`Zero`: the mean of n pictures takes 1/n of a dot's variance out of the interval, and has it itself."""
+    if frames < LEAST_FRAMES or not noise_px.size:
+        return 0.0
+    return float(np.sqrt(np.mean(noise_px**2) * (frames + 1) / (frames - 1)))
 
 
 def _averaged(frames: Sequence[Frame]) -> Image:
@@ -224,7 +235,9 @@ def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
             made_of = recorded(None, design)  # of before: the released pattern
         for name, kind in (("sensor", str), ("date", str), ("frames", int), ("brightness", float), ("exposure", float)):
             about[name] = kind(about[name])
-        zero = Zero(image=image, noise_px=noise, made_of=made_of, **about)
+        if not ((noise >= 0) & (noise < min(size))).all():
+            raise ValueError("dots that scatter by no number of pixels")
+        zero = Zero(image=image, noise_px=noise, made_of=made_of, error_px=_error_px(noise, about["frames"]), **about)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}: give a file written by zeroing") from None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, cv2.error) as error:

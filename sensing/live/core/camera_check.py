@@ -4,7 +4,8 @@ Looked at once a reference. An endcap without a calibration file is read with th
 (:mod:`sensing.calibration.rest_camera`), and the command that keeps it is named. Where no camera can be found, or the
 calibrated one does not fit any more, wrenches carry the flag ``camera_misfit``, and their covariance grows by what the
 camera that does fit would change. A reference with too few dots or rows, too much or too little light has flags of its
-own (:mod:`sensing.calibration.rest_picture`).
+own (:mod:`sensing.calibration.rest_picture`). A camera whose dots scattered more than in training while the reference
+was taken widens the covariance, too (:mod:`sensing.wrench.dot_noise`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from sensing.records import DotTracks, Wrench
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.zero import Zero
 from sensing.wrench.camera_spread import CameraSpread
+from sensing.wrench.dot_noise import noise_covariance
 from sensing.wrench.model import WrenchModel
 
 FLAG = "camera_misfit"
@@ -61,12 +63,14 @@ class CameraCheck:
             if isinstance(estimator, WrenchModel) and uncertain.covariance is not None
             else None
         )
+        self._noise = np.zeros((6, 6))
+        if isinstance(estimator, WrenchModel):
+            self._noise = noise_covariance(seen, estimator, zero.error_px)
 
     def widened(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
-        """The wrench, about the sphere's centre, with what the camera adds to its covariance."""
-        if self._spread is None:
-            return wrench
-        return replace(wrench, covariance=wrench.covariance + self._spread.covariance(tracks))
+        """The wrench, about the sphere's centre, with what the camera and its noise add to its covariance."""
+        unknown = self._noise if self._spread is None else self._noise + self._spread.covariance(tracks)
+        return replace(wrench, covariance=wrench.covariance + unknown)
 
 
 def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:

@@ -30,7 +30,6 @@ from sensing.records import DotTracks, Frame, Image, Wrench
 SMALL = (30, 40)  # rows and columns in which pictures are compared as a whole
 LEAST_SIDE_PX = 120
 LEAST_LIKENESS = 0.5  # E: correlation of the small pictures; 0.95 under 52 N, 0 of a black one
-LEAST_SEEN = 0.5  # fraction of the dots under which the rest is guesswork
 SURE = 0.98  # correlation of the worst window above which a step needs no confirmation
 CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load
 STEP_N, STEP_OF_FORCE = 0.35, 0.1  # step that needs confirmation, and more of it under load
@@ -147,10 +146,8 @@ def likeness(small: NDArray[np.float32], reference: NDArray[np.float32]) -> floa
 def _blind(alike: float, tracks: DotTracks | None, estimate: Wrench) -> str:
     """Why there is no number in this picture; empty if there is."""
     hint = "is the lamp on, the lens free, the camera the one that was zeroed?"
-    if tracks is not None:
-        seen = int((~tracks.lost).sum())
-        if seen < LEAST_SEEN * len(tracks.ids):
-            return f"{seen} of {len(tracks.ids)} dots are seen: {hint}"
+    if tracks is not None and not tracks.enough:
+        return f"{int((~tracks.lost).sum())} of {len(tracks.ids)} dots are seen: {hint}"
     if alike < LEAST_LIKENESS:
         return f"the picture is not that of the reference (correlation {alike:.2f}): {hint}"
     if "missing" in estimate.flags or not np.isfinite(estimate.force_n).all():

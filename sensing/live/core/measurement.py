@@ -89,7 +89,7 @@ class Measurement:
         self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
         self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
         self._drift: Drift | None = None
-        self._mounting, self._count = MountingWatch(endcap.params, kept.moved), 0
+        self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
         self.contact: ContactState | None = None
 

@@ -193,7 +193,7 @@ def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator, params: E
     tracks = before.track(gray, frame.time_s)
     motion = common_motion(tracks, params)
     before.restart()
-    if motion is None or tracks.lost.mean() > 0.5:  # another camera or endcap: nothing to compare with
+    if motion is None or not tracks.enough:  # another camera or endcap: nothing to compare with
         return 0.0
     still = without_motion(tracks, motion)
     return float(np.linalg.norm(estimator.estimate(before.field(still)).force_n))

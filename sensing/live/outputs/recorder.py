@@ -48,6 +48,7 @@ TOPICS: dict[str, str] = {
     "image/compressed": ros.IMAGE,
     "image/capture_time": ros.FLOAT64,
     "zero": ros.IMAGE,
+    "zero_error_px": ros.FLOAT64,
     "kept": ros.STRING,
     "array/shear_vector": ros.ARRAY,
     "wrench/estimate": ros.WRENCH,
@@ -146,6 +147,7 @@ class Recorder(QueuedSink):
             self._kept.pop(reading.endcap, None)
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
             self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
+            self._add(reading, "zero_error_px", ros.float64(reading.zero.error_px), stamp)
         if reading.before != self._kept.get(reading.endcap):
             self._kept[reading.endcap] = reading.before
             self._add(reading, "kept", ros.string(reading.before.text()), stamp)

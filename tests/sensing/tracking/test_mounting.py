@@ -87,6 +87,30 @@ def test_a_camera_that_has_moved_counts_until_an_untouched_picture_shows_otherwi
     assert "by 0.50 px" in watch.reason or "by 0.51 px" in watch.reason or "by 0.49 px" in watch.reason
 
 
+@pytest.mark.parametrize("noise_px", [0.013, 0.035])
+def test_noise_that_the_reference_knows_hides_no_moved_camera_and_makes_none_of_a_touch(noise_px):
+    """The third largest of the dots' own scatter passed for a touch, and a lens that read 3 N was none."""
+    watch = MountingWatch(error_px=noise_px)
+    for given, moved in ((similarity(), False), (bump(0.8), False), (similarity((0.2, 0.0)), True), (bump(2.0), True)):
+        watch.update(tracks(given, noise_px))
+        assert bool(watch.reason) is moved
+    watch.update(tracks(similarity(), noise_px))
+    watch.update(tracks(similarity(scale=1 + 0.2 / 240), noise_px))
+    assert watch.reason
+
+
+def test_few_dots_show_no_motion_of_the_mounting():
+    """Any motion of four dots is nearly a similarity: a hand before the lens during a touch was a moved camera."""
+    watch, count = MountingWatch(), len(tracks(similarity()).ids)
+    for lost in (count - LEAST_DOTS, count // 2 + 1):
+        watch.update(tracks(similarity((0.5, 0.0)), lost=lost))
+        assert watch.reason == "" and watch.motion is not None
+    watch.update(tracks(similarity((0.5, 0.0))))
+    said = watch.reason
+    watch.update(tracks(similarity(), lost=count // 2 + 1))
+    assert said and watch.reason == said
+
+
 def seen(turn_deg=(0.0, 0.0, 0.0), shift_mm=(0.0, 0.0, 0.0), pressed_mm: float = 0.0, design=(130.0, 8.0)) -> DotTracks:
     """The design's dots, seen by its camera before and after that has moved in the endcap, or the tip was pressed."""
     params, rng = EndcapParams(*design), np.random.default_rng(3)

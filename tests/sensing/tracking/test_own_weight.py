@@ -120,6 +120,17 @@ def test_a_turn_is_found_and_taken_out(seen, watch, gravity_g, lost):
     assert np.abs(found - sag(seen, *gravity_g)).max() < 0.02
 
 
+def test_most_dots_hidden_show_no_turn(seen, watch):
+    """A hand before the lens during a touch: the few dots beside it moved as a turn by 1.6 g would move them."""
+    turned = sag(seen, 0.4, -1.2, 1.6)
+    most = len(turned) // 2 + 1
+    assert watch.motion(moved(turned, most)) is None and not watch.change_g.any()
+    watch.motion(moved(sag(seen, 1, 0, 0)))
+    before = watch.change_g.copy()
+    watch.motion(moved(turned, most))
+    assert watch.change_g.tolist() == before.tolist()
+
+
 def test_a_still_skin_and_a_little_noise_change_nothing(seen, watch):
     assert watch.motion(moved(0 * sag(seen, 1, 0, 0))) is None
     assert watch.motion(moved(sag(seen, 0.2, 0, 0))) is None

@@ -174,10 +174,10 @@ class Filter:
 
         Where two stand, cables let a third one turn about itself at most; one alone may be what the others roll about.
         """
-        settings = self.settings
+        settings, most = self.settings, self.settings.unknown_rate_noise
         if len(rate) < 2:
-            return settings.unknown_rate_noise
-        return settings.unknown_rate_least + settings.unknown_rate_share * _root_mean_square(rate)
+            return most
+        return min(most, settings.unknown_rate_least + settings.unknown_rate_share * _root_mean_square(rate))
 
     def lengths(self, state: State, sample: LengthSample) -> None:
         """Take the lengths of the cables.

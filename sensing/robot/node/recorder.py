@@ -16,6 +16,7 @@ from cad.errors import FileError
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.ros.messages import TRANSFORMS
+from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
 from sensing.robot.node import messages
 from sensing.robot.node.record import Report, estimate_text
 from sensing.robot.node.run import whole_ns
@@ -43,7 +44,7 @@ class RobotRecorder:
     def __init__(self, path: Path, robot: TensegrityRobot, description: bytes) -> None:
         self.path, self._robot = path, robot
         self.samples, self.reports, self.failed = 0, 0, ""
-        self.wall_ns = time.time_ns() - time.monotonic_ns()
+        self.wall_ns = wall_less_monotonic_ns()
         self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
         try:
             self._stream = path.open("xb")

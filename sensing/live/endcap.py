@@ -21,6 +21,7 @@ from cad.messages import LOG
 from cad.pattern import RELEASED_DOT_MM
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
+from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import EndcapReading, predicted
 from sensing.live.core.sink import QueuedSink
@@ -58,7 +59,7 @@ class Endcap:
         self._readings.close()
 
     def readings(self) -> Iterator[EndcapReading]:
-        """Everything that each frame gives, until the source ends or the endcap is closed."""
+        """Everything that each frame gives, in order, until the source ends or the endcap is closed."""
         while True:
             reading = self._readings.take(0.1)
             if reading is not None:
@@ -69,12 +70,14 @@ class Endcap:
                 return
 
     def stream(self) -> Iterator[Wrench]:
-        """Filtered wrenches, one a frame; the newest when the reader is slow.
+        """Filtered wrenches, one a frame; of a camera the newest alone where the reader is slower.
 
         A frame that gives no number (the lamp is off, say) gives NaN and the reason among the wrench's flags.
         """
+        live = isinstance(self._endcap.feed, CameraFeed)
         for reading in self.readings():
-            yield reading.wrench
+            if not (live and self._readings.waiting):
+                yield reading.wrench
 
     def now(self) -> Wrench:
         """The newest wrench, predicted to this moment where its motion can be followed, held where it cannot.
@@ -171,6 +174,11 @@ class _Readings(QueuedSink):
     @property
     def closed(self) -> bool:
         return self._closing
+
+    @property
+    def waiting(self) -> bool:
+        """Whether there is a newer reading than the one taken last."""
+        return bool(self._queue)
 
     def take(self, timeout_s: float) -> EndcapReading | None:
         with self._changed:

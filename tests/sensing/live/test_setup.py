@@ -1,4 +1,5 @@
 import threading
+import time
 
 import cv2
 import numpy as np
@@ -123,6 +124,16 @@ def test_a_stream_of_a_camera_ends_when_it_is_closed():
         assert np.isfinite(next(stream).force_n).all()
         threading.Timer(0.2, endcap.close).start()
         assert len(list(stream)) < 1000
+
+
+def test_a_slow_reader_of_a_camera_gets_the_newest_wrench_not_an_old_one():
+    """A loop of 10 Hz at a camera of 30 was two seconds behind for as long as it ran."""
+    with Endcap(LiveEndcap(CameraFeed(endless(film([0] * 6), 60)), pipeline())) as endcap:
+        for number, wrench in enumerate(endcap.stream()):
+            assert number < 3 or endcap._endcap.stats.last.wrench.time_s - wrench.time_s < 0.2
+            if number == 20:
+                break
+            time.sleep(0.05)
 
 
 def test_open_endcap_says_what_is_wrong(tmp_path):

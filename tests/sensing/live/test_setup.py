@@ -136,6 +136,24 @@ def test_a_slow_reader_of_a_camera_gets_the_newest_wrench_not_an_old_one():
             time.sleep(0.05)
 
 
+def test_a_file_waits_for_a_slow_reader_and_ends_when_the_endcap_is_closed(monkeypatch):
+    from live_stand_in import frames
+
+    monkeypatch.setattr("sensing.live.endcap.ROOM", 4)
+    given = frames(film([0] * 40))
+    with Endcap(LiveEndcap(FileFeed(lambda: given, Pace(0)), pipeline())) as endcap:
+        stream, found = endcap.stream(), []
+        for wrench in stream:
+            found.append(wrench.time_s)
+            time.sleep(0.1 * (len(found) == 3))
+            if len(found) == 20:
+                break
+        assert found == [frame.time_s for frame in given[:20]]
+        wait_for(lambda: endcap._readings._full)
+        begin_s = time.monotonic()
+    assert time.monotonic() - begin_s < 2 and not endcap._engine.threads[0].is_alive()
+
+
 def test_open_endcap_says_what_is_wrong(tmp_path):
     with pytest.raises(FileError, match="nowhere"):
         open_endcap("nowhere", model=stand_in())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -99,6 +100,23 @@ def test_several_gyroscopes_silent_at_once_leave_a_note(seconds, doubtful):
     health = estimator.state().health
     assert health.good != doubtful
     assert any("several gyroscopes were silent at once: for 0." in note for note in health.notes) == doubtful
+
+
+@pytest.mark.parametrize("pause_s", [0.5, 5.0, 3600.0])
+def test_a_pause_of_all_sensors_moves_no_robot(pause_s):
+    """The first sample after it was taken for all of it: after 20 s the robot was 26 km off, then without end."""
+    _, samples = standing_samples(ROBOT, 6.0, rate_hz=100.0)
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, [sample for sample in samples if sample.time_s <= 2.0])
+    before, found = estimator.state(), []
+    for begin_s in np.arange(2.0, 6.0, 0.5):
+        part = [sample for sample in samples if begin_s < sample.time_s <= begin_s + 0.5]
+        feed(estimator, [replace(sample, time_s=sample.time_s + pause_s) for sample in part])
+        found.append(estimator.state())
+        assert np.linalg.norm(found[-1].centre_of_mass_m - before.centre_of_mass_m) < 0.02
+    assert not found[0].health.good
+    assert any(note.startswith("pose held") for note in found[0].health.notes) == (pause_s > 1)
+    assert [note[:10] for note in found[-1].health.notes] == ["begun anew"]
 
 
 def test_a_silence_of_the_leading_sensor_does_not_let_a_walking_robot_run_away():

@@ -23,14 +23,14 @@ class Publisher:
     """Publishes a robot that stands, until it is stopped; one stream may be of another clock, and a stamp far off.
 
     ``shift_s``: of the lengths. ``odd_s``: of every fiftieth inertial stamp. ``wrenches``: "with_covariance", "plain"
-    (geometry_msgs/WrenchStamped), or none.
+    (geometry_msgs/WrenchStamped), or none. ``reliable``: False for best effort.
     """
 
     def __init__(
-        self, participant, shift_s: float = 0.0, wrenches: str = "with_covariance", odd_s: float = 0.0
+        self, participant, shift_s: float = 0.0, wrenches: str = "with_covariance", odd_s: float = 0.0, reliable=True
     ) -> None:
         self._participant, self._shift_s, self._writers = participant, shift_s, {}
-        self._wrenches, self._odd_s = wrenches, odd_s
+        self._wrenches, self._odd_s, self._reliable = wrenches, odd_s, reliable
         self.stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -62,9 +62,18 @@ class Publisher:
         if isinstance(sample, FootSample) and not self._wrenches:
             return
         if topic not in self._writers:
-            self._writers[topic] = dds.publisher(self._participant, topic, kind)
+            self._writers[topic] = self._writer(topic, kind)
         if not warm:
             self._writers[topic].write(dds.encoded(kind, cdr))
+
+    def _writer(self, topic, kind):
+        if self._reliable:
+            return dds.publisher(self._participant, topic, kind)
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.topic import Topic
+
+        of_topic = Topic(self._participant, f"rt/{topic}", dds.idl_type(kind), qos=dds.quality())
+        return DataWriter(self._participant, of_topic, qos=dds.quality(reliable=False))
 
     def close(self):
         self.stopped.set()

@@ -21,6 +21,7 @@ from cad.messages import LOG
 from cad.pattern import RELEASED_DOT_MM
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import Engine, LiveEndcap
+from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import EndcapReading, predicted
 from sensing.live.core.sink import QueuedSink
@@ -41,7 +42,7 @@ class Endcap:
     """
 
     def __init__(self, endcap: LiveEndcap) -> None:
-        self._endcap = endcap
+        self._endcap, self._live = endcap, isinstance(endcap.feed, CameraFeed)
         self._readings = _Readings()
         self._engine = Engine([endcap], [self._readings])
 
@@ -54,27 +55,35 @@ class Endcap:
 
     def close(self) -> None:
         """Let the camera go; streams end."""
+        self._readings.close()  # first: a file may wait for its reader
         self._engine.close()
-        self._readings.close()
 
     def readings(self) -> Iterator[EndcapReading]:
-        """Everything that each frame gives, until the source ends or the endcap is closed."""
-        while True:
-            reading = self._readings.take(0.1)
-            if reading is not None:
-                yield reading
-            elif self._readings.closed or self._engine.wait(0.0):
-                while (reading := self._readings.take(0.0)) is not None:  # what came in between
+        """Everything that each frame gives, in order, until the source ends or the endcap is closed.
+
+        A file waits for whoever reads; of a camera the oldest of more than 64 that wait are lost.
+        """
+        self._readings.wait_for_reader(not self._live)
+        try:
+            while True:
+                reading = self._readings.take(0.1)
+                if reading is not None:
                     yield reading
-                return
+                elif self._readings.closed or self._engine.wait(0.0):
+                    while (reading := self._readings.take(0.0)) is not None:  # what came in between
+                        yield reading
+                    return
+        finally:
+            self._readings.wait_for_reader(False)
 
     def stream(self) -> Iterator[Wrench]:
-        """Filtered wrenches, one a frame; the newest when the reader is slow.
+        """Filtered wrenches, one a frame; of a camera the newest alone where the reader is slower.
 
         A frame that gives no number (the lamp is off, say) gives NaN and the reason among the wrench's flags.
         """
         for reading in self.readings():
-            yield reading.wrench
+            if not (self._live and self._readings.waiting):
+                yield reading.wrench
 
     def now(self) -> Wrench:
         """The newest wrench, predicted to this moment where its motion can be followed, held where it cannot.
@@ -167,12 +176,30 @@ class _Readings(QueuedSink):
 
     def __init__(self) -> None:
         super().__init__(ROOM)
+        self._waits = False
+
+    def put(self, reading: EndcapReading) -> None:
+        with self._changed:
+            self._changed.wait_for(lambda: not (self._waits and self._full) or self._closing)
+        super().put(reading)
+
+    def wait_for_reader(self, waits: bool) -> None:
+        """Whether a full queue waits for the reader instead of losing its oldest."""
+        with self._changed:
+            self._waits = waits
+            self._changed.notify_all()
 
     @property
     def closed(self) -> bool:
         return self._closing
 
+    @property
+    def waiting(self) -> bool:
+        """Whether there is a newer reading than the one taken last."""
+        return bool(self._queue)
+
     def take(self, timeout_s: float) -> EndcapReading | None:
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing, timeout_s)
+            self._changed.notify_all()
             return self._queue.popleft() if self._queue else None

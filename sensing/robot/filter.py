@@ -48,10 +48,11 @@ class Filter:
         Args:
             state: is changed. time_s: not before the state's. samples: inertial ones, then lengths, then endcaps.
         """
-        inertial = [sample for sample in samples if isinstance(sample, InertialSample)]
-        if state.held_s or (unmeasured(state, time_s, self.layout) and not self.measures(inertial)):
+        if state.held_s or unmeasured(state, time_s, self.layout):
             return self._hold(state, time_s, samples)
-        self.predict(state, time_s, inertial)
+        if time_s - state.time_s > SILENT_S:  # nothing came at all: a sample says nothing of so long a time
+            self.predict(state, time_s - LONGEST_STEP_S, [])
+        self.predict(state, time_s, [sample for sample in samples if isinstance(sample, InertialSample)])
         for sample in samples:
             if isinstance(sample, LengthSample):
                 self.lengths(state, sample)
@@ -174,10 +175,10 @@ class Filter:
 
         Where two stand, cables let a third one turn about itself at most; one alone may be what the others roll about.
         """
-        settings = self.settings
+        settings, most = self.settings, self.settings.unknown_rate_noise
         if len(rate) < 2:
-            return settings.unknown_rate_noise
-        return settings.unknown_rate_least + settings.unknown_rate_share * _root_mean_square(rate)
+            return most
+        return min(most, settings.unknown_rate_least + settings.unknown_rate_share * _root_mean_square(rate))
 
     def lengths(self, state: State, sample: LengthSample) -> None:
         """Take the lengths of the cables.

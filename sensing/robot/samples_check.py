@@ -40,11 +40,11 @@ class SampleCheck:
         what = self._known(sample)
         if not math.isfinite(sample.time_s):
             return False
-        if math.isfinite(newest_s) and abs(sample.time_s - newest_s) > FARTHEST_S:
+        late_s = newest_s - sample.time_s
+        if late_s > FARTHEST_S:  # as far ahead it may be the end of a pause; where it is not, the others are late
             raise ParameterError(
-                f"{what}: time_s={sample.time_s:.3f} is {abs(sample.time_s - newest_s):.0f} s "
-                f"{'after' if sample.time_s > newest_s else 'before'} the other samples: give times of one clock, "
-                f"or begin anew after a pause of over {FARTHEST_S:.0f} s",
+                f"{what}: time_s={sample.time_s:.3f} is {late_s:.0f} s before the other samples: give times of one "
+                "clock",
                 name="time_s", value=sample.time_s,
             )  # fmt: skip
         if isinstance(sample, InertialSample):

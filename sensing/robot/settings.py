@@ -46,9 +46,9 @@ class Settings:
         rate_bias_walk, force_bias_walk: of their biases (rad/s, m/s^2 per sqrt(s)).
         rate_bias_sd, force_bias_sd: of the biases at the start.
         shape_rate_noise: added to the rates of all bars but the leading one, for what linear steps leave of the shape.
-        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)). unknown_rate_share,
-            unknown_rate_least: where two others or more measure, it is this many times their rates' root mean square
-            (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
+        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)), at most. unknown_rate_share,
+            unknown_rate_least: where two others or more measure, it is at most this many times their rates' root mean
+            square (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
         spin_noise: of the angular velocity of a bar without gyroscope (rad/s^2/sqrt(Hz)), which is a part of the state.
             spin_share, spin_least: where two others or more measure, it is at most this many times their root mean
             square rate (1/s/sqrt(Hz)), and so much more. spin_stays_s: time in which that velocity decays.

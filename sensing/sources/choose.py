@@ -15,7 +15,7 @@ from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource, device_number
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
 from sensing.sources.mjpeg import MjpegSource
-from sensing.sources.newest import FrameSource
+from sensing.sources.newest import FrameSource, OnArrival
 
 
 def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callable[[], FrameSource], bool]:
@@ -60,13 +60,14 @@ def is_camera_number(word: str) -> bool:
 
 @contextmanager
 def open_frames(word: str) -> Iterator[Iterable[Frame]]:
-    """Frames of a source, which is closed afterwards (a camera must be let go).
+    """Frames of a source, which is closed afterwards (a camera must be let go); those of a camera as they arrive.
 
     Raises:
         FileError: nothing of that name.
     """
-    source = source_opener(word)[0]()
-    frames = iter(source)
+    opened, live = source_opener(word)
+    source = opened()
+    frames = OnArrival(iter(source)) if live else iter(source)
     try:
         yield frames
     finally:

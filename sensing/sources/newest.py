@@ -1,6 +1,7 @@
 """Between a source that runs at its own pace and a reader that may be slower: a short queue where the newest wins.
 
     NewestQueue     bounded; a full queue drops its oldest frame and counts it
+    OnArrival       a thread that takes frames as they come, for a reader that takes all and may pause
     LiveSource      a thread that keeps a source open, and says what is wrong while it is not delivering
 
 Times are seconds of ``time.monotonic``.
@@ -85,6 +86,48 @@ class NewestQueue:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
+
+
+class OnArrival:
+    """Frames that a thread takes as they come: a stamp of arrival is right however late the frame is read.
+
+    Raises what the source raises, when its last frame has been read.
+
+    Args:
+        frames: of a camera. length: frames that wait for a reader that pauses; of more, the oldest are lost.
+    """
+
+    def __init__(self, frames: Iterator[Frame], length: int = 64) -> None:
+        self._frames, self._queue = frames, NewestQueue(length)
+        self._error: Exception | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __iter__(self) -> OnArrival:
+        return self
+
+    def __next__(self) -> Frame:
+        frame = self._queue.get()
+        if frame is not None:
+            return frame
+        raise StopIteration if self._error is None else self._error
+
+    def close(self, wait_s: float = 2.0) -> None:
+        """Let the camera go; a read that hangs in a driver is left behind after ``wait_s``."""
+        self._stop.set()
+        self._thread.join(wait_s)
+
+    def _run(self) -> None:
+        try:
+            for frame in self._frames:
+                if self._stop.is_set():
+                    break
+                self._queue.put(frame)
+        except Exception as error:  # is for the reader
+            self._error = error
+        getattr(self._frames, "close", lambda: None)()  # generators release their device here
+        self._queue.close()
 
 
 class LiveSource:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import tempfile
 from collections.abc import Iterator
@@ -45,5 +46,6 @@ class IndexOnDisk:
         builder.write(self._file.read())
 
     def close(self) -> None:
-        """Let the file go."""
-        self._file.close()
+        """Let the file go, and what it has not written yet: on a full disk that would be an error of nothing lost."""
+        with contextlib.suppress(OSError):
+            self._file.close()

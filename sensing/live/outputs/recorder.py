@@ -37,6 +37,7 @@ from sensing.live.outputs.recorded_tracks import (
     refused_message,
     tracks_message,
 )
+from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
@@ -96,7 +97,7 @@ class Recorder(QueuedSink):
         self._kept: dict[str, Kept] = {}  # as last written of each endcap: a replay may begin at any frame
         self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
         self._behind: set[str] = set()  # endcaps whose restart is asked for once the disk has caught up
-        self._wall_ns = time.time_ns() - int(time.monotonic() * 1e9)  # fixed: stamps do not follow a clock being set
+        self._wall_ns = wall_less_monotonic_ns()  # fixed: stamps do not follow a clock being set
         self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
         self._files = carried_files(config)
         self._stream = _create(path) if stream is None else stream

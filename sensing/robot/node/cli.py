@@ -41,8 +41,8 @@ endcaps, inertial sensors and cable lengths. Without arguments: a simulated robo
   python -m sensing.robot --json --speed 0 | jq .drift_m
 """
 EPILOG = """\
-exit status: 0 ended or stopped; 1 a recording is not whole, or a replay differs (one line on stderr); 2 bad input (one
-line on stderr); 130 or 143 stopped before it began
+exit status: 0 ended or stopped; 1 a recording or --json is not whole, or a replay differs (one line on stderr); 2 bad
+input (one line on stderr); 130 or 143 stopped before it began
 """
 MOST_SD_N = 100.0  # more is a typing error
 SIMULATED_ONLY = ("terrain", "seed", "seconds", "speed")
@@ -64,20 +64,32 @@ class JsonOutput:
     """One line of JSON a report, on standard output.
 
     Args:
-        lines: where. robot: of the reports. stopped: whether somebody has asked for the end.
+        lines: where. robot: of the reports. stopped: whether somebody has asked for the end. lost: takes a line when
+            the first estimate is left out for a slow reader; without it, all wait for the reader.
     """
 
-    def __init__(self, lines: Lines, robot: TensegrityRobot, stopped: Callable[[], bool] = lambda: False) -> None:
-        self._lines, self._robot, self._stopped = lines, robot, stopped
+    def __init__(
+        self, lines: Lines, robot: TensegrityRobot, stopped: Callable[[], bool] = lambda: False,
+        lost: Callable[[str], object] | None = None,
+    ) -> None:  # fmt: skip
+        self._lines, self._robot, self._stopped, self._lost = lines, robot, stopped, lost
+        self._said = False
 
     def sample(self, sample: Sample) -> None:
         """Nothing."""
 
     def report(self, report: Report) -> None:
-        """A line; waits for a slow reader, but not beyond the end of the run."""
+        """A line; waits for a slow reader if all wait, but not beyond the end of the run."""
         text = report_text(report, self._robot) + "\n"
         while not self._lines.write(text) and not self._lines.failed and not self._stopped():
-            time.sleep(0.01)  # nothing is left out for a program that reads
+            if self._lost is not None:
+                return self._leave_out(self._lost)
+            time.sleep(0.01)
+
+    def _leave_out(self, lost: Callable[[str], object]) -> None:
+        if not self._said:
+            self._said = True
+            lost("--json: the reader is too slow, estimates are left out")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -97,7 +109,8 @@ def _run(options: argparse.Namespace) -> int:
     shown: list[RobotPage | RobotTopics] = []
     try:
         if options.json:
-            outputs.append(JsonOutput(out, robot, stop.asked.is_set))
+            live = options.live or options.endcaps is not None  # a robot does not wait, nor may its recording
+            outputs.append(JsonOutput(out, robot, stop.asked.is_set, losses.add if live else None))
         shown = _shown(options, robot)
         if options.record is not None:  # after all others: where one of them cannot begin, no file is left
             from sensing.robot.node.recorder import RobotRecorder

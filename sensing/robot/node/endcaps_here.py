@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import queue
 import time
+from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +41,7 @@ class EndcapsHere:
     def __init__(self, path: Path, robot: TensegrityRobot) -> None:
         config = load_config(path)
         _require_endcaps_of(robot, config, path)
-        self._readings: queue.Queue[EndcapReading] = queue.Queue(ROOM)
+        self._readings: deque[EndcapReading] = deque(maxlen=ROOM)
         warm_up(LOG.info)
         self._engine = Engine(open_endcaps(config), [self])
         self._missing = {endcap.name for endcap in config.endcaps}
@@ -60,16 +59,15 @@ class EndcapsHere:
         self._engine.close(CLOSE_S)
 
     def put(self, reading: EndcapReading) -> None:
-        """A reading; what nobody takes in time is left out."""
+        """A reading; where nobody takes them in time the oldest are left out."""
         if self._missing and np.isfinite(reading.wrench.force_n).all():
             self._missing.discard(reading.endcap)
-        with suppress(queue.Full):  # asked before, it might be filled by another endcap's thread meanwhile
-            self._readings.put_nowait(reading)
+        self._readings.append(reading)
 
     def samples(self) -> Iterator[FootSample]:
         """Those that wait."""
-        while not self._readings.empty():
-            yield foot_sample(self._readings.get_nowait())
+        while self._readings:
+            yield foot_sample(self._readings.popleft())
 
     def ready(self) -> bool:
         """Whether every endcap has given a wrench: without any contact the estimate would run away from its start."""

@@ -9,7 +9,7 @@ A plain wrench has no covariance and no contact bit: standard deviations are sta
 :mod:`sensing.robot.contact`, and the force says whether it touches. It counts only while none with covariance comes.
 Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic clock, on which
 pictures are captured. A topic whose stamps are of another clock is named; stamps far from now are left out. Topics are
-reliable and volatile.
+volatile, and reliable unless a publisher offers best effort alone, as drivers of inertial sensors do.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 WAITING = 2000  # messages of a topic that wait while this process is held up: seconds, at any usual rate
 IDLE_S = 0.002
 PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
+OFFERS_S = 0.5  # between looks at what publishers offer
 
 
 class LiveRobot:
@@ -71,7 +72,7 @@ class LiveRobot:
         for endcap in robot.endcaps if endcaps is None else ():
             topic = f"{ros_name(endcap.name)}/wrench"
             topics += [(f"{topic}/with_covariance", ros.ENDCAP_WRENCH, endcap.name), (topic, ros.WRENCH, endcap.name)]
-        self._readers = [(topic, kind, name, _reader(self._participant, topic, kind)) for topic, kind, name in topics]
+        self._readers = [(topic, kind, name, self._reader(topic, kind)) for topic, kind, name in topics]
         self._silent = [topic for topic, _, _ in topics]
         self._clocks = ClockWatch(LOG.warning)
 
@@ -79,9 +80,12 @@ class LiveRobot:
         """(time of arrival, sample); None while none comes, or while endcaps here have given no wrench yet."""
         if self._here is not None:
             self._here.start()
-        named_s = time.monotonic() + PATIENCE_S
+        named_s, offers_s = time.monotonic() + PATIENCE_S, 0.0
         try:
             while True:
+                if time.monotonic() > offers_s:
+                    offers_s = time.monotonic() + OFFERS_S
+                    self._take_best_effort()
                 if time.monotonic() > named_s:
                     named_s = math.inf
                     self._name_silent()
@@ -100,6 +104,19 @@ class LiveRobot:
     def truth(self, _: float) -> Array | None:
         """Nobody knows."""
         return None
+
+    def _take_best_effort(self) -> None:
+        """Ask no more than a publisher offers: DDS connects a reliable reader to none that is of best effort."""
+        for place, (topic, kind, name, reader) in enumerate(self._readers):
+            if reader.get_requested_incompatible_qos_status().total_count:
+                self._readers[place] = topic, kind, name, self._reader(topic, kind, reliable=False)
+
+    def _reader(self, topic: str, kind: str, reliable: bool = True) -> Any:
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        of_topic = Topic(self._participant, f"rt/{topic}", dds.idl_type(kind), qos=dds.quality())
+        return DataReader(self._participant, of_topic, qos=dds.quality(kept=WAITING, reliable=reliable))
 
     def _name_silent(self) -> None:
         """A line with the topics that have brought nothing; one of an endcap's two is enough."""
@@ -158,11 +175,3 @@ def _endcaps_here(path: Path, robot: TensegrityRobot) -> EndcapsHere:
     from sensing.robot.node.endcaps_here import EndcapsHere
 
     return EndcapsHere(path, robot)
-
-
-def _reader(participant: Any, topic: str, kind: str) -> Any:
-    from cyclonedds.sub import DataReader
-    from cyclonedds.topic import Topic
-
-    of_topic = Topic(participant, f"rt/{topic}", dds.idl_type(kind), qos=dds.quality())
-    return DataReader(participant, of_topic, qos=dds.quality(kept=WAITING))

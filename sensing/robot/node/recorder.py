@@ -16,6 +16,7 @@ from cad.errors import FileError
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.ros.messages import TRANSFORMS
+from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
 from sensing.robot.node import messages
 from sensing.robot.node.record import Report, estimate_text
 from sensing.robot.node.run import whole_ns
@@ -34,7 +35,8 @@ class RobotRecorder:
         path: must not exist. robot: whose samples. description: bytes of its file.
 
     Attributes:
-        samples, reports: written, until it failed. failed: why no more is written; empty while all is.
+        samples, reports: written; once it failed, those that the file certainly holds. failed: why no more is written;
+            empty while all is.
 
     Raises:
         FileError: the file exists or cannot be made.
@@ -43,7 +45,8 @@ class RobotRecorder:
     def __init__(self, path: Path, robot: TensegrityRobot, description: bytes) -> None:
         self.path, self._robot = path, robot
         self.samples, self.reports, self.failed = 0, 0, ""
-        self.wall_ns = time.time_ns() - time.monotonic_ns()
+        self._kept = 0, 0  # samples and reports in the chunks that are in the file
+        self.wall_ns = wall_less_monotonic_ns()
         self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
         try:
             self._stream = path.open("xb")
@@ -69,13 +72,14 @@ class RobotRecorder:
             topic = f"/imu/{sample.sensor}"
         else:
             topic = LENGTHS if isinstance(sample, LengthSample) else f"/{sample.endcap}/wrench/with_covariance"
-        self._add(topic, kind, data)
         self.samples += not self.failed
+        self._add(topic, kind, data)
 
     def report(self, report: Report) -> None:
         """An estimate, and the truth where it is known."""
         estimate = report.estimate
         stamp = self.wall_ns + whole_ns(estimate.time_s)
+        self.reports += not self.failed
         self._add(ESTIMATE, ros.STRING, ros.string(estimate_text(estimate)))
         for bar in estimate.bars:
             self._add(f"/robot/bar/{bar.name}/odometry", messages.ODOMETRY, messages.odometry(bar, stamp))
@@ -83,7 +87,6 @@ class RobotRecorder:
         self._add("/tf", TRANSFORMS, messages.bar_transforms(estimate, stamp))
         if report.truth is not None:
             self._add("/robot/truth", messages.POSES, messages.pose_array(report.truth, stamp))
-        self.reports += not self.failed
 
     @property
     def note(self) -> str:
@@ -98,7 +101,7 @@ class RobotRecorder:
                 self._writer.finish()
             self._stream.close()
         except OSError as error:
-            self.failed = self.failed or str(error.strerror)
+            self._fail(error)
         finally:
             self._index.close()
 
@@ -131,6 +134,10 @@ class RobotRecorder:
             if time.monotonic() >= self._flushed_s + FLUSH_S:
                 self._writer.flush()
                 self._stream.flush()
-                self._flushed_s = time.monotonic()
+                self._flushed_s, self._kept = time.monotonic(), (self.samples, self.reports)
         except OSError as error:  # disk full: the estimates go on, the file is readable up to here
-            self.failed = str(error.strerror)
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.failed = self.failed or str(error.strerror)
+        self.samples, self.reports = self._kept

@@ -1,4 +1,5 @@
 import threading
+import time
 
 import cv2
 import numpy as np
@@ -123,6 +124,34 @@ def test_a_stream_of_a_camera_ends_when_it_is_closed():
         assert np.isfinite(next(stream).force_n).all()
         threading.Timer(0.2, endcap.close).start()
         assert len(list(stream)) < 1000
+
+
+def test_a_slow_reader_of_a_camera_gets_the_newest_wrench_not_an_old_one():
+    """A loop of 10 Hz at a camera of 30 was two seconds behind for as long as it ran."""
+    with Endcap(LiveEndcap(CameraFeed(endless(film([0] * 6), 60)), pipeline())) as endcap:
+        for number, wrench in enumerate(endcap.stream()):
+            assert number < 3 or endcap._endcap.stats.last.wrench.time_s - wrench.time_s < 0.2
+            if number == 20:
+                break
+            time.sleep(0.05)
+
+
+def test_a_file_waits_for_a_slow_reader_and_ends_when_the_endcap_is_closed(monkeypatch):
+    from live_stand_in import frames
+
+    monkeypatch.setattr("sensing.live.endcap.ROOM", 4)
+    given = frames(film([0] * 40))
+    with Endcap(LiveEndcap(FileFeed(lambda: given, Pace(0)), pipeline())) as endcap:
+        stream, found = endcap.stream(), []
+        for wrench in stream:
+            found.append(wrench.time_s)
+            time.sleep(0.1 * (len(found) == 3))
+            if len(found) == 20:
+                break
+        assert found == [frame.time_s for frame in given[:20]]
+        wait_for(lambda: endcap._readings._full)
+        begin_s = time.monotonic()
+    assert time.monotonic() - begin_s < 2 and not endcap._engine.threads[0].is_alive()
 
 
 def test_open_endcap_says_what_is_wrong(tmp_path):

@@ -31,12 +31,12 @@ def here_of(tmp_path, monkeypatch):
     return opened
 
 
-def test_two_endcaps_that_fill_the_last_place_at_once_stop_nothing(here_of, monkeypatch):
+def test_readings_that_nobody_takes_in_time_give_way_to_newer_ones(here_of):
+    """After a pause the estimator needs what is newest: it takes nothing back beyond its history."""
     here, (_, reading) = here_of(NAMES), a_reading()
-    monkeypatch.setattr(here._readings, "full", lambda: False)  # as each thread sees it before the other puts its own
-    for _ in range(endcaps_here.ROOM + 1):
-        here.put(replace(reading, endcap=NAMES[0]))
-    assert len(list(here.samples())) == endcaps_here.ROOM
+    for number in range(endcaps_here.ROOM + 3):
+        here.put(replace(reading, endcap=NAMES[0], captured_s=float(number)))
+    assert [sample.time_s for sample in here.samples()] == [float(3 + k) for k in range(endcaps_here.ROOM)]
 
 
 def test_readings_that_can_no_longer_be_taken_are_named_once(here_of, capsys, monkeypatch):

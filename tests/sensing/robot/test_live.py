@@ -152,6 +152,20 @@ def test_topics_that_bring_nothing_are_named_once(monkeypatch, capsys):
     assert "/endcap_0/wrench" in said and "/endcap_3/wrench" not in said and "with_covariance" not in said
 
 
+def test_publishers_of_best_effort_are_heard():
+    """Drivers of inertial sensors offer no more (``SensorDataQoS`` of ROS 2); DDS gives that to no reliable reader."""
+    source = LiveRobot(ROBOT, domain=DOMAIN + 60)
+    publisher = Publisher(source._participant, reliable=False)
+    try:
+        heard = {topic for topic, _, _, _ in source._readers if not topic.endswith("/wrench")}
+        arrivals, end_s = source.arrivals(), time.monotonic() + 60.0
+        while heard & set(source._silent) and time.monotonic() < end_s:
+            next(arrivals)
+        assert not heard & set(source._silent)
+    finally:
+        publisher.close()
+
+
 def test_lengths_are_put_in_the_order_of_the_description():
     stamp = SimpleNamespace(sec=7, nanosec=5)
     message = SimpleNamespace(header=SimpleNamespace(stamp=stamp), name=CABLES[:0:-1], position=list(range(1, 9)))

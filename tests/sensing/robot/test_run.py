@@ -232,20 +232,18 @@ def test_a_reader_that_takes_no_line_does_not_keep_the_run_from_its_end(run, mon
     lines.close()
 
 
-def test_a_full_disk_ends_the_count_of_what_is_recorded(run, tmp_path, monkeypatch):
-    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
-    samples = Standing(seconds=0.1).samples
-    recorder.sample(samples[0])
-
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(recorder._writer, "add_message", full)
-    for sample in samples[1:]:
-        recorder.sample(sample)
-    recorder.report(run[1][0])
-    recorder.close()
-    assert (recorder.samples, recorder.reports) == (1, 0) and "1 samples and 0 estimates" in recorder.note
+def test_a_live_robot_does_not_wait_for_a_slow_reader(run):
+    """Recording, page and topics are in the same loop: they would stand still, and nothing would say so."""
+    reads, said = threading.Event(), []
+    stream = SimpleNamespace(isatty=lambda: False, write=lambda _: reads.wait(PATIENCE_S), flush=lambda: None)
+    lines = Lines(stream)
+    output = JsonOutput(lines, ROBOT, lost=said.append)
+    writer = threading.Thread(target=lambda: [output.report(run[1][0]) for _ in range(ROOM + 9)], daemon=True)
+    writer.start()
+    writer.join(PATIENCE_S)
+    assert not writer.is_alive() and said == ["--json: the reader is too slow, estimates are left out"]
+    reads.set()
+    lines.close()
 
 
 def test_the_index_of_a_recording_does_not_grow_in_memory(run, tmp_path, monkeypatch):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +11,9 @@ import pytest
 from standing_robot import feed, standing_samples
 
 from sensing.robot.estimator import RobotEstimator
+from sensing.simulator.walk.simulate import simulate_walk
+from sensing.simulator.walk.stream import sensor_stream
+from sensing.simulator.walk.terrain import Terrain
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import InertialSample
 from sensing.tensegrity.shape import rotation_of
@@ -95,3 +100,35 @@ def test_several_gyroscopes_silent_at_once_leave_a_note(seconds, doubtful):
     health = estimator.state().health
     assert health.good != doubtful
     assert any("several gyroscopes were silent at once: for 0." in note for note in health.notes) == doubtful
+
+
+@pytest.mark.parametrize("pause_s", [0.5, 5.0, 3600.0])
+def test_a_pause_of_all_sensors_moves_no_robot(pause_s):
+    """The first sample after it was taken for all of it: after 20 s the robot was 26 km off, then without end."""
+    _, samples = standing_samples(ROBOT, 6.0, rate_hz=100.0)
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, [sample for sample in samples if sample.time_s <= 2.0])
+    before, found = estimator.state(), []
+    for begin_s in np.arange(2.0, 6.0, 0.5):
+        part = [sample for sample in samples if begin_s < sample.time_s <= begin_s + 0.5]
+        feed(estimator, [replace(sample, time_s=sample.time_s + pause_s) for sample in part])
+        found.append(estimator.state())
+        assert np.linalg.norm(found[-1].centre_of_mass_m - before.centre_of_mass_m) < 0.02
+    assert not found[0].health.good
+    assert any(note.startswith("pose held") for note in found[0].health.notes) == (pause_s > 1)
+    assert [note[:10] for note in found[-1].health.notes] == ["begun anew"]
+
+
+def test_a_silence_of_the_leading_sensor_does_not_let_a_walking_robot_run_away():
+    """Twice the rates of bars that tip over is more than linear steps bear: in 0.7 s it went 10^24 m and further."""
+    walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)
+    samples = [arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=1)]
+    heard = RobotEstimator(ROBOT)
+    feed(heard, [sample for sample in samples if sample.time_s <= 2.0])
+    for begin_s, end_s in ((2.0, 4.1), (4.1, 6.3), (6.3, 7.5), (7.5, 9.5)):
+        silent = deepcopy(heard)
+        gap = [sample for sample in samples if begin_s < sample.time_s <= begin_s + 0.7]
+        feed(silent, [sample for sample in gap if getattr(sample, "sensor", "") != ROBOT.sensors[0].name])
+        feed(heard, gap)
+        assert np.linalg.norm(silent.state().centre_of_mass_m - heard.state().centre_of_mass_m) < 0.1
+        feed(heard, [sample for sample in samples if begin_s + 0.7 < sample.time_s <= end_s])

@@ -14,6 +14,7 @@ import pytest
 from made_jpeg import jpeg
 
 from cad.errors import ParameterError
+from sensing.sources.choose import open_frames
 from sensing.sources.mjpeg import MjpegSource, split_jpegs
 from sensing.sources.newest import SourceError
 
@@ -49,6 +50,37 @@ def test_mjpeg_over_loopback(with_length):
     finally:
         server.shutdown()
         server.server_close()
+
+
+class Steady(Stream):
+    """A camera that sends 30 pictures in 1.5 s, each sent whole at its time."""
+
+    def do_GET(self):
+        self.send_response(200)
+        self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=b")
+        self.end_headers()
+        for level in range(30):
+            data = jpeg(5 * level)
+            head = f"--b\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
+            self.wfile.write(head.encode() + data + b"\r\n")
+            time.sleep(0.05)
+
+
+def test_a_reader_that_pauses_gets_every_picture_with_the_time_at_which_it_came():
+    """A recording pauses to make its reference: pictures that came meanwhile were paired with forces of 0.5 s later."""
+    server = http.server.HTTPServer(("127.0.0.1", 0), Steady)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    came_s = []
+    try:
+        address = f"http://127.0.0.1:{server.server_port}/"
+        with pytest.raises(SourceError, match="the stream ended"), open_frames(address) as frames:
+            for frame in frames:
+                came_s.append(frame.time_s)
+                time.sleep(0.6 * (len(came_s) == 5))
+    finally:
+        server.shutdown()
+        server.server_close()
+    assert len(came_s) == 30 and np.diff(came_s).max() < 0.3
 
 
 class Locked(Stream):

@@ -61,18 +61,19 @@ def encoded(name: str, cdr: bytes) -> Any:
     return message
 
 
-def quality(name: str = "", latched: bool = False, kept: int = KEPT) -> Any:
+def quality(name: str = "", latched: bool = False, kept: int = KEPT, reliable: bool = True) -> Any:
     """ROS 2's default: reliable, volatile, keep last; a slow subscriber never holds up the publisher.
 
     Args:
         name: type whose hash is announced; empty for a topic. latched: late subscribers get the last one (transient
-            local, depth 1), as ``/tf_static`` has it. kept: messages that wait for a reader.
+            local, depth 1), as ``/tf_static`` has it. kept: messages that wait for a reader. reliable: False for best
+            effort, which is what a reader must ask for to be connected to a publisher of best effort.
     """
     from cyclonedds.core import Policy, Qos
     from cyclonedds.util import duration
 
     policies = [
-        Policy.Reliability.Reliable(duration(milliseconds=0)),
+        Policy.Reliability.Reliable(duration(milliseconds=0)) if reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(1 if latched else kept),
     ]

@@ -1,0 +1,55 @@
+"""A recording of the robot on a disk that fills up: what is said of it is what it holds."""
+
+import errno
+
+import pytest
+from mcap.records import Message
+from standing_robot import standing_samples
+
+from sensing.live.mcap_records import CutError, read_records
+from sensing.robot.node import recorder as recorder_module
+from sensing.robot.node.recorder import RobotRecorder
+from sensing.tensegrity.robot_file import SHIPPED, load_robot
+
+ROBOT = load_robot()
+
+
+def full(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def held(path):
+    """How many samples a file that has no end holds."""
+    count = 0
+    with pytest.raises(CutError):
+        for record in read_records(path):
+            count += isinstance(record, Message)
+    return count
+
+
+@pytest.mark.parametrize(("flush_s", "written"), [(0.0, 3), (1e9, 0)])
+def test_it_counts_the_samples_that_are_in_the_file(flush_s, written, tmp_path, monkeypatch):
+    """Those of the last second, which waited in memory, were counted though they are lost."""
+    monkeypatch.setattr(recorder_module, "FLUSH_S", flush_s)
+    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    samples = standing_samples(ROBOT, 0.1)[1]
+    for sample in samples[:3]:
+        recorder.sample(sample)
+    monkeypatch.setattr(recorder._writer, "add_message", full)
+    for sample in samples[3:]:
+        recorder.sample(sample)
+    recorder.close()
+    assert recorder.samples == held(recorder.path) == written
+    assert f"{written} samples and 0 estimates recorded, then stopped (No space left" in recorder.note
+
+
+def test_an_index_that_cannot_be_written_any_more_is_let_go(tmp_path, monkeypatch):
+    """Closing its file writes what waits: on a full disk the program ended with a traceback, without its last line."""
+    recorder = RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    monkeypatch.setattr(recorder._writer, "add_message", full)
+    with open("/dev/full", "wb") as nowhere:
+        monkeypatch.setattr(recorder._index, "_file", nowhere)
+        nowhere.write(b"waits")
+        recorder.sample(standing_samples(ROBOT, 0.1)[1][0])
+        recorder.close()
+        assert nowhere.closed and "No space left" in recorder.note

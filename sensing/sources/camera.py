@@ -176,7 +176,7 @@ def _open(config: CameraConfig, name: str) -> cv2.VideoCapture:
     capture.set(cv2.CAP_PROP_FRAME_WIDTH, config.size[0])
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, config.size[1])
     capture.set(cv2.CAP_PROP_FPS, config.rate_hz)
-    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    capture.set(cv2.CAP_PROP_BUFFERSIZE, 2)  # with one the driver has none between reads, and frames get lost
     capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # leave the JPEG alone: each method decodes what it needs
     if config.exposure is not None:
         capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # V4L2_EXPOSURE_MANUAL

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 from cad.params import EndcapParams
 from sensing.frames import MM_PER_M
 from sensing.records import Wrench
+from sensing.wrench.load_scale import load_scale
 from sensing.wrench.plane_kernels import plane_solution
 
 Array = NDArray[np.float64]
-LEAST_FORCE_N = 1.0  # E: below it neither place nor direction is more than noise
+LEAST_FORCE_N = 1.0  # E: at D=130 T=8: below it neither place nor direction is more than noise
 # M (bench/bench_contact.py): c0 c1 of the yield, c2 c3 of its tilt, c4 of sin 2a, three of the depth, c8 of sin a
 LAW = np.array([-0.0666, 1.0718, -0.3733, -0.1528, -0.2485, 1.446, -0.344, 0.034, 0.2768])
 LEFT = 0.066, 0.0090  # M: standard deviations of x and y that the law leaves, walls
@@ -104,11 +105,12 @@ class PlaneContactLaw:
     def __init__(self, params: EndcapParams, shear_mpa: float) -> None:
         self._centre = np.array([0.0, 0.0, params.centre_height_mm])
         self._size = params.outer_radius_mm, params.wall_mm, shear_mpa * params.wall_mm**2
+        self._least_n = LEAST_FORCE_N * load_scale(params.wall_mm, shear_mpa)
         self._left = (params.wall_mm * np.array(LEFT)) ** 2
 
     def of(self, wrench: Wrench) -> PlaneContact:
-        """Contact of a wrench about the sphere's centre, on the endcap; NaN below 1 N or without a push."""
-        if not float(wrench.force_n @ wrench.force_n) >= LEAST_FORCE_N**2:
+        """Contact of a wrench on the endcap about the sphere's centre; NaN without push, or below 1 N at D=130 T=8."""
+        if not float(wrench.force_n @ wrench.force_n) >= self._least_n**2:
             return NO_CONTACT
         torque = MM_PER_M * wrench.torque_nm
         value, slopes = plane_solution(np.concatenate([wrench.force_n, torque]), STEPS, self._size, LAW)

@@ -22,7 +22,7 @@ from sensing.records import ShearField, Wrench
 from sensing.wrench.contact import ContactThreshold
 from sensing.wrench.weight_files import find_weights
 
-CONTACT_N = 1.0  # E: above the answer at rest; python -m sensing.setup measures it
+CONTACT_N = 1.0  # E: above the answer at rest, at D=130 T=8; python -m sensing.setup measures it
 RELEASE_N = 0.6
 
 
@@ -56,11 +56,23 @@ class LiveModel:
 
         return self.estimator.radial if isinstance(self.estimator, WrenchModel) else None
 
-    def threshold(self, on_n: float = 0.0, off_n: float = 0.0) -> ContactThreshold:
-        """Contact threshold: the one given, or for 0 a force above the model's own answer at rest."""
+    @property
+    def load_scale(self) -> float:
+        """How large the forces are that it answers (:mod:`sensing.wrench.load_scale`)."""
+        from sensing.wrench.stiffness import load_scale_of
+
+        return load_scale_of(self.estimator)
+
+    def threshold(self, on_n: float = 0.0, off_n: float = 0.0, gain: float = 1.0) -> ContactThreshold:
+        """Contact threshold: the one given, or for 0 a force above the model's own answer at rest.
+
+        Args:
+            on_n, off_n: at which contact begins and ends. gain: from the model's force to the endcap's.
+        """
         if on_n > 0:
             return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
-        return ContactThreshold(self.rest_n + CONTACT_N, self.rest_n + RELEASE_N, float("nan"), 0.0, True)
+        on_n, off_n = (gain * (self.rest_n + force_n * self.load_scale) for force_n in (CONTACT_N, RELEASE_N))
+        return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
 
 
 def live_model(

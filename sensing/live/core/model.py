@@ -97,14 +97,31 @@ def known_weights(name: str, params: EndcapParams, silicone: str = DEFAULT_SILIC
     return find_weights(params, silicone) if name == "default" else None
 
 
-def weights_in_use(config: LiveConfig, endcap: EndcapConfig) -> Path | None:
+def weights_in_use(config: LiveConfig, endcap: EndcapConfig, any_silicone: bool = False) -> Path | None:
     """File that answers for an endcap; None where there is none.
 
     Args:
-        config: names model and weights. endcap: of it; weighed, it takes the weights of the default silicone.
+        config: names model and weights. endcap: of it; weighed, it takes those of its own silicone or of the default
+            one, whichever its gain was found with.
+        any_silicone: it is about to be weighed: those of the default silicone serve where its own has none.
     """
-    silicone = DEFAULT_SILICONE if endcap.weighed else endcap.silicone
-    return config.weights_of(endcap) or known_weights(config.model, endcap.params, silicone)
+    given = config.weights_of(endcap)
+    own = given or known_weights(config.model, endcap.params, endcap.silicone)
+    if given or not (any_silicone or endcap.weighed):
+        return own
+    usual = known_weights(config.model, endcap.params)
+    if any_silicone:
+        return own or usual
+    both = own is not None and usual is not None and endcap.gain_weights != ""
+    return own if both and _digest(own) == endcap.gain_weights else usual or own
+
+
+def _digest(weights: Path | None) -> str:
+    """That of :func:`sensing.wrench.stiffness.weights_digest`, of a file."""
+    from sensing.wrench.model import load_wrench_model
+    from sensing.wrench.stiffness import weights_digest
+
+    return weights_digest(load_wrench_model(path=weights, silicone=None))
 
 
 def load_model(

@@ -1,12 +1,14 @@
 """What a plane's contact leaves in the wrench and in the dots: constants of the place's law, slip, curvature.
 
     PYTHONPATH=. python bench/bench_contact.py law STATES...          # sets written with --render off
+    PYTHONPATH=. python bench/bench_contact.py shells                 # what the law leaves of other shells
     PYTHONPATH=. python bench/bench_contact.py slip STATES...         # needs torch
     PYTHONPATH=. python bench/bench_contact.py curvature              # solves some twenty states
     PYTHONPATH=. python bench/bench_contact.py places FRAMES...       # rendered sets, as sensing.evaluate reads them
 
 ``law`` fits the constants of :mod:`sensing.wrench.plane_contact` to three quarters of the paths and prints what they
-leave on the others. ``slip`` asks a perceptron for the share of slipping contact, from the true displacements of all
+leave on the others. ``shells`` holds the law against the library of solved states, at shells that it was not fitted to.
+``slip`` asks a perceptron for the share of slipping contact, from the true displacements of all
 dots with the tracker's noise, of paths never seen. ``curvature`` gives the least standard deviation of the curvature of
 the ground (Cramer-Rao) where tilt, forces and azimuth are unknown, too. ``places`` runs the live pipeline, calibrated
 from the rest picture, and prints by how much contact centre and normal are off.
@@ -26,6 +28,7 @@ from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 from sensing.design.bound import BORDER_PX, MOVING_PX, SHARE, SIZE_PX, STILL_PX, smallest_covariance
+from sensing.design.weights import DesignRequest
 from sensing.evaluation.live_answers import live_answers
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import found_camera
@@ -35,11 +38,13 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
 from sensing.simulator.scene import Scene
+from sensing.simulator.similarity.labelled import library_source, shell_of, with_azimuths, write_labelled
 from sensing.simulator.solid.geometry import shell_geometry
-from sensing.wrench.plane_contact import pressure_point
+from sensing.wrench.plane_contact import FITTED_LENGTH_MM, FITTED_RADIUS_MM, LAW, pressure_point
 
 Array = np.ndarray
 PARAMS = EndcapParams(130, 8)
+SHELLS = (130, 8), (100, 10), (112, 7.3), (164, 9), (180, 15), (250, 6.5), (250, 25)
 LOADS_N, STEEPEST_DEG = (1.0, 40.0), 52.0  # of the states that count
 NOISE_MM = 0.01  # E: the tracker's, on the dome
 CURVED_MM = 200.0  # radius of the slightly curved ground whose difference from a plane gives the slope
@@ -51,11 +56,13 @@ EPOCHS, HIDDEN, COMPONENTS = 25, 96, 80
 def main() -> int:
     """Run the study asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("study", choices=("law", "slip", "curvature", "places"))
+    parser.add_argument("study", choices=("law", "shells", "slip", "curvature", "places"))
     parser.add_argument("states", type=Path, nargs="*")
     options = parser.parse_args()
     if options.study == "curvature":
         curvature()
+    elif options.study == "shells":
+        shells()
     elif options.study == "places":
         places(options.states)
     else:
@@ -91,8 +98,12 @@ def places(folders: list[Path]) -> None:
         )
 
 
-def pushed(folders: list[Path]) -> dict[str, Array]:
-    """Columns of all states under load: forces in the contact's axes, place beside the normal, depth, slip, dots."""
+def pushed(folders: list[Path], load_scale: float = 1.0) -> dict[str, Array]:
+    """Columns of all states under load: forces in the contact's axes, place beside the normal, depth, slip, dots.
+
+    Args:
+        folders: of labelled sets. load_scale: how large the forces are against those of D=130 T=8.
+    """
     rows = []
     for number, folder in enumerate(folders):
         data = LabelledSet(folder)
@@ -105,7 +116,7 @@ def pushed(folders: list[Path]) -> dict[str, Array]:
             axes = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ Indenter(float(table["tilt_deg"][k])).frame()
             force, height = wrenches[k, :3], data.params.outer_radius_mm - table["depth_mm"][k]
             push, along, across = force @ axes * [-1, 1, 1]
-            if LOADS_N[0] < push < LOADS_N[1]:
+            if LOADS_N[0] < push / load_scale < LOADS_N[1]:
                 point = pressure_point(force, 1000 * wrenches[k, 3:], axes[:, 0], height) @ axes
                 path = 10_000 * number + table["path"][k]
                 rows.append((path, table["tilt_deg"][k], push, along, across, *point[1:], table["depth_mm"][k],
@@ -142,6 +153,30 @@ def law(found: dict[str, Array]) -> None:
             print(f"{name} left, {low} to {high} N: rms {np.sqrt((part**2).mean()):.3f}, "
                   f"median {np.median(np.abs(part)):.3f} mm")  # fmt: skip
         print(f"{name}: rms {np.sqrt((of_axis[test] ** 2).mean()) / wall:.4f} walls")
+
+
+def shells() -> None:
+    """What the law leaves of shells of the library, by axis, mm, at loads that are 1 to 40 N at D=130 T=8."""
+    for diameter_mm, wall_mm in SHELLS:
+        request = DesignRequest(EndcapParams(diameter_mm, wall_mm))
+        data = request.data("off", 1)
+        shell = shell_of(data)
+        with tempfile.TemporaryDirectory() as folder:
+            states = Path(folder) / "states"
+            write_labelled(data, with_azimuths(request.paths, 1), library_source(shell[0]), states, shell)
+            found = pushed([states], request.scale.force)
+        unit_n = silicone().neo_hooke().shear_mpa * wall_mm**2
+        n, along, across = (found[name] / unit_n for name in ("push", "along", "across"))
+        s, twice, k = np.sin(np.radians(found["tilt"])), np.sin(2 * np.radians(found["tilt"])), LAW[0] + LAW[1] * n**0.5
+        law = {
+            "x": (k + LAW[2] * s**2) * along + (LAW[4] * twice + LAW[8] * s) * n, "y": (k + LAW[3] * s**2) * across,
+            "depth": LAW[5] * n + LAW[6] * n**1.5 + LAW[7] * n**0.5,
+        }  # fmt: skip
+        span_mm = diameter_mm / 2 * FITTED_LENGTH_MM / FITTED_RADIUS_MM
+        rms = {name: np.sqrt(((found[name] - span_mm * by_law) ** 2).mean()) for name, by_law in law.items()}
+        whole = {name: np.sqrt((found[name] ** 2).mean()) for name in law}
+        left = ", ".join(f"{name} {rms[name]:.2f} of {whole[name]:.2f}" for name in law)
+        print(f"D={diameter_mm:g} T={wall_mm:g}, {len(n)} states, rms left in mm: {left}")
 
 
 def slip(found: dict[str, Array]) -> None:

@@ -44,9 +44,9 @@ REST_S, MOST_REST_S = 5.0, 90.0  # watched for a threshold at least, and at most
 TOUCH_S, ZERO_S = 30.0, 20.0  # waited for a touch and for a zero
 FALSE_RATE = 1e-3  # contacts a frame that an untouched endcap may show
 TOUCH_SHARE = 3.0  # a touch is this many times the largest force at rest of that camera
-LEAST_TOUCH_N = 1.0
+LEAST_TOUCH_N = 1.0  # at D=130 T=8
 SETTLE_S, RELEASED_S = 0.5, 1.0  # after a release: silicone and filter settle; then watched
-LEAST_ON_N, MARGIN = 0.2, 1.5  # E: never below; over the measured threshold, for slow drift
+LEAST_ON_N, MARGIN = 0.2, 1.5  # E: never below, at D=130 T=8; over the measured threshold, for slow drift
 
 Ask = Callable[[str], str]
 
@@ -145,10 +145,7 @@ def _name_by_touch(
     """Endcaps in the order in which they are touched."""
     if len(endcaps) == 1:
         return list(endcaps)
-    limits = {
-        name: max(LEAST_TOUCH_N, TOUCH_SHARE * max(float(np.linalg.norm(f)) for f in forces))
-        for name, forces in rest.items()
-    }
+    limits = {endcap.name: _touch_n(endcap, rest[endcap.name]) for endcap in endcaps}
     order: list[LiveEndcap] = []
     for number in range(len(endcaps)):
         ask(f"press the endcap that is to be endcap_{number} firmly after Enter, and hold it ")
@@ -170,18 +167,23 @@ def _require_release(endcaps: Sequence[LiveEndcap], watch: Watch, rest: dict[str
     time.sleep(RELEASED_S)
     for endcap in endcaps:
         forces = watch.forces_n[endcap.name][before[endcap.name] :]
-        usual_n = max((float(np.linalg.norm(force)) for force in rest[endcap.name]), default=0.0)
         if not forces:
             raise ParameterError(
                 f"{endcap.pipeline.endcap.source}: no number any more: {endcap.health.message}", name="source"
             )
         left_n = float(np.median([np.linalg.norm(force) for force in forces]))
-        if left_n > max(LEAST_TOUCH_N, TOUCH_SHARE * usual_n):
+        if left_n > _touch_n(endcap, rest[endcap.name]):
             raise ParameterError(
                 f"{endcap.pipeline.endcap.source}: {left_n:.1f} N are left when it is untouched: it was pressed while "
                 "it was zeroed, or is pressed now; start again with all endcaps free",
                 name="rest",
             )
+
+
+def _touch_n(endcap: LiveEndcap, rest: list[np.ndarray]) -> float:
+    """Force from which an endcap counts as touched, by those that it read at rest."""
+    usual_n = max((float(np.linalg.norm(force)) for force in rest), default=0.0)
+    return max(LEAST_TOUCH_N * endcap.pipeline.model.load_scale, TOUCH_SHARE * usual_n)
 
 
 def _touched(
@@ -207,7 +209,7 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
     made_of = endcap.pipeline.endcap.identity.without("camera", "silicone")
     save_zero(replace(zero, sensor=name, made_of=made_of), path)
     threshold = threshold_from_rest(np.array(rest), FALSE_RATE)
-    on = max(LEAST_ON_N, MARGIN * threshold.on_n)
+    on = max(LEAST_ON_N * endcap.pipeline.model.load_scale, MARGIN * threshold.on_n)
     off = min(on, max(0.6 * on, threshold.off_n))
     say(f"{name}: {path}, contact from {on:.2f} N, over below {off:.2f} N")
     camera = _camera_kept(endcap, out.parent / f"{name}.json", say)

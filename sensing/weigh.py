@@ -34,8 +34,9 @@ from sensing.wrench.stiffness import weights_digest
 
 DESCRIPTION = """\
 Find the gain of an endcap's silicone from known weights and store it in endcaps.toml. You need two or more weights
-that differ (500 to 2500 g is best) with a flat plate under them, or a kitchen scale to press the dome on, and a level
-table. What counts is everything that presses on the dome, the plate included.
+that differ (500 to 2500 g is best at D=130 T=8; else 15 to 70 % of the range of its weights, which endcap train prints)
+with a flat plate under them, or a kitchen scale to press the dome on, and a level table. What counts is everything
+that presses on the dome, the plate included.
 """
 EPILOG = """\
 exit status: 0 stored (or only shown with --dry-run), 2 refused or bad input (one line on stderr, nothing stored), 130

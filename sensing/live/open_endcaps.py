@@ -9,7 +9,7 @@ from cad.errors import FileError, ParameterError
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
-from sensing.live.core.model import LiveModel, load_model
+from sensing.live.core.model import LiveModel, load_model, weights_in_use
 from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
 from sensing.live.demo.scene import SceneSource, scene_number
 from sensing.sources.camera import CameraConfig
@@ -57,13 +57,13 @@ def configured_models(config: LiveConfig, any_silicone: bool = False) -> Models:
 
     Args:
         config: names model and weights.
-        any_silicone: take weights that were trained for another silicone; so it is for endcaps that were weighed.
+        any_silicone: weights that were trained for another silicone serve, too; so it is for endcaps that were weighed.
     """
     loaded: dict[str, LiveModel] = {}
 
     def of(endcap: EndcapConfig) -> LiveModel:
-        silicone = None if any_silicone or endcap.weighed else endcap.silicone
-        weights = config.weights_of(endcap)
+        weights = weights_in_use(config, endcap, any_silicone)
+        silicone = None if weights is not None and (any_silicone or endcap.weighed) else endcap.silicone
         key = f"{endcap.identity.digest} {silicone} {weights}"
         if key not in loaded:
             loaded[key] = load_model(config.model, endcap.params, weights, config.method, silicone)

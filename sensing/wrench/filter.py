@@ -104,6 +104,14 @@ class FilterConfig:
         good = bool(np.isfinite(numbers).all() and min(numbers, default=-1.0) >= 0)
         _require(good, "motions", self.motions, "one or more, with finite numbers of at least 0")
 
+    def scaled(self, load_scale: float) -> FilterConfig:
+        """The same for an endcap whose forces are so many times as large (:mod:`sensing.wrench.load_scale`)."""
+        motions = tuple(
+            replace(m, walk=m.walk * load_scale**2, acceleration=m.acceleration * load_scale**2,
+                    start_rate=m.start_rate * load_scale) for m in self.motions
+        )  # fmt: skip
+        return replace(self, motions=motions, noise=self.noise * load_scale, scatter=self.scatter * load_scale)
+
 
 class WrenchFilter:
     """Estimates in, in the order of capture; the wrench at any later time out.

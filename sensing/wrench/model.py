@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.identity import MUST_AGREE, Identity, identity, recorded, require_same
-from cad.materials import DEFAULT_SILICONE
+from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import answer_many, answer_one, input_of
+from sensing.wrench.load_scale import load_scale
 from sensing.wrench.range import Range, range_measures
 from sensing.wrench.tensors import OPTIONAL, SHAPES, onset_n_of, pattern_of, radial_of, tracking_of
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
@@ -128,7 +129,18 @@ class WrenchModel:
         return (distance > self.range.distance) | strange | self._is_beyond(value, covariance)
 
     def _is_beyond(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
-        return self.range.is_beyond(value, covariance, self.design.outer_radius_mm)
+        return self.range.is_beyond(value, covariance, self.design.outer_radius_mm, self.load_scale)
+
+    @property
+    def shear_mpa(self) -> float:
+        """Shear modulus of the silicone that it learned on; that of the default one where it does not say it."""
+        values = None if self.identity is None else self.identity.aspects.get("silicone")
+        return 2 * float(values["c10_mpa"]) if values else silicone().neo_hooke().shear_mpa
+
+    @cached_property
+    def load_scale(self) -> float:
+        """How large its endcap's forces are (:mod:`sensing.wrench.load_scale`)."""
+        return load_scale(self.design.wall_mm, self.shear_mpa)
 
     @cached_property
     def _counting(self) -> int:

@@ -6,12 +6,14 @@ Notes:
     The forces of a plane can be replaced by one force at the centre of pressure p, on the plane, and a torque about
     its normal n. About the sphere's centre, p x F + t n = T: with the plane's distance H from that centre, p follows
     from F, T and n. The shell yields under the force, so p lies beside H n. In axes away from the tip (x) and across
-    (y), at a polar angle a of n, with forces in units of shear modulus times wall^2 and lengths of the wall,
+    (y), at a polar angle a of n, with forces in units of shear modulus times wall^2 and lengths of 8/65 of the radius
+    (a shell sinks by about F R / (mu T^2), Reissner 1946),
 
         x = (k + c2 sin^2 a) Fx + (c4 sin 2a + c8 sin a) N,    y = (k + c3 sin^2 a) Fy,    k = c0 + c1 sqrt(N)
 
     which n must satisfy. Constants are fitted to the simulator (python bench/bench_contact.py): D=130 T=8, 1 to 40 N,
-    tilts to 51 degrees; what they leave counts in the covariance. Spheres and edges have no such normal.
+    tilts to 51 degrees; what they leave counts in the covariance. docs/contact.md has what they leave of other shells.
+    Spheres and edges have no such normal.
 """
 
 from __future__ import annotations
@@ -25,13 +27,15 @@ from numpy.typing import NDArray
 from cad.params import EndcapParams
 from sensing.frames import MM_PER_M
 from sensing.records import Wrench
+from sensing.wrench.load_scale import load_scale
 from sensing.wrench.plane_kernels import plane_solution
 
 Array = NDArray[np.float64]
-LEAST_FORCE_N = 1.0  # E: below it neither place nor direction is more than noise
+LEAST_FORCE_N = 1.0  # E: at D=130 T=8: below it neither place nor direction is more than noise
 # M (bench/bench_contact.py): c0 c1 of the yield, c2 c3 of its tilt, c4 of sin 2a, three of the depth, c8 of sin a
 LAW = np.array([-0.0666, 1.0718, -0.3733, -0.1528, -0.2485, 1.446, -0.344, 0.034, 0.2768])
-LEFT = 0.066, 0.0090  # M: standard deviations of x and y that the law leaves, walls
+LEFT = 0.066, 0.0090  # M: standard deviations of x and y that the law leaves, of its unit of length
+FITTED_RADIUS_MM, FITTED_LENGTH_MM = 65.0, 8.0  # of the shell that it was fitted to, and its unit of length there
 ANY_ANGLE = math.pi**2 / 3  # variance of an angle of which nothing is known
 STEPS = np.array([1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05, 1e-3, 1e-3])  # N, N mm, mm
 
@@ -103,12 +107,14 @@ class PlaneContactLaw:
 
     def __init__(self, params: EndcapParams, shear_mpa: float) -> None:
         self._centre = np.array([0.0, 0.0, params.centre_height_mm])
-        self._size = params.outer_radius_mm, params.wall_mm, shear_mpa * params.wall_mm**2
-        self._left = (params.wall_mm * np.array(LEFT)) ** 2
+        length_mm = params.outer_radius_mm * FITTED_LENGTH_MM / FITTED_RADIUS_MM
+        self._size = params.outer_radius_mm, length_mm, shear_mpa * params.wall_mm**2
+        self._least_n = LEAST_FORCE_N * load_scale(params.wall_mm, shear_mpa)
+        self._left = (length_mm * np.array(LEFT)) ** 2
 
     def of(self, wrench: Wrench) -> PlaneContact:
-        """Contact of a wrench about the sphere's centre, on the endcap; NaN below 1 N or without a push."""
-        if not float(wrench.force_n @ wrench.force_n) >= LEAST_FORCE_N**2:
+        """Contact of a wrench on the endcap about the sphere's centre; NaN without push, or below 1 N at D=130 T=8."""
+        if not float(wrench.force_n @ wrench.force_n) >= self._least_n**2:
             return NO_CONTACT
         torque = MM_PER_M * wrench.torque_nm
         value, slopes = plane_solution(np.concatenate([wrench.force_n, torque]), STEPS, self._size, LAW)

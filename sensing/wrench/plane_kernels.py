@@ -20,7 +20,7 @@ def plane_solution(wrench, steps, size, law):
 
     Args:
         wrench: (6,) about the sphere's centre, N and N mm. steps: (8,) by which wrench and law's offsets are moved.
-        size: (outer radius, wall, unit of force), mm and N. law: constants of the law.
+        size: (outer radius, span that the law has lengths in, unit of force), mm and N. law: constants of the law.
 
     Returns:
         (7,) centre from the sphere's centre (mm), normal, use of friction, NaN without a push; (7, 8) slopes.
@@ -46,7 +46,7 @@ def plane_solution(wrench, steps, size, law):
 def _place(given, size, law):
     """(7,) from a wrench and two offsets (mm) that are added to the law's."""
     found = np.full(7, math.nan)
-    radius, wall, unit = size
+    radius, span, unit = size
     fx, fy, fz, tx, ty, tz = given[0], given[1], given[2], given[3], given[4], given[5]
     square = fx * fx + fy * fy + fz * fz
     footx, footy, footz = (fy * tz - fz * ty) / square, (fz * tx - fx * tz) / square, (fx * ty - fy * tx) / square
@@ -63,15 +63,15 @@ def _place(given, size, law):
         mx, my, mz = nz * ly, -nz * lx, ny * lx - nx * ly  # lateral x outward: away from the tip
         along, across = fx * mx + fy * my + fz * mz, fx * lx + fy * ly
         f = push / unit
-        height = radius - wall * min(
-            law[5] * f + law[6] * f * math.sqrt(f) + law[7] * math.sqrt(f), 0.5 * radius / wall
+        height = radius - span * min(
+            law[5] * f + law[6] * f * math.sqrt(f) + law[7] * math.sqrt(f), 0.5 * radius / span
         )
         x = (height * along - (tx * lx + ty * ly)) / -push
         y = (height * across + tx * mx + ty * my + tz * mz) / -push
         px, py, pz = (height * nx + x * mx + y * lx, height * ny + x * my + y * ly, height * nz + x * mz)
         yields = law[0] + law[1] * math.sqrt(f)
-        wanted_x = wall * ((yields + law[2] * s * s) * along / unit + f * s * (2 * nz * law[4] + law[8])) + given[6]
-        wanted_y = wall * (yields + law[3] * s * s) * across / unit + given[7]
+        wanted_x = span * ((yields + law[2] * s * s) * along / unit + f * s * (2 * nz * law[4] + law[8])) + given[6]
+        wanted_y = span * (yields + law[3] * s * s) * across / unit + given[7]
         nx, ny = px - wanted_x * mx - wanted_y * lx, py - wanted_x * my - wanted_y * ly
         nz = pz - wanted_x * mz
     length = math.sqrt(nx * nx + ny * ny + nz * nz)

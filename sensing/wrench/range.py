@@ -13,7 +13,7 @@ from cad.errors import ParameterError
 from sensing.wrench.kernels import beyond, contact_angles
 
 Array = NDArray[np.float64]
-LEAST_FORCE_N = 1.0  # E: below it the line of action is noise
+LEAST_FORCE_N = 1.0  # E: at D=130 T=8: below it the line of action is noise
 NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 
 
@@ -49,15 +49,17 @@ class Range:
         if not self.cells.any():
             raise ParameterError("range_cells: need at least one cell that counts", name="range_cells")
 
-    def is_beyond(self, wrenches: Array, covariances: Array, radius_mm: float) -> NDArray[np.bool_]:
+    def is_beyond(
+        self, wrenches: Array, covariances: Array, radius_mm: float, load_scale: float = 1.0
+    ) -> NDArray[np.bool_]:
         """(N,) whether answers are larger or further from the tip than those of training, or too uncertain.
 
         Args:
             wrenches: (N, 6) on the endcap about the sphere's centre, N and N m. covariances: (N, 6, 6).
-            radius_mm: of the sphere.
+            radius_mm: of the sphere. load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
         """
         limits = self.force_n, self.tilt_deg, self.interval_n / NORMAL_95
-        return np.asarray(beyond(wrenches, covariances, radius_mm, LEAST_FORCE_N, limits))
+        return np.asarray(beyond(wrenches, covariances, radius_mm, LEAST_FORCE_N * load_scale, limits))
 
     def leaves_too_much(self, rest_px: Any, force_n: Any) -> Any:
         """Whether the principal fields leave more of a field than of those of training under such a force."""

@@ -41,9 +41,12 @@ class Stiffness:
 
 def shear_mpa_of(estimator: object) -> float:
     """Shear modulus of the silicone that a model learned on; that of the default one for models that do not say it."""
-    made_for = estimator.identity if isinstance(estimator, WrenchModel) else None
-    values = None if made_for is None else made_for.aspects.get("silicone")
-    return 2 * float(values["c10_mpa"]) if values else silicone().neo_hooke().shear_mpa
+    return estimator.shear_mpa if isinstance(estimator, WrenchModel) else silicone().neo_hooke().shear_mpa
+
+
+def load_scale_of(estimator: object) -> float:
+    """How large the forces are that a model answers (:mod:`sensing.wrench.load_scale`); 1 of other estimators."""
+    return estimator.load_scale if isinstance(estimator, WrenchModel) else 1.0
 
 
 def weights_digest(estimator: object) -> str:

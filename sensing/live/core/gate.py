@@ -31,8 +31,8 @@ SMALL = (30, 40)  # rows and columns in which pictures are compared as a whole
 LEAST_SIDE_PX = 120
 LEAST_LIKENESS = 0.5  # E: correlation of the small pictures; 0.95 under 52 N, 0 of a black one
 SURE = 0.98  # correlation of the worst window above which a step needs no confirmation
-CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load
-STEP_N, STEP_OF_FORCE = 0.35, 0.1  # step that needs confirmation, and more of it under load
+CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load at D=130 T=8
+STEP_N, STEP_OF_FORCE = 0.35, 0.1  # step that needs confirmation, at D=130 T=8, and more of it under load
 TORN, TORN_PX, TORN_SIDE = 0.95, 1.0, 4  # explained by a tear; step in px at 480 rows; dots on either side at least
 FROZEN_S, FROZEN_FRAMES = 1.0, 5  # a real sensor has noise: the same picture for so long means a camera that hangs
 Predict = Callable[[], NDArray[np.float64] | None]
@@ -55,9 +55,14 @@ class Verdict:
 
 
 class Gate:
-    """Judges the frames of one endcap, in order."""
+    """Judges the frames of one endcap, in order.
 
-    def __init__(self) -> None:
+    Args:
+        load_scale: how large its forces are (:mod:`sensing.wrench.load_scale`).
+    """
+
+    def __init__(self, load_scale: float = 1.0) -> None:
+        self._load_scale = load_scale
         self._same: Frame | None = None  # the first of those that are equal
         self._count = 0
         self._held_n: NDArray[np.float64] | None = None
@@ -89,7 +94,7 @@ class Gate:
             return Verdict(Event.UNSEEN, f"{_torn(torn)}; no picture before it says what it would show")
         held = not torn and worst < SURE and self._is_step(estimate.force_n, expected)
         self._held_n = np.array(estimate.force_n) if held else None
-        clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N * float(np.linalg.norm(estimate.force_n)))
+        clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N / self._load_scale * float(np.linalg.norm(estimate.force_n)))
         flags = estimate.flags
         reasons = [f"the model flags {', '.join(sorted(flags))}"] if flags else []
         if tracks is not None and worst < clear:
@@ -111,7 +116,7 @@ class Gate:
         if predicted_n is None:
             return False
         step_n = float(np.linalg.norm(force_n - predicted_n))
-        if step_n <= STEP_N + STEP_OF_FORCE * float(np.linalg.norm(predicted_n)):
+        if step_n <= STEP_N * self._load_scale + STEP_OF_FORCE * float(np.linalg.norm(predicted_n)):
             return False
         return self._held_n is None or float(np.linalg.norm(force_n - self._held_n)) > step_n / 2
 

@@ -20,10 +20,11 @@ import numpy as np
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import ShearField, Wrench
 from sensing.wrench.model import WrenchModel
+from sensing.wrench.stiffness import load_scale_of
 
 FLAG = "zeroed_under_load"
 REVERSED = 1.2  # force of the reversed field over that of the field; over 1.11 of a press
-LEAST_N = 1.0  # E: of the reversed field; under it noise and sags that stay in the reading look alike
+LEAST_N = 1.0  # E: of the reversed field, at D=130 T=8; under it noise and sags that stay in the reading look alike
 
 
 class LoadWatch:
@@ -41,6 +42,7 @@ class LoadWatch:
     def __init__(self, estimator: WrenchEstimator, gain: float = 1.0, reason: str = "") -> None:
         self._estimator = estimator if isinstance(estimator, WrenchModel) else None
         self._gain, self.reason = gain, reason
+        self._least_n = LEAST_N * gain * load_scale_of(estimator)
 
     def update(self, field: ShearField, estimate: Wrench, touching: bool) -> None:
         """One frame.
@@ -52,7 +54,7 @@ class LoadWatch:
             return
         pressed = self._estimator.estimate(replace(field, channels=-field.channels))
         pressed_n = self._gain * float(np.linalg.norm(pressed.force_n))
-        more = pressed_n > LEAST_N and pressed_n > REVERSED * float(np.linalg.norm(estimate.force_n))
+        more = pressed_n > self._least_n and pressed_n > REVERSED * float(np.linalg.norm(estimate.force_n))
         if more and not pressed.flags:
             self.reason = (
                 f"the dots have moved as where a press of {pressed_n:.1f} N ends: was the reference taken under load? "

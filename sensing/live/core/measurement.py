@@ -37,7 +37,7 @@ from sensing.tracking.own_weight import OwnWeight
 from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
 from sensing.wrench.contact_place import line_of_action
-from sensing.wrench.filter import WrenchFilter
+from sensing.wrench.filter import FilterConfig, WrenchFilter
 from sensing.wrench.plane_contact import NO_CONTACT, PlaneContactLaw
 from sensing.wrench.relaxation import RateFilter
 from sensing.wrench.simulation_spread import learned_from_simulation, simulation_spread
@@ -86,8 +86,10 @@ class Measurement:
         )
         if self._own_weight is not None:
             self._own_weight.change_g = np.array(kept.own_weight_g)
-        self._gate, self._rate, self._filter = Gate(), RateFilter(endcap.relaxation_terms), WrenchFilter()
-        self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n))
+        scale = endcap.gain * model.load_scale
+        self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms)
+        self._filter = WrenchFilter(FilterConfig().scaled(scale))
+        self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain))
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)

@@ -22,7 +22,7 @@ from sensing.records import ShearField, Wrench
 from sensing.wrench.contact import ContactThreshold
 from sensing.wrench.weight_files import find_weights
 
-CONTACT_N = 1.0  # E: above the answer at rest; python -m sensing.setup measures it
+CONTACT_N = 1.0  # E: above the answer at rest, at D=130 T=8; python -m sensing.setup measures it
 RELEASE_N = 0.6
 
 
@@ -56,11 +56,23 @@ class LiveModel:
 
         return self.estimator.radial if isinstance(self.estimator, WrenchModel) else None
 
-    def threshold(self, on_n: float = 0.0, off_n: float = 0.0) -> ContactThreshold:
-        """Contact threshold: the one given, or for 0 a force above the model's own answer at rest."""
+    @property
+    def load_scale(self) -> float:
+        """How large the forces are that it answers (:mod:`sensing.wrench.load_scale`)."""
+        from sensing.wrench.stiffness import load_scale_of
+
+        return load_scale_of(self.estimator)
+
+    def threshold(self, on_n: float = 0.0, off_n: float = 0.0, gain: float = 1.0) -> ContactThreshold:
+        """Contact threshold: the one given, or for 0 a force above the model's own answer at rest.
+
+        Args:
+            on_n, off_n: at which contact begins and ends. gain: from the model's force to the endcap's.
+        """
         if on_n > 0:
             return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
-        return ContactThreshold(self.rest_n + CONTACT_N, self.rest_n + RELEASE_N, float("nan"), 0.0, True)
+        on_n, off_n = (gain * (self.rest_n + force_n * self.load_scale) for force_n in (CONTACT_N, RELEASE_N))
+        return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
 
 
 def live_model(
@@ -85,14 +97,31 @@ def known_weights(name: str, params: EndcapParams, silicone: str = DEFAULT_SILIC
     return find_weights(params, silicone) if name == "default" else None
 
 
-def weights_in_use(config: LiveConfig, endcap: EndcapConfig) -> Path | None:
+def weights_in_use(config: LiveConfig, endcap: EndcapConfig, any_silicone: bool = False) -> Path | None:
     """File that answers for an endcap; None where there is none.
 
     Args:
-        config: names model and weights. endcap: of it; weighed, it takes the weights of the default silicone.
+        config: names model and weights. endcap: of it; weighed, it takes those of its own silicone or of the default
+            one, whichever its gain was found with.
+        any_silicone: it is about to be weighed: those of the default silicone serve where its own has none.
     """
-    silicone = DEFAULT_SILICONE if endcap.weighed else endcap.silicone
-    return config.weights_of(endcap) or known_weights(config.model, endcap.params, silicone)
+    given = config.weights_of(endcap)
+    own = given or known_weights(config.model, endcap.params, endcap.silicone)
+    if given or not (any_silicone or endcap.weighed):
+        return own
+    usual = known_weights(config.model, endcap.params)
+    if any_silicone:
+        return own or usual
+    both = own is not None and usual is not None and endcap.gain_weights != ""
+    return own if both and _digest(own) == endcap.gain_weights else usual or own
+
+
+def _digest(weights: Path | None) -> str:
+    """That of :func:`sensing.wrench.stiffness.weights_digest`, of a file."""
+    from sensing.wrench.model import load_wrench_model
+    from sensing.wrench.stiffness import weights_digest
+
+    return weights_digest(load_wrench_model(path=weights, silicone=None))
 
 
 def load_model(

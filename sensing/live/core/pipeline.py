@@ -65,7 +65,7 @@ class EndcapPipeline:
         self.faults, self.epoch = 0, 0
         self.outcome: tuple[Event, str] | None = None
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera, endcap.identity)
-        most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n).on_n
+        most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain).on_n
         self._taker = ReferenceTaker(
             endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n, endcap.gain
         )

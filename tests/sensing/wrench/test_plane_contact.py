@@ -45,6 +45,18 @@ def test_a_softer_silicone_yields_as_much_under_less():
     assert np.allclose(found.position_mm, at, atol=1e-4) and np.allclose(found.normal, outward, atol=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("diameter_mm", "wall_mm", "push_n", "depth_mm"),
+    [(100, 10, 10.94, 1.35), (164, 9, 8.86, 1.99), (250, 6.5, 4.62, 2.55), (250, 25, 68.4, 3.68)],
+)
+def test_a_plane_at_the_tip_of_another_shell_lies_as_deep_as_it_presses(diameter_mm, wall_mm, push_n, depth_mm):
+    """Depths of linear elements of another program (axisymmetric, Fourier series in azimuth, unilateral contact)."""
+    params = EndcapParams(diameter_mm, wall_mm)
+    push = Wrench(0.0, np.array([0, 0, -push_n]), np.zeros(3), "sphere", np.diag([1e-4] * 3 + [1e-8] * 3))
+    found = PlaneContactLaw(params, SHEAR_MPA).of(push)
+    assert params.tip_height_mm - found.position_mm[2] == pytest.approx(depth_mm, rel=0.4)
+
+
 def test_covariances_are_those_of_many_draws():
     wrench, _, _ = composed(30, -60, 15, 5, -2)
     law = PlaneContactLaw(PARAMS, SHEAR_MPA)

@@ -35,6 +35,9 @@ LEAST_FORCE_N = 1.0  # E: at D=130 T=8: below it neither place nor direction is 
 # M (bench/bench_contact.py): c0 c1 of the yield, c2 c3 of its tilt, c4 of sin 2a, three of the depth, c8 of sin a
 LAW = np.array([-0.0666, 1.0718, -0.3733, -0.1528, -0.2485, 1.446, -0.344, 0.034, 0.2768])
 LEFT = 0.066, 0.0090  # M: standard deviations of x and y that the law leaves, of its unit of length
+LEFT_OF_DEPTH = 0.06  # M: that of the depth, of the depth
+# E: more of y per T/R over the fitted one, and of the depth per T/R beside it (python bench/bench_contact.py shells)
+MORE_Y, MORE_OF_DEPTH = 0.66, 1.4
 FITTED_RADIUS_MM, FITTED_LENGTH_MM = 65.0, 8.0  # of the shell that it was fitted to, and its unit of length there
 ANY_ANGLE = math.pi**2 / 3  # variance of an angle of which nothing is known
 STEPS = np.array([1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05, 1e-3, 1e-3])  # N, N mm, mm
@@ -65,12 +68,13 @@ class PlaneContact:
     @property
     def position_sd_mm(self) -> float:
         """Root mean square of the standard deviations along the surface's two directions."""
-        return _spread(self.position_covariance)
+        depth = float(self.normal @ self.position_covariance @ self.normal)
+        return _spread(self.position_covariance, depth)
 
     @property
     def normal_sd_deg(self) -> float:
         """Root mean square of the normal's standard deviations about its two directions."""
-        return math.degrees(_spread(self.normal_covariance))
+        return math.degrees(_spread(self.normal_covariance, 0.0))
 
     def pose(self) -> tuple[Array, Array, Array]:
         """(position (3,) in m, quaternion x y z w that turns z to the normal, covariance (6, 6) in m and radians).
@@ -89,9 +93,9 @@ class PlaneContact:
         return self.position_mm / MM_PER_M, quaternion, covariance
 
 
-def _spread(covariance: Array) -> float:
-    trace = float(np.trace(covariance))
-    return math.sqrt(trace / 2) if trace >= 0 else math.nan
+def _spread(covariance: Array, along: float) -> float:
+    across = float(np.trace(covariance)) - along
+    return math.sqrt(across / 2) if across >= 0 else math.nan
 
 
 _NAN_3, _NAN_33 = np.full(3, np.nan), np.full((3, 3), np.nan)
@@ -110,7 +114,9 @@ class PlaneContactLaw:
         length_mm = params.outer_radius_mm * FITTED_LENGTH_MM / FITTED_RADIUS_MM
         self._size = params.outer_radius_mm, length_mm, shear_mpa * params.wall_mm**2
         self._least_n = LEAST_FORCE_N * load_scale(params.wall_mm, shear_mpa)
-        self._left = (length_mm * np.array(LEFT)) ** 2
+        thicker = params.wall_mm / params.outer_radius_mm - FITTED_LENGTH_MM / FITTED_RADIUS_MM  # there it is the wall
+        self._left = (length_mm * np.array([LEFT[0], LEFT[1] + MORE_Y * max(0.0, thicker)])) ** 2
+        self._left_of_depth = LEFT_OF_DEPTH + MORE_OF_DEPTH * abs(thicker)
 
     def of(self, wrench: Wrench) -> PlaneContact:
         """Contact of a wrench on the endcap about the sphere's centre; NaN without push, or below 1 N at D=130 T=8."""
@@ -123,8 +129,11 @@ class PlaneContactLaw:
         unit = np.repeat([1.0, MM_PER_M], 3)
         by_wrench, by_law = slopes[:, :6] * unit, slopes[:, 6:]
         covariance = by_wrench @ wrench.covariance @ by_wrench.T + (by_law * self._left) @ by_law.T
+        normal = value[3:6]
+        depth_mm = self._size[0] - float(normal @ value[:3])
+        covariance[:3, :3] += (self._left_of_depth * depth_mm) ** 2 * np.outer(normal, normal)
         return PlaneContact(
-            value[:3] + self._centre, value[3:6], covariance[:3, :3], covariance[3:6, 3:6], float(value[6]),
+            value[:3] + self._centre, normal, covariance[:3, :3], covariance[3:6, 3:6], float(value[6]),
             math.sqrt(covariance[6, 6]) if covariance[6, 6] >= 0 else math.nan,
         )  # fmt: skip
 

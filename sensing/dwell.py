@@ -61,16 +61,16 @@ def _identify(options: argparse.Namespace) -> None:
     config = load_config(options.config)
     endcap = chosen_endcap(config, options.endcap)
     warm_up(lambda text: LOG.info(text))
-    gain = Stiffness(endcap.gain, 0.0)
+    gain, model = Stiffness(endcap.gain, 0.0), configured_models(config, any_silicone=True)(endcap)
     rows = []
-    for reading in film_readings(endcap, options.source, configured_models(config, any_silicone=True)(endcap)):
+    for reading in film_readings(endcap, options.source, model):
         if reading.valid:
             rows.append([reading.estimate.time_s, *gain.applied(reading.estimate).force_n])
     if not rows:
         raise DwellError(f"{options.source}: no reading that counts")
     found = np.array(rows)
     along = _along(found[:, 1:])
-    result = fit_dwell(found[:, 0], found[:, 1:] @ along)
+    result = fit_dwell(found[:, 0], found[:, 1:] @ along, endcap.gain * model.load_scale)
     for term in result.terms:
         show(f"strength {term.strength:.4f} ± {term.sd:.4f} with tau {term.tau_s:.3f} s")
     show(

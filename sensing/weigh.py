@@ -92,7 +92,7 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
 
 def _from_file(endcap: EndcapConfig, request: PoseRequest, model: LiveModel, terms: Terms) -> Pose:
     source = request.source or endcap.source
-    watch = RestWatch()
+    watch = RestWatch(model.load_scale)
     try:
         for reading in film_readings(endcap, source, model):
             watch.add(reading)

@@ -25,8 +25,9 @@ HINTS = {
 Array = NDArray[np.float64]
 STILL_S = 1.0
 LEAST_READINGS = 5
-MOVED_N, MOVED_PART = 0.05, 0.01  # most that the halves differ by; the larger of both counts
-SCATTER_N, SCATTER_PART = 0.15, 0.02  # most standard deviation
+# Most that the halves differ by, and most standard deviation: in N at D=130 T=8, or part of the load if that is larger.
+MOVED_N, MOVED_PART = 0.05, 0.01
+SCATTER_N, SCATTER_PART = 0.15, 0.02
 MOST_FLAGGED = 0.05  # of the readings
 
 
@@ -59,14 +60,14 @@ class RestWatch:
     """Keeps the readings of one pose.
 
     Args:
-        still_s: length of an interval at rest.
+        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Attributes:
         largest_n: largest force so far.
     """
 
-    def __init__(self, still_s: float = STILL_S) -> None:
-        self._still_s = still_s
+    def __init__(self, load_scale: float = 1.0) -> None:
+        self._load_scale = load_scale
         self._rows: list[_Row] = []
         self._blind = ""
         self.largest_n = 0.0
@@ -130,7 +131,7 @@ class RestWatch:
             if not rows or not all(row.touching for row in rows):
                 continue
             rest = _rest(rows)
-            if _still(rows, rest):
+            if _still(rows, rest, self._load_scale):
                 bad = [row for row in rows if row.flags]
                 if len(bad) <= MOST_FLAGGED * len(rows):
                     return rest
@@ -142,10 +143,10 @@ class RestWatch:
             raise WeighingError(f"the readings under the load are flagged ({names}): {hint}")
         if least < float("inf"):
             raise WeighingError(
-                f"not at rest: the force moves by {least:.2f} N or more within {self._still_s:g} s; let it stand still"
+                f"not at rest: the force moves by {least:.2f} N or more within {STILL_S:g} s; let it stand still"
             )
         raise WeighingError(
-            f"the load lasts for less than {self._still_s:g} s or {LEAST_READINGS} pictures (a folder has 30 a "
+            f"the load lasts for less than {STILL_S:g} s or {LEAST_READINGS} pictures (a folder has 30 a "
             "second): leave it on for longer"
         )
 
@@ -154,10 +155,10 @@ class RestWatch:
         if end == 0:
             return []
         begin, last_s = end - 1, self._rows[end - 1].time_s
-        while begin > 0 and last_s - self._rows[begin].time_s < self._still_s:
+        while begin > 0 and last_s - self._rows[begin].time_s < STILL_S:
             begin -= 1
         rows = self._rows[begin:end]
-        long_enough = last_s - rows[0].time_s >= self._still_s * (1 - 1e-6)
+        long_enough = last_s - rows[0].time_s >= STILL_S * (1 - 1e-6)
         return rows if long_enough and len(rows) >= LEAST_READINGS else []
 
     def _no_contact(self) -> str:
@@ -171,7 +172,7 @@ class RestWatch:
     def _nothing(self) -> str:
         if self._blind:
             return f"no reading that counts: {self._blind}"
-        return f"fewer than {LEAST_READINGS} readings within {self._still_s:g} s: does the camera run?"
+        return f"fewer than {LEAST_READINGS} readings within {STILL_S:g} s: does the camera run?"
 
 
 def _rest(rows: list[_Row]) -> Rest:
@@ -182,7 +183,8 @@ def _rest(rows: list[_Row]) -> Rest:
     return Rest(np.median(forces, axis=0), covariance, float(np.linalg.norm(moved)), len(rows))
 
 
-def _still(rows: list[_Row], rest: Rest) -> bool:
+def _still(rows: list[_Row], rest: Rest, load_scale: float = 1.0) -> bool:
     force = float(np.linalg.norm(rest.wrench[:3]))
     scatter = float(np.array([row.wrench[:3] for row in rows]).std(axis=0).max())
-    return rest.moved_n <= max(MOVED_N, MOVED_PART * force) and scatter <= max(SCATTER_N, SCATTER_PART * force)
+    moved_n, scatter_n = load_scale * MOVED_N, load_scale * SCATTER_N
+    return rest.moved_n <= max(moved_n, MOVED_PART * force) and scatter <= max(scatter_n, SCATTER_PART * force)

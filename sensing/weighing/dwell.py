@@ -33,7 +33,7 @@ from sensing.wrench.relaxation import Term, advanced
 
 Array = NDArray[np.float64]
 LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0
-LEAST_LOAD_N = 3.0
+LEAST_LOAD_N = 3.0  # at D=130 T=8
 JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what still moves is creep
 GRID = 13  # relaxation times looked at in each round
 RESOLUTION = 0.002  # of the relaxation times, relative
@@ -63,16 +63,17 @@ class Dwell:
     corrected_n: Array
 
 
-def fit_dwell(time_s: Array, force_n: Array) -> Dwell:
+def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     """Terms that one dwell test shows.
 
     Args:
         time_s: (n,) rising. force_n: (n,) the model's force along the load, positive under it; untouched at the start.
+        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Raises:
         DwellError: no load, a dwell or a time after it that is too short, or nothing that relaxes.
     """
-    dwell, after = intervals(time_s, force_n)
+    dwell, after = _intervals(time_s, force_n, LEAST_LOAD_N * load_scale)
     used = dwell | after
     centre, width = math.log(0.5), math.log(30.0)
     times = np.exp(np.linspace(centre - width, centre + width, GRID))
@@ -96,7 +97,7 @@ def fit_dwell(time_s: Array, force_n: Array) -> Dwell:
     return Dwell(terms, level, before_n, after_n, used, corrected)
 
 
-def intervals(time_s: Array, force_n: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """(readings of the dwell, readings after it), without the moments around load and release.
 
     Raises:
@@ -105,8 +106,8 @@ def intervals(time_s: Array, force_n: Array) -> tuple[NDArray[np.bool_], NDArray
     if len(time_s) < 30 or not np.isfinite(force_n).all() or not (np.diff(time_s) > 0).all():
         raise DwellError(f"{len(time_s)} readings: a dwell test has hundreds, in the order of time")
     largest = float(np.quantile(force_n, 0.9))
-    if largest < LEAST_LOAD_N:
-        raise DwellError(f"the force never exceeds {largest:.1f} N: put a weight of {LEAST_LOAD_N:g} N or more on it")
+    if largest < least_n:
+        raise DwellError(f"the force never exceeds {largest:.2g} N: put a weight of {least_n:.2g} N or more on it")
     top = float(np.median(force_n[force_n > 0.5 * largest]))
     loaded = np.flatnonzero(force_n > 0.8 * top)
     if force_n[: max(1, loaded[0] // 2)].min() > 0.2 * top:

@@ -87,7 +87,7 @@ def _forces(config: LiveConfig, recording: Path, models: Models, say: Ask) -> tu
 
 
 def _at_rest(endcap: EndcapConfig, recording: Path, model: LiveModel) -> tuple[Array, Array] | None:
-    watch, touching = RestWatch(), False
+    watch, touching = RestWatch(model.load_scale), False
     for reading in film_readings(endcap, str(recording), model):
         watch.add(reading)
         touching = reading.contact.touching if reading.valid else touching

@@ -59,10 +59,15 @@ class Terms:
 
 
 class Listener:
-    """Sink that hands every reading to the watch of the moment."""
+    """Sink that hands every reading to the watch of the moment.
 
-    def __init__(self) -> None:
-        self._watch = RestWatch()
+    Args:
+        load_scale: of :class:`RestWatch`.
+    """
+
+    def __init__(self, load_scale: float) -> None:
+        self._load_scale = load_scale
+        self._watch = RestWatch(load_scale)
         self._lock = threading.Lock()
 
     def put(self, reading: EndcapReading) -> None:
@@ -73,7 +78,7 @@ class Listener:
     def anew(self) -> None:
         """Forget what was seen."""
         with self._lock:
-            self._watch = RestWatch()
+            self._watch = RestWatch(self._load_scale)
 
     def ask(self, what: Callable[[RestWatch], Rest]) -> Rest:
         """Ask the watch."""
@@ -95,7 +100,7 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
     Raises:
         EndcapError: no reference, or a load while it should be untouched.
     """
-    listener, poses = Listener(), list[Pose]()
+    listener, poses = Listener(endcap.pipeline.model.load_scale), list[Pose]()
     ask(f"{endcap.name}: leave it untouched, at the attitude in which it will be loaded, then press Enter ")
     with Engine([endcap], [listener]):
         _await_reference(endcap)

@@ -29,6 +29,12 @@ def test_a_load_may_scatter_by_a_fiftieth(load_n, scatter_n, is_still):
     assert _still(rows, _rest(rows)) is is_still
 
 
+def test_a_soft_dome_stands_still_by_its_own_forces():
+    forces = -1.0 + np.repeat([0.0, 0.04], 10)
+    rows = [_Row(0.1 * k, np.array([0, 0, f, 0, 0, 0]), np.eye(6), True, frozenset(), "") for k, f in enumerate(forces)]
+    assert _still(rows, _rest(rows)) and not _still(rows, _rest(rows), load_scale=0.04)
+
+
 def test_without_its_gain_an_endcap_touches_at_what_the_weights_would_say():
     soft = EndcapConfig("a", "0", gain=0.5, gain_sd=0.01, contact_on_n=0.4, contact_off_n=0.2)
     plain = as_trained(soft)

@@ -52,6 +52,15 @@ def test_a_test_that_shows_nothing_is_refused(options, said):
         fit_dwell(*creep(**options)[:2])
 
 
+def test_a_soft_dome_shows_the_same_constants_under_its_own_loads():
+    time_s, force_n, _ = creep()
+    stiff, soft = fit_dwell(time_s, force_n), fit_dwell(time_s, 0.04 * force_n, 0.04)
+    for found, wanted in zip(soft.terms, stiff.terms, strict=True):
+        assert (found.strength, found.tau_s) == pytest.approx((wanted.strength, wanted.tau_s), rel=1e-6)
+    with pytest.raises(DwellError, match=r"a weight of 0\.12 N or more"):
+        fit_dwell(time_s, 0.004 * force_n, 0.04)
+
+
 def test_a_path_that_never_leaves_rest_or_begins_under_load_is_refused():
     time_s = np.arange(300) / 30
     with pytest.raises(DwellError, match="never exceeds"):

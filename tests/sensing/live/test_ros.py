@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,6 +131,23 @@ def test_bytes_of_every_topic_are_those_of_another_implementation():
     for name, cdr in found.items():  # rosbags wrote them, Cyclone DDS reads and writes them
         kind = dds.idl_type(TOPICS.get(name, messages.TRANSFORMS))
         assert kind.__idl__.serialize(kind.deserialize(cdr)).rstrip(b"\0") == cdr.rstrip(b"\0"), name
+
+
+@pytest.mark.parametrize(
+    ("heights_mm", "placed"),
+    [([0], set()), ([0, 0], set()), ([0, 100], {"endcap_0", "endcap_1"}), ([0, 0, 100], {"endcap_2"})],
+)
+def test_only_endcaps_whose_place_is_stated_stand_in_the_robots_frame(heights_mm, placed):
+    def at(number: int, height_mm: float) -> SimpleNamespace:
+        place = np.eye(4)
+        place[2, 3] = height_mm
+        return SimpleNamespace(
+            endcap=replace(pipe.endcap, name=f"endcap_{number}", T_robot_endcap=place), camera=pipe.camera
+        )
+
+    pipe, _ = a_reading()
+    found = transforms_of([at(number, height_mm) for number, height_mm in enumerate(heights_mm)])
+    assert {child for child, (parent, _) in found.items() if parent == "robot"} == placed
 
 
 @pytest.mark.parametrize("size", [(640, 16864), (320, 240)])

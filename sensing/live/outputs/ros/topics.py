@@ -35,6 +35,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
+from sensing.live.core.robot import unplaced
 from sensing.live.core.sink import QueuedSink, reason_of
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
@@ -204,10 +205,12 @@ def camera_frame(endcap: str) -> str:
 def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, Any]]:
     """(parent, child to parent, mm) by child. An endcap whose place on the robot is not known has no parent."""
     found: dict[str, tuple[str, Any]] = {}
+    shared = unplaced([pipeline.endcap for pipeline in pipelines])
     for pipeline in pipelines:
         endcap = pipeline.endcap
         found[camera_frame(endcap.name)] = endcap.name, inverse(pipeline.camera(640, 480).T_camera_endcap)
-        if not np.array_equal(endcap.T_robot_endcap, np.eye(4)):
+        default = np.array_equal(endcap.T_robot_endcap, np.eye(4))  # of one endcap among others it may be the place
+        if not default or (len(pipelines) > 1 and endcap.name not in shared):
             found[endcap.name] = ROBOT, endcap.T_robot_endcap
     return found
 

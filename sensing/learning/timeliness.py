@@ -52,7 +52,8 @@ def _answers(
     test: Samples, rows: NDArray[np.int64], value: Array, covariance: Array, latency_s: float, smooth: WrenchFilter,
     predict: bool,
 ) -> tuple[Array, Array, Array, NDArray[np.bool_], Array]:  # fmt: skip
-    """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run."""
+    """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run, all of the time that answers are
+    reported for; there is contact where a frame beside that time has it."""
     times = test.time_s[rows]
     reported, spread = [], []
     for row in rows[times + latency_s <= times[-1]]:
@@ -63,8 +64,8 @@ def _answers(
         spread.append(answer.covariance)
     now = times[: len(reported)] + latency_s
     truth = np.stack([np.interp(now, times, test.wrenches[rows, axis]) for axis in range(6)], axis=1)
-    shaped = np.reshape(reported, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6))
-    return *shaped, test.contact[rows[: len(reported)]].astype(bool), now
+    contact = np.interp(now, times, test.contact[rows].astype(float)) > 0
+    return np.reshape(reported, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6)), contact, now
 
 
 def _lag_of_run(reported: Array, truth: Array, times_s: Array) -> float:

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
+from cad.identity import MUST_AGREE, require_same
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import camera_of_set
 from sensing.learning.path_quantile import path_quantile
@@ -56,7 +57,8 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
         tilt_to_deg: contacts further from the tip are left out: where a model fails, no width is right.
 
     Raises:
-        ParameterError: fewer than 19 paths, or one that the model was trained on. FileError: a set that is not whole.
+        ParameterError: fewer than 19 paths, or one that the model was trained on.
+        FileError: a set that is not whole, or of another endcap than the model is for.
     """
     answers = [a.take(~(a.tilt_deg > tilt_to_deg)) for a in (_judged(model, LabelledSet(folder)) for folder in folders)]
     path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(answers)])
@@ -128,6 +130,8 @@ def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
     """Answers in contact for which the model vouches, however wide their intervals are before they are scaled, and
     without what is added for all that simulated frames do not show."""
     data.require_whole()
+    fix = "make frames of the endcap that the weights are for"
+    require_same(data.folder, "interval data", data.identity, model.identity, fix, MUST_AGREE)
     weights = {name: value for name, value in model.weights.items() if name not in TRACKING}
     limits = replace(model.range, interval_n=math.inf)
     model = replace(model, weights=weights, range=limits, about={**model.about, SIMULATED: False})

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pictured_set import write_set
 
-from cad.errors import ParameterError
+from cad.errors import FileError, ParameterError
+from cad.identity import identity
+from cad.params import EndcapParams
 from sensing.evaluation import intervals
 from sensing.evaluation.live_answers import LiveAnswers
 from sensing.learning.path_quantile import path_quantile
@@ -107,6 +110,18 @@ def test_quantile_of_equal_paths_is_that_of_their_rows() -> None:
     values, path = rng.standard_normal((400, 2)), np.repeat([f"{k}" for k in range(40)], 10)
     assert np.allclose(path_quantile(values, path, 0.9), np.quantile(values, 0.9, axis=0, method="inverted_cdf"))
     assert np.array_equal(path_quantile(values, path, 1.0), values.max(axis=0))
+
+
+def test_frames_of_another_endcap_are_refused_before_they_are_answered(tmp_path: Path) -> None:
+    for name, changed in (("size", {"diameter_mm": 180.0}), ("silicone", {"silicone": "Smooth-Sil 940"})):
+        folder = write_set(tmp_path / name, 1, 5)
+        manifest = json.loads((folder / "manifest.json").read_text())
+        request = manifest["request"] | changed
+        design = EndcapParams(request["diameter_mm"], 8)
+        here = identity(design, request.get("silicone", "Smooth-Sil 950"))
+        (folder / "manifest.json").write_text(json.dumps(manifest | {"request": request, "identity": here.record()}))
+        with pytest.raises(FileError, match=f"{name}: interval data for the .*: make frames of the endcap"):
+            intervals.with_intervals(load_wrench_model(), [folder])
 
 
 @pytest.mark.long

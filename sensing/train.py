@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from cad.design_arguments import HELP, design_of
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
+from cad.identity import MUST_AGREE, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show, transient
 from cad.whole_file import make_folder, replace_file, require_place
@@ -105,12 +106,19 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
 def _read(
     options: argparse.Namespace, shape: tuple[int, int], radial: NDArray[np.float64] | None
 ) -> tuple[Samples, Samples | None, Samples | None]:
-    """Samples to learn from, the same frames tracked where markers have pictures, and contacts of other kinds."""
+    """Samples to learn from, the same frames tracked where markers have pictures, and contacts of other kinds.
+
+    Raises:
+        ParameterError, FileError: folders of several endcaps, or one that cannot be read.
+    """
     samples = read_all(options.data, options.method, shape, radial)
     marked = options.method == MARKERS
     pictured = [folder for folder in options.data if marked and LabelledSet(folder).has_pictures]
     pictures = read_all(pictured, "dots", shape, radial) if pictured else None
     others = read_all(options.others, options.method, shape, radial) if options.others else None
+    if others is not None:
+        fix = f"give folders of the endcap of {samples.source}"
+        require_same(others.source, "data", others.identity, samples.identity, fix, MUST_AGREE)
     return samples, pictures, others
 
 

@@ -96,7 +96,7 @@ def fit(
     views = [view.take(np.isin(view.path, calibration.path)) for view in (pictures, samples) if view is not None]
     _calibrate(net, next(view for view in views if len(view)))
     about = {
-        "training": provenance(samples, config, start),
+        "training": provenance(samples, config, start, others),
         SIMULATED: samples.method == MARKERS,
         "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
     }

@@ -13,18 +13,22 @@ from sensing.learning.samples import Samples
 from sensing.wrench.model import WrenchModel
 
 
-def provenance(samples: Samples, config: FitConfig, start: WrenchModel | None) -> dict[str, Any]:
+def provenance(
+    samples: Samples, config: FitConfig, start: WrenchModel | None, others: Samples | None = None
+) -> dict[str, Any]:
     """Plain JSON of a training. Folders are named without the way to them.
 
     Args:
         samples: that were learned from. config: knobs of it. start: weights that were fine-tuned; their own training is
             kept, and its paths count as known.
+        others: that the covariance alone learned from; their paths count as known, too.
     """
     before = None if start is None else start.about.get("training")
     known = set((before or {}).get("paths", ()))
+    seen = [samples] if others is None else [samples, others]
     return {
-        "sources": [Path(name).name for name in samples.source.split()],
-        "paths": sorted(known | set(map(str, samples.path))),
+        "sources": [Path(name).name for part in seen for name in part.source.split()],
+        "paths": sorted(known.union(*(map(str, part.path) for part in seen))),
         "frames": len(samples),
         "config": asdict(config),
         "torch": str(torch.__version__),

@@ -137,6 +137,16 @@ def test_leaks_and_bad_input_are_refused_in_one_line(folders, weights, tmp_path,
     assert sorted(p.name for p in tmp_path.iterdir()) == ["other"]
 
 
+def test_contacts_of_other_kinds_are_of_this_endcap_and_count_as_seen(folders, tmp_path, capsys):
+    other, out = write_set(tmp_path / "other", 1, 5, diameter=140.0), tmp_path / "w.safetensors"
+    learn = [str(folders[0]), "--out", str(out), "--method", "dots", "--epochs", "1", "--others"]
+    assert train.main([*learn, str(other)]) == 2
+    assert "data for the design D140_T8" in capsys.readouterr().err and not out.exists()
+    assert train.main([*learn, str(folders[1])]) == 0
+    assert evaluate.main([str(folders[1]), "--weights", str(out)]) == 2
+    assert "shares 3 paths, poses or pictures with the training (path static-2-0)" in capsys.readouterr().err
+
+
 def test_nothing_to_train_on_is_refused(tmp_path, capsys):
     for arguments in (["--start", "default"], ["--intervals", str(tmp_path)], []):
         assert train.main([*arguments, "--out", str(tmp_path / "no")]) == 2

@@ -171,17 +171,18 @@ def world_pose(request: DataRequest, path: LoadPath, state: PathState, azimuth_d
     """Endcap to world (4, 4): the plane is z = 0 with its normal toward the endcap, x along the meridian.
 
     Args:
-        request: its shell. path: tilt of the plane, or ``T_world_sphere`` where a robot gives the pose.
-        state: depth and travel are the means of its begin and end.
-        azimuth_deg: of the contact; not used where a robot gives the pose.
+        request: its shell. path: tilt of the plane, or ``T_world_sphere`` where a robot gives rotation and place.
+        state: depth and travel are the means of its begin and end; the depth gives a robot's endcap its height, too.
+        azimuth_deg: of the contact; not used where a robot gives the rotation.
     """
     geometry = ShellGeometry.from_params(request.params)
+    depth = (state.begin.depth_mm + state.end.depth_mm) / 2
     if path.T_world_sphere:
         pose = np.array(path.T_world_sphere).reshape(4, 4)
-        pose[:3, 3] += [0, 0, geometry.outer_radius_mm] - pose[:3, :3] @ geometry.centre_mm
+        pose[2, 3] = geometry.outer_radius_mm - depth  # the robot's statics know rigid spheres, which do not sink in
+        pose[:3, 3] -= pose[:3, :3] @ geometry.centre_mm
         return pose
     outward, meridian, lateral = (turn_about_axis(azimuth_deg) @ Indenter(path.tilt_deg).frame()).T
-    depth = (state.begin.depth_mm + state.end.depth_mm) / 2
     shift = (np.array(state.begin.shift_mm) + state.end.shift_mm) / 2
     touch = np.array(geometry.centre_mm) + (geometry.outer_radius_mm - depth) * outward
     axes = np.stack([meridian, -lateral, -outward])

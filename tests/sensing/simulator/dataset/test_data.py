@@ -17,10 +17,14 @@ from cad.errors import EndcapError, FileError, ParameterError
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
-from sensing.simulator.dataset.frames import STEPS_A_PATH, _labels, noise_number, shard_arrays
+from sensing.simulator.dataset.frames import STEPS_A_PATH, _labels, noise_number, shard_arrays, world_pose
+from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.dataset.states import PathState
 from sensing.simulator.dataset.writer import write_dataset
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import Waypoint
+from sensing.simulator.protocols.robot import robot_path
+from sensing.simulator.scene import SceneState
 from sensing.simulator.solid.surface import turn_wrench
 
 pytestmark = pytest.mark.usefixtures("short_paths")
@@ -63,6 +67,20 @@ def test_pose_puts_plane_and_force_where_they_belong(small_set: Path) -> None:
         centre = pose @ [0, 0, params.centre_height_mm, 1]
         assert centre[2] == pytest.approx(params.outer_radius_mm - frame.labels["depth_mm"])
         assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
+
+
+def test_pose_of_a_robots_endcap_has_the_depth_of_its_frame() -> None:
+    """While the ropes lower it and while it stands: the plane is z = 0, as in the sets of one endcap."""
+    request = DataRequest(frames=1, protocol="robot", render="off")
+    centre = np.array([0, 0, request.params.centre_height_mm, 1])
+    paths = [robot_path(4, 3 * 6 + endcap, 1) for endcap in range(6)]
+    at_rest = SceneState(2, 0.0, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), np.zeros(0), 0.0, 0.0, 0.0, None, None)
+    for depth_mm in (-25.0, 3.0):
+        state = replace(at_rest, depth_mm=depth_mm)
+        found = [world_pose(request, path, PathState(0, state, state), 0.0) for path in paths]
+        places = np.array([pose @ centre for pose in found])
+        assert np.allclose(places[:, 2], request.params.outer_radius_mm - depth_mm)
+        assert np.ptp(places[:, 0]) > 100  # where the robot has them
 
 
 def test_refused_states_are_listed_and_the_rest_stands() -> None:

@@ -1,4 +1,4 @@
-"""Labelled frames as a LeRobot data set, format v3.0: an episode for each loading path.
+"""Labelled frames as a LeRobot data set, format v3.0: an episode for each run, a loading path at one azimuth.
 
     count = write_lerobot(data, Path("exports/lerobot"))
     LeRobotDataset("endcap", root="exports/lerobot")             # of the package lerobot
@@ -6,8 +6,9 @@
 Layout (``meta/info.json``, ``meta/tasks.parquet``, ``meta/episodes``, ``data``): that of lerobot 0.4. Pictures are the
 JPEGs as they are in the set, inside the parquet files. Features: ``observation.images.endcap``; ``observation.state``,
 the wrench on the endcap at the origin of its frame (N, N m); ``observation.contact``; ``observation.time_s``, the true
-time within the path. ``timestamp`` is frame over rate, as the format wants it. There is no ``action``: a plane presses,
-not a robot.
+time within the path; ``path``, its number: runs of one path have seen the same motion, and must stay on one
+side of a split. ``timestamp`` is frame over rate, as the format wants it. There is no ``action``: a plane presses, not a
+robot.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from sensing.records_labelled import LabelledFrame, LabelledSet
 VERSION = "v3.0"
 RATE_HZ = 30
 IMAGE, STATE, CONTACT = "observation.images.endcap", "observation.state", "observation.contact"
-TIME = "observation.time_s"
+TIME, PATH = "observation.time_s", "path"
 WRENCH = ("force_x_n", "force_y_n", "force_z_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
 COUNTERS = ("frame_index", "episode_index", "index", "task_index")
 FILE_MB, FILES_IN_CHUNK = 100, 1000  # the format's own
@@ -54,7 +55,7 @@ def write_lerobot(data: LabelledSet, folder: Path, task: str = "") -> int:
     try:
         with new_folder(folder) as place:
             writer = _Writer(place)
-            for episode, frames in enumerate(_paths(data)):
+            for episode, frames in enumerate(_runs(data)):
                 writer.add(episode, frames, task)
             writer.finish(task)
     except OSError as error:
@@ -62,8 +63,8 @@ def write_lerobot(data: LabelledSet, folder: Path, task: str = "") -> int:
     return writer.frames
 
 
-def _paths(data: LabelledSet) -> Iterator[list[LabelledFrame]]:
-    for _, frames in groupby(data.frames(), key=lambda item: item.path):
+def _runs(data: LabelledSet) -> Iterator[list[LabelledFrame]]:
+    for _, frames in groupby(data.frames(), key=lambda item: (item.path, str(item.labels["azimuth_deg"]))):
         yield list(frames)
 
 
@@ -98,6 +99,7 @@ class _Writer:
             STATE: np.array([[*item.wrench.force_n, *item.wrench.torque_nm] for item in frames], np.float32),
             CONTACT: np.array([item.contact for item in frames], bool),
             TIME: np.array([item.frame.time_s for item in frames], np.float32),
+            PATH: np.array([item.path for item in frames], np.int64),
             "timestamp": (np.arange(count) / RATE_HZ).astype(np.float32),
             "frame_index": np.arange(count),
             "episode_index": np.full(count, episode),
@@ -158,6 +160,7 @@ class _Writer:
             STATE: {"dtype": "float32", "shape": [len(WRENCH)], "names": list(WRENCH)},
             CONTACT: {"dtype": "bool", "shape": [1], "names": None},
             TIME: {"dtype": "float32", "shape": [1], "names": None},
+            PATH: {"dtype": "int64", "shape": [1], "names": None},
             "timestamp": {"dtype": "float32", "shape": [1], "names": None},
         }
         features |= {name: {"dtype": "int64", "shape": [1], "names": None} for name in COUNTERS}

@@ -23,7 +23,7 @@ from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.export_dataset import export_dataset, main
 from sensing.learning.authors_dataset import read_authors_dataset
-from sensing.learning.lerobot_dataset import write_lerobot
+from sensing.learning.lerobot_dataset import _runs, write_lerobot
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.set_manifest import FORMAT
 from sensing.simulator.dataset.card import write_card
@@ -220,6 +220,22 @@ def test_the_lerobot_format_holds_every_frame(folder: Path, tmp_path: Path, caps
     forces = np.array([row["observation.state"] for row in rows])
     assert stats["observation.state"]["mean"] == pytest.approx(forces.mean(axis=0).tolist(), rel=1e-5)
     assert 0.3 < stats["observation.images.endcap"]["mean"][0][0][0] < 0.7
+
+
+def test_every_azimuth_of_a_path_is_a_lerobot_episode(folder: Path, tmp_path: Path) -> None:
+    """A path is labelled at several azimuths, one after the other: between them contact and time jump."""
+    columns = dict(np.load(folder / "shards" / "00000.npz"))
+    columns |= {"path": np.array([0] * 6 + [1] * 4), "azimuth_deg": np.repeat([10.0, 20.0, 30.0, 10.0, 20.0], 2)}
+    columns["time_s"] = np.tile([0.1, 0.2], 5)
+    np.savez(folder / "shards" / "00000.npz", **columns)
+    episodes = list(_runs(LabelledSet(folder)))
+    assert len(episodes) == 10 and all(run[0].frame.time_s < run[1].frame.time_s for run in episodes[:5])
+    parquet = pytest.importorskip("pyarrow.parquet")
+    out = tmp_path / "lerobot"
+    write_lerobot(LabelledSet(folder), out)
+    rows = parquet.read_table(out / "data" / "chunk-000" / "file-000.parquet").to_pylist()
+    assert [row["episode_index"] for row in rows] == [k // 2 for k in range(20)]
+    assert [row["path"] for row in rows[:10]] == columns["path"].tolist()
 
 
 def test_lerobot_itself_loads_the_export(folder: Path, tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ Layout (``meta/info.json``, ``meta/tasks.parquet``, ``meta/episodes``, ``data``)
 JPEGs as they are in the set, inside the parquet files. Features: ``observation.images.endcap``; ``observation.state``,
 the wrench on the endcap at the origin of its frame (N, N m); ``observation.contact``; ``observation.time_s``, the true
 time within the path; ``path``, its number: runs of one path have seen the same motion, and must stay on one
-side of a split. ``timestamp`` is frame over rate, as the format wants it. There is no ``action``: a plane presses, not a
-robot.
+side of a split. ``timestamp`` is frame over rate, as the format wants it. There is no ``action``: a plane presses, not
+a robot.
 """
 
 from __future__ import annotations

@@ -52,8 +52,8 @@ def _answers(
     test: Samples, rows: NDArray[np.int64], value: Array, covariance: Array, latency_s: float, smooth: WrenchFilter,
     predict: bool,
 ) -> tuple[Array, Array, Array, NDArray[np.bool_], Array]:  # fmt: skip
-    """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run, all of the time that answers are
-    reported for; there is contact where a frame beside that time has it."""
+    """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run, all at the times of the report;
+    there is contact where a frame beside that time has it."""
     times = test.time_s[rows]
     reported, spread = [], []
     for row in rows[times + latency_s <= times[-1]]:

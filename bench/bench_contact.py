@@ -27,11 +27,12 @@ from cad.dots import dot_pattern, dot_position_mm
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
-from sensing.design.bound import BORDER_PX, MOVING_PX, SHARE, SIZE_PX, STILL_PX, smallest_covariance
+from sensing.design.bound import SIZE_PX, smallest_covariance
 from sensing.design.weights import DesignRequest
 from sensing.evaluation.live_answers import live_answers
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import found_camera
+from sensing.learning.marker_fields import BORDER_PX, Scatter
 from sensing.live.core.model import load_model
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.contact.indenter import Indenter
@@ -241,7 +242,7 @@ def curvature(tilt_deg: float = 25.0, loads_n: tuple[float, ...] = (5.0, 15.0, 3
         )
         slopes = np.array([(each[k] - base[k])[seen].ravel() for each in (*moved, *histories, curved)])
         far = np.linalg.norm(base[k] - still, axis=1)[seen]
-        variance = STILL_PX**2 + (MOVING_PX * far / (1 + far)) ** 2 + (SHARE * far) ** 2
+        variance = Scatter().tracking_px(far) ** 2
         known = np.diag([0.0] * len(moved) + [1.0] * len(histories) + [0.0])
         answer = np.zeros((len(slopes), 1))
         answer[-1] = 1000 / CURVED_MM

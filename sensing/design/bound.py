@@ -2,8 +2,9 @@
 
 A plane on the endcap has five parameters: tilt and azimuth of the first touch, normal force, two tangential forces. The
 dots' pixels y depend on them with slopes J, the wrench w with slopes W; with independent tracking errors of variance S
-no unbiased estimator has a smaller covariance than W (J' S^-1 J)^-1 W' (Cramer 1946; Kay 1993, ch. 3). Slopes come from
-a quadratic fit to the library's states round the parameters, the azimuth's from a turn.
+no unbiased estimator has a smaller covariance than W (J' S^-1 J)^-1 W' (Cramer 1946; Kay 1993, ch. 3). S is the
+measured error that training has, too (:class:`sensing.learning.marker_fields.Scatter`). Slopes come from a quadratic
+fit to the library's states round the parameters, the azimuth's from a turn.
 
 Left out: calibration, paint beside its place, friction's path. So it is a lower bound on the noise of one frame, and no
 prediction of the error of trained weights. N, N m about the sphere's centre; 640 x 480 px.
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from cad.dots import dot_pattern
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
+from sensing.learning.marker_fields import BORDER_PX, Scatter
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.similarity.library import load_library
 from sensing.simulator.similarity.paths import library_paths, touching_steps
@@ -28,11 +30,9 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
 Mask = NDArray[np.bool_]
-STILL_PX, MOVING_PX, SHARE = 0.015, 0.05, 0.006  # M: tracking error (python bench/bench_wrench.py tracking)
 NEAR_TILT_DEG, NEAR_SHARE = 9.0, 0.5  # E: widths of the fit, degrees and part of the load
 STEP_DEG = 1.0  # turn for the azimuth's slope
 SIZE_PX = np.array([640, 480])
-BORDER_PX = 9.0  # a dot nearer to the frame's edge is cut, and not tracked
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class DesignBound:
             [(self._camera.project(self._rest + here + step * move) - pixels)[seen] / step for move in moves]
         ).reshape(5, -1)
         far = np.linalg.norm((pixels - rest)[seen], axis=1)
-        sigma = np.sqrt(STILL_PX**2 + (MOVING_PX * far / (1 + far)) ** 2 + (SHARE * far) ** 2)
+        sigma = Scatter().tracking_px(far)
         turned = np.concatenate([np.cross([0, 0, 1.0], wrench[:3]), np.cross([0, 0, 1.0], wrench[3:])])
         by_place = np.vstack([slopes, turned * np.pi / 180])
         covariance = smallest_covariance(jacobian, np.repeat(sigma, 2) ** 2, by_place)

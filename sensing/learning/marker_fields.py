@@ -61,6 +61,11 @@ class Scatter:
     moving_px: float = 0.0288
     share: float = 0.006
 
+    def tracking_px(self, far_px: Array) -> Array:
+        """Standard deviation of an axis of a tracked dot that has moved so far, px."""
+        squares = self.still_px**2 + (self.moving_px * moved_part(far_px)) ** 2 + (self.share * far_px) ** 2
+        return np.asarray(np.sqrt(squares))
+
 
 PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -97,8 +102,7 @@ class MarkerSensor:
         slope = np.einsum("kd,ndc->nkc", self._gradient, moved, optimize=True)  # x, then y derivatives at the dots
         count = len(self._place)
         moved += self._beside[:, :1] * slope[:, :count] + self._beside[:, 1:] * slope[:, count:]
-        far, s = np.linalg.norm(moved, axis=2), self._scatter
-        spread = np.sqrt(s.still_px**2 + (s.moving_px * moved_part(far)) ** 2 + (s.share * far) ** 2)
+        spread = self._scatter.tracking_px(np.linalg.norm(moved, axis=2))
         moved += spread[:, :, None] * self._rng.standard_normal(moved.shape)
         cells = np.einsum("ndc,dk->nck", moved, self.operator.to_cells, optimize=True)
         return (cells * (CROP_PX / min(FRAME_PX))).reshape(len(moved), 2, *self.operator.shape).astype(np.float32)

@@ -19,6 +19,7 @@ from sensing.simulator.contact.indenter import KINDS, Indenter
 from sensing.simulator.levels import MAX_TOLERANCE
 from sensing.simulator.protocols.catalogue import load_path
 from sensing.simulator.protocols.loading import LoadPath
+from sensing.simulator.protocols.robot import ENDCAPS
 from sensing.simulator.protocols.scaled import scaled
 from sensing.simulator.render.settings import LEVELS as RENDER_LEVELS
 from sensing.simulator.render.settings import Lamp, Paint, RenderSettings, Sensor
@@ -56,7 +57,7 @@ class DataRequest:
     """What a data set is made of; equal requests give equal data.
 
     Attributes:
-        frames: least number of labelled frames (whole paths are kept, so a few more).
+        frames: least number of labelled frames (whole paths and scenes of a robot are kept, so a few more).
         diameter_mm, wall_mm, silicone: the shell. dot_rings, dot_mm: its dots (:mod:`cad.pattern`).
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
@@ -205,10 +206,10 @@ class DataRequest:
         return Lamp(brightness=brightness, gradient=gradient, gradient_azimuth_deg=azimuth), float(exposure)
 
     def shards(self) -> list[list[LoadPath]]:
-        """Paths of every shard; whole shards, so that a set can grow later."""
+        """Paths of every shard; whole shards, so that a set can grow later, and all endcaps of a robot's scene."""
         shards: list[list[LoadPath]] = []
         total = 0
-        while total < self.frames:
+        while total < self.frames or shards[-1][-1].endcap not in (-1, ENDCAPS - 1):
             numbers = range(len(shards) * PATHS_PER_SHARD, (len(shards) + 1) * PATHS_PER_SHARD)
             shards.append([self._path(number) for number in numbers])
             total += sum(path.frames for path in shards[-1])

@@ -129,6 +129,13 @@ def test_the_prism_keeps_its_bars() -> None:
     )
 
 
+@pytest.mark.parametrize("frames", [1, 60, 100])
+def test_a_set_holds_all_endcaps_of_its_last_scene(frames: int) -> None:
+    paths = [path for shard in DataRequest(frames=frames, protocol="robot").shards() for path in shard]
+    assert [(path.scene, path.endcap) for path in paths] == [divmod(k, 6) for k in range(len(paths))]
+    assert len(paths) % 6 == 0 and sum(path.frames for path in paths[:-6]) < frames
+
+
 @pytest.mark.long
 def test_solved_endcaps_carry_the_robots_weight() -> None:
     """The labels of a whole scene, in the world: what the residuals of the solved contacts leave, and no more.

@@ -74,7 +74,7 @@ class LabelledFrame:
     Attributes:
         frame: the picture; ``sequence`` counts within the path, ``time_s`` is the middle of the exposure.
         reference: the untouched endcap in the same light.
-        wrench: on the endcap, endcap frame, at ``frame.time_s``.
+        wrench: on the endcap, endcap frame; of simulated motions the mean of beginning and end of the exposure.
         contact: whether anything touches.
         dots_mm: (d, 3) displacement of the dots in the order of ``cad.dots.dot_pattern``.
         dots_px: (d, 2) where their ink is seen. dots_visible: (d,).

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,6 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     rescale = bool(options.start and options.intervals)
     if options.design is not None or not (options.data or rescale):
         return _design(options, config)
+    _refuse_design_options(options)
     if options.out is None:
         raise ParameterError("--out is missing: name the file of the weights", name="out")
     _require_out(options.out)
@@ -188,10 +189,26 @@ def _require_design(options: argparse.Namespace) -> None:
         "--start": options.start,
         "--intervals": options.intervals,
         "--method dots": options.method != MARKERS,
+        "--others": options.others,
+        "--cells": options.cells != SHAPE[0],
     }
-    for name, value in taken.items():
+    _refuse_beside("--design", taken, "its states come from the library; give one or the other")
+
+
+def _refuse_design_options(options: argparse.Namespace) -> None:
+    """Refuse options of a design where folders say what the endcap is."""
+    taken = {
+        "--dot-rings": options.dot_rings, "--dot-mm": options.dot_mm, "--copy-to": options.copy_to,
+        "--silicone": options.silicone != DEFAULT_SILICONE, "--unless-there": options.unless_there,
+    }  # fmt: skip
+    _refuse_beside("folders", taken, "it belongs to --design, and folders state their own endcap; leave it out")
+
+
+def _refuse_beside(what: str, given: Mapping[str, object], reason: str) -> None:
+    """Refuse the first option that was given (its value is not false) and would do nothing."""
+    for name, value in given.items():
         if value:
-            raise ParameterError(f"--design with {name}: its states come from the library; give one or the other")
+            raise ParameterError(f"{what} with {name}: {reason}", name=name)
 
 
 def _copied(weights: Path, folder: Path | None) -> int:

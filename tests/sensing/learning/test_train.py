@@ -154,6 +154,20 @@ def test_nothing_to_train_on_is_refused(tmp_path, capsys):
     assert not (tmp_path / "no").exists()
 
 
+@pytest.mark.parametrize("ignored", [["--others", "DATA"], ["--cells", "24"]])
+def test_what_a_design_would_ignore_is_refused(ignored, capsys):
+    assert train.main(["--design", "130", "8", "--dot-mm", "0.1", *ignored]) == 2
+    assert f"--design with {ignored[0]}: its states come from the library" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "ignored", [["--silicone", "Dragon Skin 20"], ["--dot-mm", "3"], ["--unless-there"], ["--copy-to", "DIR"]]
+)
+def test_what_folders_would_ignore_is_refused(ignored, tmp_path, capsys):
+    assert train.main([str(tmp_path), "--out", str(tmp_path / "w"), *ignored]) == 2
+    assert f"folders with {ignored[0]}: it belongs to --design" in capsys.readouterr().err
+
+
 def test_scores_of_known_errors():
     truth = np.zeros((4, 6))
     truth[:2, 2] = -2.0

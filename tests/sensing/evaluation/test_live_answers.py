@@ -1,5 +1,6 @@
 """Frames of a set are judged by a pipeline of the set's own endcap: its size, its dots, its silicone, its camera."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,5 +50,5 @@ def test_the_camera_found_in_a_set_is_one_of_its_own_dots(data, command, monkeyp
     if command == "evaluate":
         evaluate._through_live(data, stand_in())
     else:
-        intervals._judged(load_wrench_model(EndcapParams(130, 8)), data)
+        intervals._judged(replace(load_wrench_model(), identity=data.identity), data)
     assert len(taken) == 1

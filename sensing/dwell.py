@@ -81,7 +81,7 @@ def _identify(options: argparse.Namespace) -> None:
         _draw(options.picture, found[:, 0], found[:, 1:] @ along, result)
     if not options.dry_run:
         terms = [[float(f"{x:.4g}") for x in (term.strength, term.tau_s, term.sd)] for term in result.terms]
-        change_entries(options.config, endcap.name, {"relaxation": terms})
+        change_entries(options.config, {endcap.name: {"relaxation": terms}})
         show(f"{options.config}: stored for {endcap.name}")
 
 

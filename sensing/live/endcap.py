@@ -48,8 +48,12 @@ class Endcap:
         self._endcap, self._live = endcap, isinstance(endcap.feed, CameraFeed)
         self._readings = _Readings()
         self._engine = Engine([endcap], [self._readings])
+        self._entered = False
 
     def __enter__(self) -> Endcap:
+        if self._entered:
+            raise ParameterError(f"{self._endcap.name} has run already: open it again", name="endcap")
+        self._entered = True
         self._engine.__enter__()
         return self
 
@@ -65,7 +69,12 @@ class Endcap:
         """Everything that each frame gives, in order, until the source ends or the endcap is closed.
 
         A file waits for whoever reads; of a camera the oldest of more than 64 that wait are lost.
+
+        Raises:
+            ParameterError: it was never started.
         """
+        if not self._entered:
+            raise ParameterError(f"{self._endcap.name} does not run: use it as `with ... as endcap:`", name="endcap")
         self._readings.wait_for_reader(not self._live)
         try:
             while True:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
 
+from cad.errors import ParameterError
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, Pace
@@ -56,6 +57,16 @@ def test_a_camera_that_was_pulled_leaves_no_wrench_of_this_moment():
         wrench = endcap.now()
     assert np.isnan([*wrench.force_n, *wrench.torque_nm, *wrench.covariance.ravel()]).all()
     assert "unplugged" in wrench.flags and endcap.touching is None
+
+
+def test_an_endcap_outside_of_its_with_block_says_so():
+    endcap = Endcap(LiveEndcap(CameraFeed(endless(film([0] * 6))), pipeline()))
+    with pytest.raises(ParameterError, match=r"endcap_0 does not run: use it as `with"):
+        next(endcap.stream())
+    with endcap:
+        assert next(endcap.stream()).frame == "endcap"
+    with pytest.raises(ParameterError, match="endcap_0 has run already: open it again"), endcap:
+        pass
 
 
 def test_after_a_gap_no_force_is_expected():

@@ -78,10 +78,10 @@ def _identify(options: argparse.Namespace) -> None:
         f"the constants, {result.after_n:.3f} N with them (root mean square)"
     )
     if options.picture:
-        _draw(options.picture, found[:, 0], found[:, 1:] @ along, result)
+        _draw(options.picture, found[:, 0], found[:, 1:] @ along - result.rest_n, result)
     if not options.dry_run:
         terms = [[float(f"{x:.4g}") for x in (term.strength, term.tau_s, term.sd)] for term in result.terms]
-        change_entries(options.config, endcap.name, {"relaxation": terms})
+        change_entries(options.config, {endcap.name: {"relaxation": terms}})
         show(f"{options.config}: stored for {endcap.name}")
 
 

@@ -135,7 +135,7 @@ def rigid(T: ArrayLike, name: str) -> Array:
     if not good:
         raise ParameterError(
             f"{name} of shape {matrix.shape} is no rigid transform: give a 4x4 rotation and translation (mm), "
-            "determinant +1",
+            "determinant +1, seven digits of each number: lengths and right angles hold to 1e-6",
             name=name,
             value=matrix.shape,
         )

@@ -18,6 +18,7 @@ from cad.extras import program
 from cad.messages import LOG, show
 from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
+from sensing.live.core.config_entries import change_entries
 from sensing.live.core.endcaps_file import live_command, load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
@@ -28,7 +29,7 @@ from sensing.weighing.film import as_trained, film_readings
 from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain, require_poses
 from sensing.weighing.robot import weigh_robot
 from sensing.weighing.session import Ask, Terms, made_pose, weigh_live
-from sensing.weighing.store import store_gain
+from sensing.weighing.store import gain_entries
 from sensing.weighing.words import GRAVITY_M_S2, PoseRequest, parse_pose
 from sensing.wrench.stiffness import weights_digest
 
@@ -86,7 +87,7 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     found = fit_gain(poses)
     _report(poses, found)
     if not options.dry_run:
-        store_gain(options.config, endcap, found.gain, found.sd, digest)
+        change_entries(options.config, {endcap.name: gain_entries(endcap, found.gain, found.sd, digest)})
         _say(f"{options.config}: stored for {endcap.name}; {live_command(options.config)} uses it")
 
 

@@ -13,7 +13,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
@@ -45,8 +48,12 @@ class Endcap:
         self._endcap, self._live = endcap, isinstance(endcap.feed, CameraFeed)
         self._readings = _Readings()
         self._engine = Engine([endcap], [self._readings])
+        self._entered = False
 
     def __enter__(self) -> Endcap:
+        if self._entered:
+            raise ParameterError(f"{self._endcap.name} has run already: open it again", name="endcap")
+        self._entered = True
         self._engine.__enter__()
         return self
 
@@ -62,7 +69,12 @@ class Endcap:
         """Everything that each frame gives, in order, until the source ends or the endcap is closed.
 
         A file waits for whoever reads; of a camera the oldest of more than 64 that wait are lost.
+
+        Raises:
+            ParameterError: it was never started.
         """
+        if not self._entered:
+            raise ParameterError(f"{self._endcap.name} does not run: use it as `with ... as endcap:`", name="endcap")
         self._readings.wait_for_reader(not self._live)
         try:
             while True:
@@ -88,13 +100,23 @@ class Endcap:
     def now(self) -> Wrench:
         """The newest wrench, predicted to this moment where its motion can be followed, held where it cannot.
 
+        NaN, the state among its flags, while the endcap's numbers do not count: a camera that is silent or unplugged
+        leaves nothing to hold.
+
         Raises:
             ParameterError: no frame has given a reading yet.
         """
         last = self._endcap.stats.last
         if last is None:
             raise ParameterError("no reading yet: wait for the first of stream() or readings()", name="now")
-        return predicted(last, time.monotonic())
+        health, wrench = self.health, predicted(last, time.monotonic())
+        if health.valid:
+            return wrench
+        nothing = np.full(3, np.nan)
+        return replace(
+            wrench, force_n=nothing, torque_nm=nothing, covariance=np.full((6, 6), np.nan),
+            flags=wrench.flags | {health.status},
+        )  # fmt: skip
 
     def zero(self, confirmed: bool = False) -> None:
         """Take a new reference from the next frames: it must be untouched.

@@ -8,7 +8,7 @@ so of several the last one is taken. N, s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,10 @@ class Rest:
     covariance: Array
     moved_n: float
     readings: int
+
+    def less(self, untouched: Rest) -> Rest:
+        """Without what the untouched endcap reads: lamp, mounting or its own weight since the reference."""
+        return replace(self, wrench=self.wrench - untouched.wrench)
 
 
 @dataclass(frozen=True)

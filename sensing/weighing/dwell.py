@@ -5,8 +5,8 @@
 
 While a dead weight stands on the dome the true force is constant, and zero once it is gone; what the model reports
 creeps, because it knows the shell's shape only. The terms are those that make the corrected force constant in the dwell
-and zero after it: the weight itself need not be known, and nothing is asked of the moments at which it is put on and
-taken off.
+and after it what it was before: the weight itself need not be known, and nothing is asked of the moments at which it is
+put on and taken off. A reading of the untouched endcap that is not quite zero is an old reference's, and no creep.
 
 Notes:
     For given relaxation times the corrected force is linear in the strengths b and the dwell's level F,
@@ -50,12 +50,14 @@ class Dwell:
     """The result.
 
     Attributes:
-        terms: of the series, short times first. level_n: corrected force in the dwell.
+        terms: of the series, short times first. rest_n: median force before the weight, taken out of all that follows.
+        level_n: corrected force in the dwell.
         before_n, after_n: root mean square of what creeps in the dwell and is left after it, without and with them.
         used: (n,) bool, the readings that counted. corrected_n: (n,) force with the terms.
     """
 
     terms: tuple[Term, ...]
+    rest_n: float
     level_n: float
     before_n: float
     after_n: float
@@ -73,8 +75,8 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     Raises:
         DwellError: no load, a dwell or a time after it that is too short, or nothing that relaxes.
     """
-    dwell, after = _intervals(time_s, force_n, LEAST_LOAD_N * load_scale)
-    used = dwell | after
+    rest_n, dwell, after = _intervals(time_s, force_n, LEAST_LOAD_N * load_scale)
+    force_n, used = force_n - rest_n, dwell | after
     centre, width = math.log(0.5), math.log(30.0)
     times = np.exp(np.linspace(centre - width, centre + width, GRID))
     best = _best(time_s, force_n, dwell, after, list(itertools.combinations(times, 2)))
@@ -94,11 +96,11 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     level = float(corrected[dwell].mean())
     left = [np.concatenate([f[dwell] - f[dwell].mean(), f[after]]) for f in (force_n, corrected)]
     before_n, after_n = (float(np.sqrt((each**2).mean())) for each in left)
-    return Dwell(terms, level, before_n, after_n, used, corrected)
+    return Dwell(terms, rest_n, level, before_n, after_n, used, corrected)
 
 
-def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(readings of the dwell, readings after it), without the moments around load and release.
+def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[float, NDArray[np.bool_], NDArray[np.bool_]]:
+    """(force before the load, readings of the dwell, those after it), without the moments around load and release.
 
     Raises:
         DwellError: the force does not rise, stand and fall.
@@ -122,8 +124,10 @@ def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[NDArray[n
     if time_s[-1] - time_s[free] < LEAST_AFTER_S:
         left_s = time_s[-1] - time_s[free]
         raise DwellError(f"{left_s:.1f} s after the release: record {LEAST_AFTER_S:g} s or more without the weight")
+    untouched = _settled(slope, int(np.flatnonzero(force_n > 0.2 * top)[0]), -1)
+    rest_n = float(np.median(force_n[: untouched + 1]))
     place = np.arange(len(time_s))
-    return (place >= first) & (place <= last), place >= free
+    return rest_n, (place >= first) & (place <= last), place >= free
 
 
 def unit_overstress(time_s: Array, force_n: Array, taus_s: Sequence[float]) -> Array:

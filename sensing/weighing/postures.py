@@ -9,7 +9,9 @@ Notes:
     endcap i, turned to the robot frame, and u_p the vertical. That is linear in the gains: generalised least squares
     with the covariance sum_i g_i^2 (C_pi + m^2 F_pi F_pi') + s^2 u u' + (W a)^2 (I - u u') of a posture
     (:mod:`sensing.weighing.gain` has the letters). An endcap that never carries load, or only together with others in
-    the same proportions, is refused by name.
+    the same proportions, is refused by name. What repeats from posture to posture does not average out of a gain's
+    deviation: m and the part by which W is wrong stay in it whole, and what C lets an endcap be off is added over the
+    postures, that of several endcaps and of the verticals as squares.
 """
 
 from __future__ import annotations
@@ -76,14 +78,14 @@ def fit_gains(postures: Sequence[Posture], weight_n: float, endcaps: Sequence[st
             f"{', '.join(unseen)} never carries load: add a posture in which it stands, or leave it out"
         )
     up = np.array([posture.up / np.linalg.norm(posture.up) for posture in postures])
-    gain, normal, variance, forces = _solved(postures, weight_n * up, endcaps)
-    spread = np.sqrt(np.maximum(np.diagonal(np.linalg.pinv(normal)), 0.0))
-    _require_separated(normal, spread, endcaps)
-    chi_square = _chi_square(gain, variance, forces, weight_n * up)
+    fit = _fitted(postures, weight_n * up, endcaps)
+    gain, spread = fit.gain, _spread(fit, weight_n * up)
+    _require_separated(fit, spread, endcaps)
+    chi_square = _chi_square(fit, weight_n * up)
     limit = chi_square_quantile(1 - CONTRADICTION, freedom)
     if chi_square > limit:
         left = [[k for k in range(len(postures)) if k != p] for p in range(len(postures))]
-        without = [_refitted([postures[k] for k in rows], weight_n * up[rows], endcaps) for rows in left]
+        without = [_chi_square_of([postures[k] for k in rows], weight_n * up[rows], endcaps) for rows in left]
         raise WeighingError(
             f"the postures contradict one another (chi-square {chi_square:.0f}, at most {limit:.0f}), "
             f"{postures[int(np.argmin(without))].name} the most: does something else carry or pull the robot, "
@@ -96,18 +98,32 @@ def fit_gains(postures: Sequence[Posture], weight_n: float, endcaps: Sequence[st
     return RobotGains(gains, spreads, chi_square, freedom)
 
 
-def _solved(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) -> tuple[Array, Array, Array, Array]:
-    """Gains (k,), normal matrix (k, k), covariance of the residuals (p, 3, 3) and forces (p, 3, k)."""
-    forces, model = np.zeros((len(postures), 3, len(endcaps))), np.zeros((len(postures), len(endcaps), 3, 3))
+@dataclass(frozen=True)
+class _Fit:
+    """Of p postures and k gains.
+
+    Attributes:
+        gain: (k,). normal: (k, k) matrix. pull: (p, 3, k) forces over the residuals' covariance.
+        variance: (p, 3, 3) of the residuals. forces: (p, 3, k). covariance: (p, k, 3, 3) of the forces.
+    """
+
+    gain: Array
+    normal: Array
+    pull: Array
+    variance: Array
+    forces: Array
+    covariance: Array
+
+
+def _fitted(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) -> _Fit:
+    """Gains of postures whose loads are (p, 3)."""
+    forces, covariance = np.zeros((len(postures), 3, len(endcaps))), np.zeros((len(postures), len(endcaps), 3, 3))
     for p, posture in enumerate(postures):
         for k, name in enumerate(endcaps):
             if name in posture.force_n:
-                force = posture.force_n[name]
-                forces[p, :, k] = force
-                model[p, k] = posture.covariance[name] + MODEL_SD**2 * np.outer(force, force)
-    square = (load_n**2).sum(axis=1)[:, None, None]
-    along = np.einsum("pi,pj->pij", load_n, load_n)
-    known = WEIGHT_SD**2 * along + ATTITUDE_RAD**2 * (square * np.eye(3) - along)
+                forces[p, :, k], covariance[p, k] = posture.force_n[name], posture.covariance[name]
+    model = covariance + MODEL_SD**2 * np.einsum("pik,pjk->pkij", forces, forces)
+    known = WEIGHT_SD**2 * np.einsum("pi,pj->pij", load_n, load_n) + _of_attitude(load_n)
     gain = np.ones(len(endcaps))
     for _ in range(ROUNDS):
         variance = np.einsum("k,pkij->pij", gain**2, model) + known
@@ -116,28 +132,42 @@ def _solved(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) 
         before, gain = gain, np.linalg.lstsq(normal, np.einsum("pik,pi->k", pull, load_n), rcond=1e-10)[0]
         if np.abs(gain - before).max() < 1e-12:
             break
-    return gain, normal, variance, forces
+    return _Fit(gain, normal, pull, variance, forces, covariance)
 
 
-def _chi_square(gain: Array, variance: Array, forces: Array, load_n: Array) -> float:
-    residual = np.einsum("pik,k->pi", forces, gain) - load_n
-    return float(np.einsum("pi,pi->", residual, np.linalg.solve(variance, residual[:, :, None])[:, :, 0]))
+def _of_attitude(load_n: Array) -> Array:
+    """(p, 3, 3) covariance that doubt about the verticals leaves in loads (p, 3)."""
+    square = (load_n**2).sum(axis=1)[:, None, None]
+    return np.asarray(ATTITUDE_RAD**2 * (square * np.eye(3) - np.einsum("pi,pj->pij", load_n, load_n)))
 
 
-def _refitted(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) -> float:
+def _spread(fit: _Fit, load_n: Array) -> Array:
+    """(k,) standard deviations of the gains."""
+    share = np.einsum("jk,pik->pji", np.linalg.pinv(fit.normal), fit.pull)  # (p, k, 3): of a residual in each gain
+    of_model = np.sqrt(np.einsum("pji,plim,pjm->pjl", share, fit.covariance, share)).sum(axis=0) * np.abs(fit.gain)
+    of_attitude = np.einsum("pji,pim,pjm->j", share, _of_attitude(load_n), share)
+    whole = (MODEL_SD**2 + WEIGHT_SD**2) * fit.gain**2
+    return np.asarray(np.sqrt((of_model**2).sum(axis=1) + of_attitude + whole))
+
+
+def _chi_square(fit: _Fit, load_n: Array) -> float:
+    residual = np.einsum("pik,k->pi", fit.forces, fit.gain) - load_n
+    return float(np.einsum("pi,pi->", residual, np.linalg.solve(fit.variance, residual[:, :, None])[:, :, 0]))
+
+
+def _chi_square_of(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) -> float:
     """Chi-square that some of the postures leave."""
-    gain, _, variance, forces = _solved(postures, load_n, endcaps)
-    return _chi_square(gain, variance, forces, load_n)
+    return _chi_square(_fitted(postures, load_n, endcaps), load_n)
 
 
-def _require_separated(normal: Array, spread: Array, endcaps: Sequence[str]) -> None:
-    """Whether every gain is seen by itself.
+def _require_separated(fit: _Fit, spread: Array, endcaps: Sequence[str]) -> None:
+    """Whether every gain is seen by itself, to a tenth of it: a soft silicone's is small.
 
     Raises:
         WeighingError: names those that are not.
     """
-    values, vectors = np.linalg.eigh(normal)
-    blurred = spread > LARGEST_SD
+    values, vectors = np.linalg.eigh(fit.normal * np.outer(fit.gain, fit.gain))
+    blurred = spread > LARGEST_SD * np.abs(fit.gain)
     for value, vector in zip(values, vectors.T, strict=True):
         if value < 1 / LARGEST_SD**2:
             blurred |= np.abs(vector) > 0.3

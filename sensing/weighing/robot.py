@@ -17,6 +17,7 @@ import numpy as np
 from cad.errors import FileError, ParameterError
 from cad.plain_numbers import is_plain
 from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config_entries import change_entries
 from sensing.live.core.model import LiveModel
 from sensing.live.core.robot import unplaced
 from sensing.live.open_endcaps import Models, configured_models
@@ -25,7 +26,7 @@ from sensing.weighing.film import film_readings
 from sensing.weighing.gain import Array, WeighingError
 from sensing.weighing.postures import Posture, fit_gains
 from sensing.weighing.session import Ask
-from sensing.weighing.store import store_gain
+from sensing.weighing.store import gain_entries
 from sensing.wrench.stiffness import weights_digest
 
 COLUMNS = ("recording", "up_x", "up_y", "up_z")
@@ -63,10 +64,12 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
         say(f"{', '.join(idle)}: carried no load, gain unchanged")
     if dry_run:
         return
+    changes = {}
     for endcap in config.endcaps:
         if endcap.name in found.gain:
             digest = weights_digest(models(endcap).estimator)
-            store_gain(out, endcap, found.gain[endcap.name], found.sd[endcap.name], digest)
+            changes[endcap.name] = gain_entries(endcap, found.gain[endcap.name], found.sd[endcap.name], digest)
+    change_entries(out, changes)
     say(f"{out}: stored")
 
 

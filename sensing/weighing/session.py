@@ -104,8 +104,8 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
     ask(f"{endcap.name}: leave it untouched, at the attitude in which it will be loaded, then press Enter ")
     with Engine([endcap], [listener]):
         _await_reference(endcap)
-        rest = _await(listener, RestWatch.untouched, "untouched")
-        say(f"  untouched: {np.linalg.norm(rest.wrench[:3]):.2f} N, as it should be")
+        untouched = _await(listener, RestWatch.untouched, "untouched")
+        say(f"  untouched: {np.linalg.norm(untouched.wrench[:3]):.2f} N, no contact; taken out of what follows")
         while True:
             more = "" if len(poses) < 2 else ", or Enter to finish"
             word = ask(f"weight {len(poses) + 1}: what presses on the dome, everything included, in g{more}: ").strip()
@@ -115,7 +115,8 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
                 request = terms.request(parse_weight_g(word))
                 ask(f"  load it with {request.name}, let it stand still, then press Enter ")
                 listener.anew()
-                pose = made_pose(request, _await(listener, RestWatch.pressed, "under the load"), terms.gravity_m_s2)
+                loaded = _await(listener, RestWatch.pressed, "under the load").less(untouched)
+                pose = made_pose(request, loaded, terms.gravity_m_s2)
                 require_unit(pose)
                 if len(poses) > 1:
                     fit_gain([*poses, pose])

@@ -120,22 +120,25 @@ class ContactDetector:
     """Contact of one endcap over time, with hysteresis.
 
     Args:
-        threshold: of this endcap.
+        threshold: of this endcap. touching: whether it begins in contact.
+
+    Attributes:
+        touching: as of the last frame that was judged.
     """
 
-    def __init__(self, threshold: ContactThreshold) -> None:
-        self.threshold = threshold
-        self._touching, self._since_s = False, float("nan")
+    def __init__(self, threshold: ContactThreshold, touching: bool = False) -> None:
+        self.threshold, self.touching = threshold, touching
+        self._since_s = float("nan")
 
     def update(self, wrench: Wrench) -> ContactState:
         """Judge one frame; a wrench that is not finite changes nothing and says so."""
         force = math.sqrt(float(wrench.force_n @ wrench.force_n))
         known = math.isfinite(force)
-        limit = self.threshold.off_n if self._touching else self.threshold.on_n
-        now = force >= limit if known else self._touching
-        if now != self._touching or math.isnan(self._since_s):
+        limit = self.threshold.off_n if self.touching else self.threshold.on_n
+        now = force >= limit if known else self.touching
+        if now != self.touching or math.isnan(self._since_s):
             self._since_s = wrench.time_s
-        self._touching = now
+        self.touching = now
         return ContactState(wrench.time_s, now, self._since_s, force, known)
 
 

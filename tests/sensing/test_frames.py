@@ -18,6 +18,7 @@ from sensing.frames import (
     wrench_adjoint,
     wrench_in,
 )
+from sensing.live.core.config import EndcapConfig
 from sensing.records import Wrench
 
 numbers = st.floats(-50, 50)
@@ -96,3 +97,12 @@ def test_what_is_no_rigid_transform_is_named(bad):
 def test_a_sign_that_is_neither_is_refused():
     with pytest.raises(ParameterError, match="reads=2"):
         FtMount(np.eye(4), 2)
+
+
+def test_a_rotation_of_too_few_digits_asks_for_more():
+    T = np.eye(4)
+    T[:2, :2] = [[0.7071, -0.7071], [0.7071, 0.7071]]
+    with pytest.raises(ParameterError, match=r"T_robot_endcap of left .*seven digits"):
+        EndcapConfig("left", "0", T_robot_endcap=T)
+    T[:2, :2] = [[0.7071068, -0.7071068], [0.7071068, 0.7071068]]
+    assert np.array_equal(EndcapConfig("left", "0", T_robot_endcap=T).T_robot_endcap, T)

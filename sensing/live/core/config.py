@@ -154,7 +154,7 @@ class EndcapConfig:
                         name=name,
                         value=getattr(self, name),
                     )
-        object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, "T_robot_endcap"))
+        object.__setattr__(self, "T_robot_endcap", rigid(self.T_robot_endcap, f"T_robot_endcap of {self.name}"))
         object.__setattr__(self, "relaxation", tuple(tuple(map(float, term)) for term in self.relaxation))
         _ = self.relaxation_terms
         self._check_identity()

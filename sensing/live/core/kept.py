@@ -1,14 +1,15 @@
 """What an endcap keeps of the frames before when tracker, filter and contact begin anew with the same reference.
 
-All of it comes from the last frame without a touch. A restart while something touches (a recording begins, the clock
-is set, a camera comes back) would lose them until the endcap is let go, and each wrench until then would be wrong.
+Most of it comes from the last frame without a touch. A restart while something touches (a recording begins, the clock
+is set, a camera comes back) would lose them until the endcap is let go, and each wrench until then would be wrong. A
+touch that began above one force and ends below another would end at the restart.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from sensing.tracking.own_weight import MOST_G
 
@@ -23,15 +24,17 @@ class Kept:
         own_weight_g: change of gravity since the reference, in g along the endcap's axes; zero where no turn was seen.
         moved: why camera or lens are thought to have moved since the reference; empty where they have not.
         loaded: why the reference is thought to have been taken under load; empty where nothing shows it.
+        touching: whether it was in contact.
     """
 
     own_weight_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
     moved: str = ""
     loaded: str = ""
+    touching: bool = False
 
     def text(self) -> str:
         """As JSON, from which :func:`kept_of` reads the very same numbers."""
-        return json.dumps({"own_weight_g": self.own_weight_g, "moved": self.moved, "loaded": self.loaded})
+        return json.dumps(asdict(self))
 
 
 NOTHING_KEPT = Kept()
@@ -47,5 +50,5 @@ def kept_of(text: str) -> Kept:
     x, y, z = (float(value) for value in said["own_weight_g"])
     if not math.hypot(x, y, z) <= MOST_G:
         raise ValueError(f"own weight of {x:g}, {y:g}, {z:g} g")
-    reasons = str(said["moved"]), str(said.get("loaded", ""))  # recordings of before have no second
-    return Kept((x, y, z), *(reason[:LONGEST_REASON] for reason in reasons))
+    moved, loaded = (str(reason)[:LONGEST_REASON] for reason in (said["moved"], said.get("loaded", "")))
+    return Kept((x, y, z), moved, loaded, said.get("touching") is True)  # recordings of before have not all of it

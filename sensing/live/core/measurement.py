@@ -89,7 +89,8 @@ class Measurement:
         scale = endcap.gain * model.load_scale
         self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms)
         self._filter = WrenchFilter(FilterConfig().scaled(scale))
-        self._detector = ContactDetector(model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain))
+        threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain)
+        self._detector = ContactDetector(threshold, kept.touching)
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
@@ -99,7 +100,7 @@ class Measurement:
     def kept(self) -> Kept:
         """What a restart keeps of the frames so far."""
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
-        return Kept((x, y, z), self._mounting.reason, self._load.reason)
+        return Kept((x, y, z), self._mounting.reason, self._load.reason, self._detector.touching)
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""

@@ -139,7 +139,9 @@ class EndcapPipeline:
         return ""
 
     def request_undo(self) -> str:
-        """Go back to the reference before; returns why not, empty if it will be done."""
+        """Go back to the reference before, or stay at this one if another is being taken; returns why not, or ""."""
+        if self._used is not None and self._taker.cancel():
+            return self._say("")
         if self._before is None:
             return self._say("no earlier reference to go back to")
         self._undo_wanted = True
@@ -269,8 +271,7 @@ class EndcapPipeline:
             self._use(made)
             self._say("" if self._before is None else "zeroed")
         elif self._undo_wanted and self._before is not None:
-            self._undo_wanted, before = False, self._before
-            self._before = None
+            self._undo_wanted, before, self._before = False, self._before, None
             self._use(self._anew(before))
             self._say("back to the reference before")
         elif self._restart_wanted and self._used is not None:

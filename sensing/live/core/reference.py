@@ -110,6 +110,13 @@ class ReferenceTaker:
             if self._request is None:
                 self._request = _Request(False)
 
+    def cancel(self) -> bool:
+        """Forget what was asked for (any thread); whether anything was that has not been taken over yet."""
+        with self._lock:
+            asked = self._request is not None or self._made is not None
+            self._request, self._made, self.reason = None, None, ""
+            return asked
+
     def offer(self, frame: Frame, last: Zero | None) -> None:
         """One frame; the last one needed begins the work, in a thread of its own unless one picture is enough."""
         request = self._request

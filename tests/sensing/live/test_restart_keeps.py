@@ -77,6 +77,19 @@ def test_a_pause_of_a_minute_is_named_and_forgets_no_turn(turned):
     assert reading.own_weight_g == pytest.approx(SIDEWAYS_G, abs=OFF_G)
 
 
+def test_a_restart_ends_no_contact(turned):
+    """Of a force between those at which contact ends and begins: a recording that began there let go of it."""
+    threshold = turned.pipe._measurement._detector.threshold
+    whole_n = np.linalg.norm(turned.give(turned.touch, 10)[-1].wrench.force_n)
+    light = turned.touch * (threshold.on_n + threshold.off_n) / 2 / whole_n
+    held = turned.give(light, 20)[-1]
+    assert held.contact.touching and held.contact.force_n < threshold.on_n
+    turned.pipe.request_restart()
+    after = turned.give(light, 5)
+    assert after[0].epoch != held.epoch and all(reading.contact.touching for reading in after)
+    assert not turned.give(np.zeros_like(light), 10)[-1].contact.touching
+
+
 def test_a_new_reference_begins_with_nothing(turned):
     turned.give(turned.sag, 10)
     turned.pipe.set_zero(turned.pipe.zero)
@@ -123,7 +136,7 @@ def test_a_replay_that_begins_during_a_touch_has_the_turn_of_that_moment(recorde
 
 
 def test_what_is_kept_is_read_as_it_was_written():
-    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved", "taken under load")
+    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved", "taken under load", True)
     assert kept_of(kept.text()) == kept
     before = '{"own_weight_g": [0.5, 0, 1], "moved": ""}'  # of a recording made before loads were looked for
     assert kept_of(before) == Kept((0.5, 0.0, 1.0))

@@ -7,15 +7,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from live_stand_in import film, frames, stand_in
+from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
 
+from cad.errors import ParameterError
 from sensing.live.core.config import EndcapConfig
-from sensing.live.core.feed import Pace
+from sensing.live.core.engine import LiveEndcap
+from sensing.live.core.feed import CameraFeed, Pace
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import predicted
 from sensing.live.core.state import MEASURED, VALID, Event, Machine, State, next_state
+from sensing.live.endcap import Endcap
 from sensing.records import Wrench
+from sensing.sources.newest import SourceError
 from sensing.wrench.filter import WrenchFilter
 
 
@@ -37,6 +41,32 @@ def test_a_trend_counts_up_to_the_longest_delay_that_was_compared_and_widens_the
     )
     assert (farther.force_n == far.force_n).all() and (farther.torque_nm == far.torque_nm).all()
     assert near.covariance.diagonal() == pytest.approx(1 + (0.04 * trend[1]) ** 2)
+
+
+def test_a_camera_that_was_pulled_leaves_no_wrench_of_this_moment():
+    def pulled():
+        for count, frame in enumerate(endless(film([0] * 6))()):
+            if count == 30:
+                raise SourceError("/dev/video9: no more frames: is it unplugged?")
+            yield frame
+
+    with Endcap(LiveEndcap(CameraFeed(pulled), pipeline())) as endcap:
+        wait_for(lambda: endcap.valid)
+        assert np.isfinite(endcap.now().force_n).all()
+        wait_for(lambda: endcap.health.status == "unplugged")
+        wrench = endcap.now()
+    assert np.isnan([*wrench.force_n, *wrench.torque_nm, *wrench.covariance.ravel()]).all()
+    assert "unplugged" in wrench.flags and endcap.touching is None
+
+
+def test_an_endcap_outside_of_its_with_block_says_so():
+    endcap = Endcap(LiveEndcap(CameraFeed(endless(film([0] * 6))), pipeline()))
+    with pytest.raises(ParameterError, match=r"endcap_0 does not run: use it as `with"):
+        next(endcap.stream())
+    with endcap:
+        assert next(endcap.stream()).frame == "endcap"
+    with pytest.raises(ParameterError, match="endcap_0 has run already: open it again"), endcap:
+        pass
 
 
 def test_after_a_gap_no_force_is_expected():

@@ -63,6 +63,21 @@ def test_zero_under_load_is_refused_until_confirmed_and_can_be_undone(press):
     assert "no earlier" in pipe.request_undo()
 
 
+def test_a_reference_that_is_being_taken_is_undone_before_an_earlier_one(press):
+    pipe, feed = zeroed(press)
+    feed(press[0], 3)
+    pipe.request_zero()
+    settle(pipe, feed, press[0])
+    second = pipe.zero
+    pipe.request_zero()
+    feed(press[0], 4)
+    assert pipe.request_undo() == "" and pipe.undoable
+    feed(press[0], 12)
+    pipe.close()
+    feed(press[0])
+    assert pipe.zero is second and pipe.undoable
+
+
 def test_an_undone_reference_needs_not_be_set_up_again_and_gives_the_bits_of_a_new_one(press, monkeypatch):
     """That took 1.6 s in the loop, in which no endcap gave a reading."""
     pipe, feed = zeroed(press)

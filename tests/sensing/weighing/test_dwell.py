@@ -18,6 +18,15 @@ def test_known_constants_come_back():
     assert np.abs(found.corrected_n - load)[found.used].max() < 0.05
 
 
+@pytest.mark.parametrize("rest_n", [0.3, -0.3])
+def test_what_an_old_reference_reads_untouched_is_no_creep(rest_n):
+    time_s, force_n, _ = creep()
+    found, shifted = fit_dwell(time_s, force_n), fit_dwell(time_s, force_n + rest_n)
+    assert shifted.rest_n == pytest.approx(rest_n, abs=0.01) and shifted.level_n == pytest.approx(found.level_n)
+    for term, wanted in zip(shifted.terms, found.terms, strict=True):
+        assert (term.strength, term.tau_s) == pytest.approx((wanted.strength, wanted.tau_s), rel=1e-6)
+
+
 def test_constants_hold_for_another_load_and_rhythm():
     found = fit_dwell(*creep()[:2])
     time_s, force_n, load = creep(25.0, 3.0, 3.0, 0.0, 5, 0.5, 15.0)

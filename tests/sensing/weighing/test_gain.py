@@ -242,6 +242,37 @@ def test_a_softer_silicone_has_gains_and_deviations_in_proportion():
         assert other.sd[name] == pytest.approx(2 * one.sd[name])
 
 
+def test_the_deviation_of_a_robots_gains_is_that_of_repeated_weighings():
+    """However many postures there are: each model is off in all of them, and so is the weight."""
+    rng, off = np.random.default_rng(4), []
+    for _ in range(100):
+        part = {name: 1 + 0.01 * rng.normal() for name in NAMES}
+        typed_n = 117.7 * (1 + 0.005 * rng.normal())
+        made = [
+            Posture(p.name, p.up, {k: f * part[k] for k, f in p.force_n.items()}, dict.fromkeys(NAMES, COVARIANCE / 10))
+            for p in 16 * postures()
+        ]
+        found = fit_gains(made, typed_n, NAMES)
+        off += [(found.gain[name] - TRUE[name]) / found.sd[name] for name in NAMES]
+    assert 0.6 < np.std(off) < 1.1
+
+
+@pytest.mark.parametrize("noise_part, separated", [(0.01, True), (0.5, False)])
+@pytest.mark.parametrize("gain", [0.05, 4.0])
+def test_a_gain_is_separated_by_its_own_size(gain, noise_part, separated):
+    """A tenth of a soft silicone's gain is little, of a stiff one's much."""
+    made = []
+    for p in postures():
+        read = {k: f * TRUE[k] / gain for k, f in p.force_n.items()}
+        made.append(Posture(p.name, p.up, read, dict.fromkeys(read, np.eye(3) * (noise_part * 30 / gain) ** 2)))
+    if separated:
+        found = fit_gains(made, 117.7, NAMES)
+        assert found.gain == pytest.approx(dict.fromkeys(NAMES, gain)) and max(found.sd.values()) < 0.1 * gain
+    else:
+        with pytest.raises(WeighingError, match="do not separate"):
+            fit_gains(made, 117.7, NAMES)
+
+
 def test_endcaps_that_the_postures_do_not_show_are_named():
     with pytest.raises(WeighingError, match="endcap_5 never carries load"):
         fit_gains([*postures()[:3], stand("c", {"endcap_1": 0.5, "endcap_3": 0.5})], 117.7, NAMES)

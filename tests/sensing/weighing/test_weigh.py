@@ -99,7 +99,7 @@ def test_weights_of_another_silicone_are_refused_until_it_is_weighed(mine):
     config = load_config(mine)
     with pytest.raises(FileError, match=r"in Smooth-Sil 940.* weigh it"):
         configured_models(config)(config.endcaps[0])
-    change_entries(mine, "soft", {"gain": 0.73, "gain_sd": 0.01})
+    change_entries(mine, {"soft": {"gain": 0.73, "gain_sd": 0.01}})
     config = load_config(mine)
     assert configured_models(config)(config.endcaps[0]).method == "dots"
 
@@ -251,9 +251,9 @@ def test_a_load_while_it_should_be_untouched_is_refused():
 def test_only_the_asked_entries_change(tmp_path):
     path = tmp_path / "endcaps.toml"
     path.write_text(MINE + '\n[[endcap]]\nname = "b"\nsource = "1"\ngain = 0.5\n\n# the end\n')
-    change_entries(path, "soft", {"gain": 0.73, "gain_date": "2026-01-01"})
-    change_entries(path, "b", {"gain": 0.9})
-    change_entries(path, "soft", {"gain": 0.74})
+    change_entries(path, {"soft": {"gain": 0.73, "gain_date": "2026-01-01"}})
+    change_entries(path, {"b": {"gain": 0.9}})
+    change_entries(path, {"soft": {"gain": 0.74}})
     text = path.read_text()
     assert [endcap.gain for endcap in load_config(path).endcaps] == [0.74, 0.9]
     assert (
@@ -265,10 +265,10 @@ def test_a_file_that_cannot_be_changed_safely_is_left(tmp_path):
     path = tmp_path / "endcaps.toml"
     text = 'endcap = [{name = "a", source = "0"}]\n'
     path.write_text(text)
-    with pytest.raises(FileError, match=r"by hand: gain = 0\.7"):
-        change_entries(path, "a", {"gain": 0.7})
+    with pytest.raises(FileError, match=r"by hand, under a: gain = 0\.7"):
+        change_entries(path, {"a": {"gain": 0.7}})
     with pytest.raises(FileError, match="no endcap b: it has a"):
-        change_entries(path, "b", {"gain": 0.7})
+        change_entries(path, {"b": {"gain": 0.7}})
     assert path.read_text() == text
 
 

@@ -30,6 +30,7 @@ from sensing.weighing.dwell import Dwell, DwellError, fit_dwell
 from sensing.weighing.film import film_readings
 from sensing.wrench.stiffness import Stiffness
 
+MOST_LEFT = 0.25  # E: of the creep; a quiet test leaves 0.02, a plate of 0.5 N that stays on 0.28
 PICTURES = (".png", ".jpg", ".pdf", ".svg")
 DESCRIPTION = """\
 Find the relaxation of an endcap's silicone in a recording of one dwell test, and store it in endcaps.toml. Record the
@@ -77,6 +78,11 @@ def _identify(options: argparse.Namespace) -> None:
         f"weight {result.level_n:.2f} N; creep in the dwell and what is left after it: {result.before_n:.3f} N without "
         f"the constants, {result.after_n:.3f} N with them (root mean square)"
     )
+    if result.left_share > MOST_LEFT:
+        LOG.warning(
+            f"sensing.dwell: warning: the constants leave {result.left_share:.0%} of the creep: did the weight stand "
+            "still, and was all of it taken off at once? repeat the test before live uses them"
+        )
     if options.picture:
         _draw(options.picture, found[:, 0], found[:, 1:] @ along - result.rest_n, result)
     if not options.dry_run:

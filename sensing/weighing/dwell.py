@@ -38,6 +38,7 @@ JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what 
 GRID = 13  # relaxation times looked at in each round
 RESOLUTION = 0.002  # of the relaxation times, relative
 STEP = 1e-4  # of a relaxation time, for derivatives
+NORMAL_MEDIAN = 0.6745  # median of |x| of a normal x with standard deviation 1
 SIGNIFICANT = 3.0  # a term whose strength is below so many deviations is left out
 
 
@@ -53,6 +54,7 @@ class Dwell:
         terms: of the series, short times first. rest_n: median force before the weight, taken out of all that follows.
         level_n: corrected force in the dwell.
         before_n, after_n: root mean square of what creeps in the dwell and is left after it, without and with them.
+        noise_n: of single readings, standard deviation.
         used: (n,) bool, the readings that counted. corrected_n: (n,) force with the terms.
     """
 
@@ -61,8 +63,15 @@ class Dwell:
     level_n: float
     before_n: float
     after_n: float
+    noise_n: float
     used: NDArray[np.bool_]
     corrected_n: Array
+
+    @property
+    def left_share(self) -> float:
+        """What the terms leave of the creep, both without the noise of single readings; 0 is a perfect fit."""
+        creep, left = (math.sqrt(max(n**2 - self.noise_n**2, 0.0)) for n in (self.before_n, self.after_n))
+        return left / creep if creep else 1.0
 
 
 def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
@@ -96,7 +105,13 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     level = float(corrected[dwell].mean())
     left = [np.concatenate([f[dwell] - f[dwell].mean(), f[after]]) for f in (force_n, corrected)]
     before_n, after_n = (float(np.sqrt((each**2).mean())) for each in left)
-    return Dwell(terms, rest_n, level, before_n, after_n, used, corrected)
+    return Dwell(terms, rest_n, level, before_n, after_n, _noise_n(force_n, used), used, corrected)
+
+
+def _noise_n(force_n: Array, used: NDArray[np.bool_]) -> float:
+    """Of single readings, by second differences, in which creep is small; their median, since jumps are not."""
+    second = np.diff(force_n, 2)[np.flatnonzero(used[1:-1])]
+    return float(np.median(np.abs(second)) / (NORMAL_MEDIAN * math.sqrt(6)))
 
 
 def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[float, NDArray[np.bool_], NDArray[np.bool_]]:

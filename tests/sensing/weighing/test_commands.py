@@ -95,11 +95,13 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
     path.write_text('# mine\n[[endcap]]\nname = "a"\nsource = "0"\n')
 
     def readings(endcap, source, model):
-        for time_s, force_n, _ in zip(*creep(), strict=True):
+        for time_s, force_n, load_n in zip(*creep(), strict=True):
+            force_n += plate_n * (load_n < 7) * (time_s > 6)
             yield SimpleNamespace(
                 valid=True, estimate=Wrench(time_s, np.array([0, 0, -force_n]), np.zeros(3), "endcap")
             )
 
+    plate_n = 0.0
     monkeypatch.setattr(dwell, "film_readings", readings)
     words = ["--config", str(path), "--source", "dwell.mcap", "--picture", str(picture)]
     assert dwell.main([*words, "--dry-run"]) == 0 and "relaxation" not in path.read_text()
@@ -107,7 +109,10 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
     config = load_config(path)
     terms = config.endcaps[0].relaxation_terms
     assert [term.tau_s for term in terms] == pytest.approx([0.1, 1.0], rel=0.15) and picture.stat().st_size > 5000
-    assert path.read_text().startswith("# mine") and "0.179" in capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert path.read_text().startswith("# mine") and "0.179" in out and err == ""
+    plate_n = 0.5
+    assert dwell.main([*words, "--dry-run"]) == 0 and "was all of it taken off" in capsys.readouterr().err
     carried = replace(config, endcaps=(replace(config.endcaps[0], gain=0.7, gain_sd=0.01),))
     again = parsed(about(carried, []), tmp_path / "run.mcap").config.endcaps[0]
     assert again.relaxation == config.endcaps[0].relaxation and again.gain == 0.7

@@ -27,6 +27,14 @@ def test_what_an_old_reference_reads_untouched_is_no_creep(rest_n):
         assert (term.strength, term.tau_s) == pytest.approx((wanted.strength, wanted.tau_s), rel=1e-6)
 
 
+def test_a_weight_that_is_not_taken_off_whole_leaves_creep():
+    time_s, force_n, load = creep()
+    assert fit_dwell(time_s, force_n).left_share < 0.05
+    assert fit_dwell(time_s, force_n).noise_n == pytest.approx(0.01, rel=0.15)
+    plate_n = np.where(time_s > time_s[load > 7].max(), 0.5, 0.0)
+    assert fit_dwell(time_s, force_n + plate_n).left_share > command.MOST_LEFT
+
+
 def test_constants_hold_for_another_load_and_rhythm():
     found = fit_dwell(*creep()[:2])
     time_s, force_n, load = creep(25.0, 3.0, 3.0, 0.0, 5, 0.5, 15.0)

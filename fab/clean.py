@@ -15,13 +15,13 @@ from pathlib import Path
 
 from cad.errors import FileError
 from cad.messages import LOG, show
+from cad.typed_folder import EXPORTS
 from cad.whole_file import lock_of_the_dead, remove_partial
 from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, sweep
 
-EXPORTS = Path(__file__).resolve().parent.parent / "exports"
 RECORDS = ("manifest.json", "slice.json", "sheet.json", "coupons.json", "led_ring.json", "robot_model.json")
-KEPT = {EXPORTS / "README.md"}  # under version control
+KEPT = {Path(EXPORTS) / "README.md"}  # under version control
 LINES = 12  # of what stays
 
 
@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="make clean", description=__doc__)
     parser.add_argument("--all", action="store_true", help="the rest of exports/ too: recordings, data, weights, yours")
     parser.add_argument("--sure", action="store_true", help="really")
-    parser.add_argument("--exports", type=Path, default=EXPORTS, help=argparse.SUPPRESS)
+    parser.add_argument("--exports", type=Path, default=Path(EXPORTS), help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     try:
         return _clean_all(options.exports, options.sure) if options.all else _clean(options.exports)

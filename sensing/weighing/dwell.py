@@ -38,7 +38,6 @@ JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what 
 GRID = 13  # relaxation times looked at in each round
 RESOLUTION = 0.002  # of the relaxation times, relative
 STEP = 1e-4  # of a relaxation time, for derivatives
-NORMAL_MEDIAN = 0.6745  # median of |x| of a normal x with standard deviation 1
 SIGNIFICANT = 3.0  # a term whose strength is below so many deviations is left out
 
 
@@ -111,7 +110,7 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
 def _noise_n(force_n: Array, used: NDArray[np.bool_]) -> float:
     """Of single readings, by second differences, in which creep is small; their median, since jumps are not."""
     second = np.diff(force_n, 2)[np.flatnonzero(used[1:-1])]
-    return float(np.median(np.abs(second)) / (NORMAL_MEDIAN * math.sqrt(6)))
+    return 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6)
 
 
 def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[float, NDArray[np.bool_], NDArray[np.bool_]]:

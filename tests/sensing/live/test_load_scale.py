@@ -16,6 +16,8 @@ from sensing.live.core.load_watch import LoadWatch
 from sensing.live.core.model import CONTACT_N, live_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import ShearField
+from sensing.simulator.similarity.ratios import LoadScale
+from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.wrench.load_scale import load_scale
 from sensing.wrench.model import WrenchModel, load_wrench_model
 
@@ -93,3 +95,11 @@ def test_setup_takes_a_touch_of_a_soft_dome_for_one(soft):
     dome = SimpleNamespace(pipeline=SimpleNamespace(model=live_model("default", soft, soft.shape)))
     rest = [np.array([0.0, 0.0, 0.002])]
     assert setup._touch_n(dome, rest) == pytest.approx(setup.LEAST_TOUCH_N * SCALE)
+
+
+@pytest.mark.parametrize(("wall_mm", "name"), [(8, "Smooth-Sil 950"), (6.5, "Ecoflex 00-30"), (25, "Smooth-Sil 950")])
+def test_limits_go_with_the_loads_to_which_weights_are_trained(wall_mm, name):
+    """Simulator and estimator share no code, so each has the law; they must not come apart."""
+    shear_mpa = silicone(name).neo_hooke().shear_mpa
+    geometry = ShellGeometry.from_params(EndcapParams(250, wall_mm))
+    assert load_scale(wall_mm, shear_mpa) == pytest.approx(LoadScale.of(geometry, shear_mpa).force, rel=1e-12)

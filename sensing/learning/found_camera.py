@@ -6,6 +6,8 @@ length and height of the pupil are left open together (correlation -0.99), so th
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,11 +41,17 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
     """
     if data.manifest["request"]["protocol"] != RECORDED:
         return found_camera(data)
-    beside = data.folder / "camera.json"
-    if beside.exists():
+    beside = camera_file(data)
+    if beside is not None:
         return MountedCamera.load(beside)
     reference = _first_reference(data)
     return rest_camera(reference, DotTracker(reference, params=data.params).reference_px, data.params).camera
+
+
+def camera_file(data: LabelledSet) -> Path | None:
+    """The camera file that lies beside a recording; None where there is none, and of simulated frames."""
+    beside = data.folder / "camera.json"
+    return beside if data.manifest["request"]["protocol"] == RECORDED and beside.exists() else None
 
 
 def found_camera(data: LabelledSet) -> MountedCamera:

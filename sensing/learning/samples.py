@@ -29,7 +29,7 @@ from cad.messages import transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.learning.found_camera import camera_of_set
+from sensing.learning.found_camera import camera_file, camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
 from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
@@ -160,7 +160,7 @@ def read_samples(
 ) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Fields are kept beside the data until it changes.
+    Fields are kept beside the data until it changes, or the camera file of a recording.
 
     Args:
         folder: of the frames.
@@ -180,7 +180,8 @@ def read_samples(
     data.require_whole()
     seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()
     stamp = f"15 {method} {shape} {here.digest} {seen_as} " + " ".join(
-        f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}" for s in data.shards
+        f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}"
+        for s in (*data.shards, *filter(None, [camera_file(data)]))
     )
     digest = hashlib.sha256(stamp.encode()).hexdigest()
     cache = Path(folder) / f"fields_{method}_{shape[0]}x{shape[1]}.npz"

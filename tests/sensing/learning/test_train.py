@@ -70,6 +70,20 @@ def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
         assert len(read_samples(folder)) == 4
 
 
+def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path):
+    """Fields are seen through that camera: those kept from before it was calibrated, or calibrated anew, are others."""
+    folder = write_set(tmp_path / "set", 1, 3)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["request"]["protocol"] = "recorded"
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    without = read_samples(folder).fields
+    height_mm = EndcapParams(130, 8).camera_height_mm
+    for turn_rad in (0.0, 0.1):
+        mount(nominal_lens(), (0.0, 0.0, height_mm), rotation_matrix([0.0, 0.0, turn_rad])).save(folder / "camera.json")
+        seen = read_samples(folder).fields
+    assert np.abs(seen - without).max() > 0.1
+
+
 @pytest.mark.parametrize("mounted", others_long(["the found camera", "a recording's camera.json", "no file"]))
 def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
     """To the bit: simulated frames with the camera a user finds, recordings with theirs, or without one."""

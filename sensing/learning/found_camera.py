@@ -37,13 +37,13 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
         None for the nominal one.
 
     Raises:
-        FileError: no such camera file, or a set without frames. CalibrationError: see :func:`found_camera`.
+        FileError: a camera file of another endcap, or a set without frames. CalibrationError: see :func:`found_camera`.
     """
     if data.manifest["request"]["protocol"] != RECORDED:
         return found_camera(data)
     beside = camera_file(data)
     if beside is not None:
-        return MountedCamera.load(beside)
+        return MountedCamera.load(beside, data.identity)
     reference = _first_reference(data)
     return rest_camera(reference, DotTracker(reference, params=data.params).reference_px, data.params).camera
 

@@ -10,7 +10,8 @@ from live_stand_in import stand_in
 from long_cases import others_long
 from pictured_set import DOTS, write_set
 
-from cad.errors import ParameterError
+from cad.errors import FileError, ParameterError
+from cad.identity import identity
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
@@ -82,6 +83,10 @@ def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_
         mount(nominal_lens(), (0.0, 0.0, height_mm), rotation_matrix([0.0, 0.0, turn_rad])).save(folder / "camera.json")
         seen = read_samples(folder).fields
     assert np.abs(seen - without).max() > 0.1
+    of_another = mount(nominal_lens(), (0.0, 0.0, height_mm))
+    of_another.save(folder / "camera.json", identity(EndcapParams(140, 8)))
+    with pytest.raises(FileError, match="calibrate this endcap's own"):  # as live refuses it
+        read_samples(folder)
 
 
 @pytest.mark.parametrize("mounted", others_long(["the found camera", "a recording's camera.json", "no file"]))

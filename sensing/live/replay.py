@@ -149,11 +149,11 @@ def recorded_frames(path: Path, endcap: str, start: Start = WHOLE) -> Iterator[R
     """
     zero = None if start.zero is None else zero_in(path, endcap, start.zero, start.zero_error)
     kept = NOTHING_KEPT if start.kept is None else kept_in(path, start.kept)
-    found, begun = _Found(), zero is not None
+    found, begun = _Found(size=None if zero is None else _size_of(zero)), zero is not None
     for topic, message in _messages(path, endcap, start):
         if topic == "zero":
             zero, begun, kept = zero_in(path, endcap, message), True, NOTHING_KEPT
-            found.size = zero.image.shape[1], zero.image.shape[0]
+            found.size = _size_of(zero)
         elif topic == "zero_error_px" and zero is not None:
             zero = with_error(path, zero, message)
         elif topic == "kept":
@@ -238,6 +238,12 @@ class _Found:
     likeness: float = math.nan
     refused: Verdict | None = None
     size: tuple[int, int] | None = None
+
+
+def _size_of(zero: Zero) -> tuple[int, int]:
+    """(width, height) of a reference, and of the pictures that were measured against it."""
+    height, width = zero.image.shape[:2]
+    return width, height
 
 
 def _frame_of(path: Path, endcap: str, found: _Found, sequence: int) -> Frame | None:

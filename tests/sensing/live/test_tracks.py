@@ -18,6 +18,7 @@ from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, recorded_frames, recorded_pictures, recorded_wrenches, verify
 from sensing.live.run import LiveRun
+from sensing.live.timeline import Timeline
 from sensing.sources.__main__ import main as sources
 
 NAME = "endcap_0"
@@ -77,6 +78,15 @@ def test_they_are_smaller_by_what_the_pictures_take(recorded):
     half = [r.frame.jpeg for r in recorded_frames(paths[Pictures.HALF], NAME)]
     assert sum(picture is None for picture in half) == 1  # the damaged one
     assert max(len(picture) for picture in half if picture) < min(len(r.frame.jpeg) for r in readings[:3]) / 2
+
+
+@pytest.mark.parametrize("kind", [Pictures.HALF, Pictures.NONE])
+def test_frames_from_a_moment_on_have_the_size_of_the_recorded_picture(recorded, kind):
+    """Dots are in its pixels: on a page that took the half picture's size they would lie twice as far from the edge."""
+    path = recorded[0][kind]
+    start = Timeline(path).start(NAME, 0.3)
+    sizes = {each.frame.size for each in recorded_frames(path, NAME, start)}
+    assert sizes == {each.frame.size for each in recorded_frames(path, NAME)} == {(640, 480)}
 
 
 def test_the_check_sees_a_dot_that_moved_by_a_bit(recorded, monkeypatch):

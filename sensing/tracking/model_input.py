@@ -58,7 +58,7 @@ class ModelInput:
         self._camera, self._params, self._size = camera, params, tracker.size
         self._nominal = nominal_mount(params, *tracker.size)
         place = self.seen(tracker.reference_px)
-        self._known = np.isfinite(place).all(axis=1)
+        self._known = np.isfinite(self._on_skin(place)).all(axis=1)  # a blob beyond the lens's view is no dot
         self._place = place[self._known]
         self._operator = field_operator(self._place, tracker.size, shape)
         self._radial = None if radial is None else radial_at_dots(radial, self._operator, self._place, tracker.size)
@@ -117,12 +117,11 @@ class ModelInput:
     @property
     def points_mm(self) -> Array:
         """(n, 3) the :attr:`known` dots on the undeformed inner sphere, endcap frame."""
-        centre = (0.0, 0.0, self._params.centre_height_mm)
-        return self._nominal.on_sphere(self._place, centre, self._params.inner_radius_mm)
+        return self._on_skin(self._place)
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """(N,) dots of the tracker that enter the field."""
+        """(N,) dots of the tracker that enter the field: those that the camera sees on the skin."""
         return np.asarray(self._known)
 
     def linear(self, camera: MountedCamera | None) -> Array:
@@ -157,6 +156,11 @@ class ModelInput:
             return pixels
         centre = (0.0, 0.0, self._params.centre_height_mm)
         return self._nominal.project(self._camera.on_sphere(pixels, centre, self._params.inner_radius_mm + raised_mm))
+
+    def _on_skin(self, place: Array) -> Array:
+        """(N, 3) where the nominal camera sees the undeformed inner sphere at (N, 2), endcap frame; NaN beyond it."""
+        centre = (0.0, 0.0, self._params.centre_height_mm)
+        return self._nominal.on_sphere(place, centre, self._params.inner_radius_mm)
 
     def _parallax(self) -> Array:
         """(n, 2) sideways shift of the known dots in the nominal view, px by mm outward, that is none of their own."""

@@ -64,6 +64,18 @@ def test_a_silicone_sags_as_its_density_over_its_modulus():
     )
 
 
+def test_a_blob_beyond_the_view_does_not_hide_a_turn():
+    """A spot on the lens's mount, in a corner of the picture, lies on no skin: the sag of all others still shows."""
+    view, change_g = View(DESIGN, MATERIAL.name), np.array([1.0, 0.0, -1.0])
+    place = np.vstack([view.rest_px, [[5.0, 5.0]]])
+    moved, count = np.vstack([view.modes @ change_g, [[0.0, 0.0]]]), len(place)
+    seen = ModelInput(SimpleNamespace(size=SIZE, reference_px=place), (16, 16), DESIGN)
+    watch = OwnWeight(seen, DESIGN, MATERIAL)
+    watch.motion(DotTracks(0.0, np.arange(count), place, place + moved, np.ones(count), np.zeros(count, bool), SIZE))
+    assert watch.change_g == pytest.approx(change_g, abs=0.02) and watch.explains
+    assert seen.known.tolist() == [True] * (count - 1) + [False]
+
+
 class Seen:
     """Dots of the released pattern in the nominal camera; a test says how far each has moved."""
 

@@ -65,7 +65,8 @@ def main(arguments: Sequence[str] | None = None, ask: Ask = input) -> int:
 
 def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     endcap = chosen_endcap(config, options.endcap)
-    requests = [parse_pose(text) for text in options.pose]
+    terms = Terms(options.tilt, options.azimuth, options.scale_sd, options.gravity)
+    requests = [parse_pose(text, terms.gravity_m_s2) for text in options.pose]
     if requests and len(requests) < 2:
         raise WeighingError("1 pose: at least 2 needed, or a wrong weight could not be noticed; add another --pose")
     model = configured_models(config, any_silicone=True)(endcap)
@@ -78,7 +79,6 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
         )
     _say(f"{endcap.name} ({endcap.source}, {endcap.params.label}): {endcap.weighed or 'not weighed before'}")
     warm_up(_say)
-    terms = Terms(options.tilt, options.azimuth, options.scale_sd, options.gravity)
     if requests:
         poses = [_from_file(endcap, request, model, terms) for request in requests]
     else:

@@ -53,9 +53,9 @@ class Terms:
                 value=self.gravity_m_s2,
             )
 
-    def request(self, weight_g: float) -> PoseRequest:
-        """A pose with that weight."""
-        return PoseRequest(weight_g, self.tilt_deg, self.azimuth_deg, self.sd_g)
+    def request(self, words: str) -> PoseRequest:
+        """A pose with a weight as it is typed."""
+        return PoseRequest(parse_weight_g(words, self.gravity_m_s2), self.tilt_deg, self.azimuth_deg, self.sd_g)
 
 
 class Listener:
@@ -112,7 +112,7 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
             if not word and more:
                 return poses
             try:
-                request = terms.request(parse_weight_g(word))
+                request = terms.request(word)
                 ask(f"  load it with {request.name}, let it stand still, then press Enter ")
                 listener.anew()
                 loaded = _await(listener, RestWatch.pressed, "under the load").less(untouched)

@@ -19,10 +19,9 @@ GRAMS = {
     "kg": 1000.0,
     "lb": 453.59237,
     "lbs": 453.59237,
-    "lbf": 453.59237,
     "oz": 28.349523,
 }
-NEWTON = ("n", "newton", "newtons")
+NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "lbf": 4.4482216}  # forces: the same wherever they are measured
 LEAST_G, MOST_G = 20.0, 6000.0  # a kitchen scale's; 60 N
 MOST_TILT_DEG = 60.0
 SCALE_SD_G, SCALE_SD_PART = 2.0, 0.005  # E: a kitchen scale of 1 g steps, and local gravity
@@ -79,8 +78,11 @@ class PoseRequest:
         return grams / 1000 * gravity_m_s2
 
 
-def parse_weight_g(text: str) -> float:
+def parse_weight_g(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> float:
     """A weight in g: a plain number is in g, others carry their unit (g, kg, lb, N).
+
+    Args:
+        text: as typed. gravity_m_s2: local; a force in N is that of so many g there.
 
     Raises:
         ParameterError: no number, or an unknown unit.
@@ -89,15 +91,18 @@ def parse_weight_g(text: str) -> float:
     if found is None or not is_plain(found[1]):
         raise ParameterError(f"{text.strip()[:40]!r} is no weight: give grams, such as 500, or 0.5 kg, 5 N, 1.1 lb")
     number, unit = float(found[1]), found[2].lower() or "g"
-    if unit in NEWTON:
-        return number / GRAVITY_M_S2 * 1000
+    if unit in NEWTONS:
+        return number * NEWTONS[unit] / gravity_m_s2 * 1000
     if unit not in GRAMS:
         raise ParameterError(f"{found[2]!r} is no unit of weight here: give g, kg, lb, oz or N")
     return number * GRAMS[unit]
 
 
-def parse_pose(text: str) -> PoseRequest:
+def parse_pose(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> PoseRequest:
     """``tilt=0,grams=1000,azimuth=0,sd=5,source=FILE``; a comma within the file's name is no problem at the end.
+
+    Args:
+        text: as typed. gravity_m_s2: local.
 
     Raises:
         ParameterError: another form, a key twice or unknown, a value out of range.
@@ -117,4 +122,5 @@ def parse_pose(text: str) -> PoseRequest:
         if not is_plain(word):
             raise ParameterError(f"--pose {text}: {key}={word!r} is no number: {FORM}", name="pose", value=text)
         numbers[key] = float(word)
-    return PoseRequest(parse_weight_g(values["grams"]), numbers["tilt"], numbers["azimuth"], numbers["sd"], source)
+    weight_g = parse_weight_g(values["grams"], gravity_m_s2)
+    return PoseRequest(weight_g, numbers["tilt"], numbers["azimuth"], numbers["sd"], source)

@@ -5,11 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.weighing.gain import CONTRADICTION, Pose, WeighingError, fit_gain, pose_gain, require_unit
 from sensing.weighing.postures import Posture, fit_gains
-from sensing.weighing.words import GRAVITY_M_S2, PoseRequest, parse_pose, parse_weight_g
+from sensing.weighing.words import GRAVITY_M_S2, PoseRequest
 from sensing.wrench.stiffness import Stiffness
 
 COVARIANCE = np.diag([0.05, 0.05, 0.1]) ** 2
@@ -150,39 +149,6 @@ def test_a_load_the_wrong_way_is_refused():
     lifted = pose(500.0)
     with pytest.raises(WeighingError, match="the other way"):
         require_unit(Pose("500 g", lifted.load_n, lifted.load_sd_n, -lifted.force_n, COVARIANCE))
-
-
-@pytest.mark.parametrize(
-    ("text", "grams"),
-    [("500", 500), ("0.5 kg", 500), ("0,5kg", 500), (" 5 N ", 509.858), ("1.1 lb", 498.952), ("2 lbf", 907.185)],
-)
-def test_weights_as_people_type_them(text, grams):
-    assert parse_weight_g(text) == pytest.approx(grams, abs=1e-3)
-
-
-@pytest.mark.parametrize("text", ["", "heavy", "1e3", "5 stone", "--5", "1.2.3", "nan"])
-def test_what_is_no_weight_is_refused(text):
-    with pytest.raises(ParameterError, match=r"no weight|no unit"):
-        parse_weight_g(text)
-
-
-def test_a_pose_in_words():
-    found = parse_pose("tilt=20,grams=0.6 kg,azimuth=-90,sd=3,source=films/a,b.mcap")
-    assert found == PoseRequest(600.0, 20.0, -90.0, 3.0, "films/a,b.mcap")
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("tilt=0", "grams"), ("grams=500,grams=600", "grams=600"), ("grams=500,colour=red", "colour"),
-        ("grams=500,tilt=steep", "tilt='steep'"), ("grams=0.5", "was it 0.5 kg or 0.5 lb"),
-        ("grams=9 kg", "outside 20..6000"),
-        ("grams=500,tilt=80", "outside 0..60"), ("grams=500,source=", "source"),
-    ],
-)  # fmt: skip
-def test_a_pose_that_is_none_is_refused(text, said):
-    with pytest.raises(ParameterError, match=said):
-        parse_pose(text)
 
 
 def test_a_gain_scales_the_wrench_and_its_own_doubt_comes_on_top():

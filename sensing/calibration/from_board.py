@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from cad.errors import FileError, ParameterError
+from cad.lens import camera_module
 from cad.plain_numbers import stored_number
 from sensing.calibration.dots import CalibrationError
 from sensing.camera.model import Array, FisheyeCamera, monotonic_half_angle_deg, radial
@@ -189,7 +190,7 @@ def _solve(views: Sequence[BoardView], size_px: tuple[int, int], focal: float) -
     vector = np.concatenate([start.parameters, *poses])
     found = least_squares(residual, vector, jac=jacobian, x_scale="jac", loss="soft_l1", max_nfev=100)
     k1, k2, k3, k4 = found.x[4:8]
-    view_deg = min(95.0, 0.99 * monotonic_half_angle_deg(found.x[4:8]))
+    view_deg = min(camera_module().max_half_angle_deg, 0.99 * monotonic_half_angle_deg(found.x[4:8]))
     if not (found.x[:2] > 0).all():
         return None
     fx, fy, cx, cy = found.x[:4]

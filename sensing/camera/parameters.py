@@ -25,8 +25,7 @@ NAMES = (
     "pupil_y_mm",
     "pupil_z_mm",
 )
-LENS, POSE = slice(0, 5), slice(5, 11)
-VIEW_HALF_ANGLE_DEG = 95.0
+POSE = slice(5, 11)
 
 
 def camera_vector(mounted: MountedCamera) -> Array:
@@ -43,13 +42,13 @@ def camera_vector(mounted: MountedCamera) -> Array:
 
 
 def camera_at(vector: Array, like: MountedCamera) -> MountedCamera:
-    """Camera of the numbers (11,); picture size, aspect and higher distortion as of another one.
+    """Camera of the numbers (11,); picture size, aspect, higher distortion and view as of another one.
 
-    The view is cut where the lens would fold.
+    The view ends sooner where the lens would fold.
     """
     camera = like.camera
     k = (float(vector[3]), float(vector[4]), *camera.k[2:])
-    view = min(VIEW_HALF_ANGLE_DEG, 0.99 * monotonic_half_angle_deg(k))
+    view = min(camera.max_half_angle_deg, 0.99 * monotonic_half_angle_deg(k))
     focal = float(vector[0])
     lens = replace(
         camera, fx_px=focal, fy_px=focal * camera.fy_px / camera.fx_px, cx_px=float(vector[1]), cy_px=float(vector[2]),

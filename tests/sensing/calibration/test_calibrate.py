@@ -12,6 +12,7 @@ from scipy.optimize._numdiff import approx_derivative
 
 from cad.errors import FileError
 from cad.identity import identity
+from cad.lens import camera_module
 from cad.params import EndcapParams
 from sensing.calibrate import main
 from sensing.calibration.dots import CalibrationError, find_dots, pattern_points, read_dots
@@ -187,6 +188,12 @@ def test_board_recovers_the_lens() -> None:
     noisy = calibrate_from_board(board_views(lens, 12, 0.3)[0], SIZE)
     assert noisy.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
     assert np.abs(noisy.camera.project(rays[:14]) - lens.project(rays[:14])).max() < 1.0
+
+
+def test_a_lens_from_a_board_sees_as_far_as_its_module(monkeypatch) -> None:
+    views, _ = board_views(nominal_lens(), 4, 0.0)
+    monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
+    assert calibrate_from_board(views, SIZE).camera.max_half_angle_deg == camera_module().max_half_angle_deg == 88.0
 
 
 def test_grouped_jacobian_is_the_full_one() -> None:

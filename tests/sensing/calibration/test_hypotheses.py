@@ -104,6 +104,15 @@ def test_camera_numbers_go_back_and_forth() -> None:
         assert np.allclose(again.project(POINTS[:40]), camera.project(POINTS[:40]), atol=1e-9)
 
 
+@pytest.mark.parametrize("view_deg", [70.0, 108.0])
+def test_a_camera_that_is_fitted_sees_as_far_as_its_module(view_deg: float) -> None:
+    """A dark rim holds no dots that could be missing, and a wider lens shows them beside the camera."""
+    camera = replace(NOMINAL, camera=replace(NOMINAL.camera, max_half_angle_deg=view_deg))
+    again = camera_at(camera_vector(camera), camera)
+    assert again.camera.max_half_angle_deg == view_deg
+    assert np.array_equal(again.sees(POINTS), camera.sees(POINTS))
+
+
 def test_the_same_dots_in_a_picture_of_twice_the_size_are_seen_by_the_same_camera() -> None:
     dots, large = painted(turned(), 5), (1280, 960)
     one, two = calibrate_from_dots(dots, PARAMS, SIZE), calibrate_from_dots(2 * dots + 0.5, PARAMS, large)

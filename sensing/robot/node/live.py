@@ -31,7 +31,7 @@ from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.robot.node import messages
 from sensing.robot.node.clock_watch import ClockWatch
 from sensing.robot.node.recorder import LENGTHS
-from sensing.robot.node.ros_topics import ros_name
+from sensing.robot.node.ros_topics import ros_names
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
@@ -53,7 +53,8 @@ class LiveRobot:
         wrench_sd: standard deviations (N, N m) of wrenches that come without covariance.
 
     Raises:
-        ParameterError: DDS does not start; an endcap of the file that the robot does not have. FileError: no such file.
+        ParameterError: DDS does not start; an endcap of the file that the robot does not have; a name that is no part
+            of a topic. FileError: no such file.
     """
 
     def __init__(
@@ -66,12 +67,14 @@ class LiveRobot:
         self._covariance = None if wrench_sd is None else np.diag(np.repeat(np.square(wrench_sd), 3))
         self._with_covariance: set[str] = set()
         self._here = None if endcaps is None else _endcaps_here(endcaps, robot)
-        self._participant, self._owner = open_participant(domain)
-        topics = [(f"imu/{ros_name(sensor.name)}", messages.IMU, sensor.name) for sensor in robot.sensors]
+        sensors = ros_names((sensor.name for sensor in robot.sensors), "inertial sensor")
+        topics = [(f"imu/{part}", messages.IMU, name) for name, part in sensors.items()]
         topics.append((LENGTHS.strip("/"), messages.JOINTS, ""))
-        for endcap in robot.endcaps if endcaps is None else ():
-            topic = f"{ros_name(endcap.name)}/wrench"
-            topics += [(f"{topic}/with_covariance", ros.ENDCAP_WRENCH, endcap.name), (topic, ros.WRENCH, endcap.name)]
+        wrenches = ros_names((endcap.name for endcap in robot.endcaps) if endcaps is None else (), "endcap")
+        for name, part in wrenches.items():
+            topic = f"{part}/wrench"
+            topics += [(f"{topic}/with_covariance", ros.ENDCAP_WRENCH, name), (topic, ros.WRENCH, name)]
+        self._participant, self._owner = open_participant(domain)
         self._readers = [(topic, kind, name, self._reader(topic, kind)) for topic, kind, name in topics]
         self._silent = [topic for topic, _, _ in topics]
         self._clocks = ClockWatch(LOG.warning)

@@ -5,14 +5,17 @@
     /robot/estimate            std_msgs/String          the whole estimate as JSON
     /tf                        tf2_msgs/TFMessage       world to ``bar_NAME``
 
-Stamps are wall time. Names keep letters, digits and underscores, as ROS has them; others become underscores.
+Stamps are wall time. Names keep letters, digits and underscores, as ROS has them; others become underscores. A name
+that begins with a digit, or that becomes another one's, is refused.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Any
 
+from cad.errors import ParameterError
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.messages import TRANSFORMS
@@ -31,13 +34,15 @@ class RobotTopics:
         robot: of the reports. domain: None for ``ROS_DOMAIN_ID`` or 0.
 
     Raises:
-        ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.
+        ParameterError: a domain outside 0..232, a bar's name that is no part of a topic, or DDS is not installed or
+            finds no network.
     """
 
     def __init__(self, robot: TensegrityRobot, domain: int | None = None) -> None:
         self._clock = WallClock()
+        self._part_of = ros_names((bar.name for bar in robot.bars), "bar")
         self._participant, self._owner = open_participant(domain)
-        kinds = {f"robot/bar/{ros_name(bar.name)}/odometry": messages.ODOMETRY for bar in robot.bars}
+        kinds = {f"robot/bar/{part}/odometry": messages.ODOMETRY for part in self._part_of.values()}
         kinds |= {"robot/endcaps": messages.POSES, "robot/estimate": ros.STRING, "tf": TRANSFORMS}
         self._kinds = kinds
         self._writers: dict[str, Any] = {
@@ -52,7 +57,7 @@ class RobotTopics:
         estimate = report.estimate
         stamp = self._clock.stamp_ns(estimate.time_s)
         for bar in estimate.bars:
-            self._write(f"robot/bar/{ros_name(bar.name)}/odometry", messages.odometry(bar, stamp))
+            self._write(f"robot/bar/{self._part_of[bar.name]}/odometry", messages.odometry(bar, stamp))
         self._write("robot/endcaps", messages.endcap_poses(estimate, stamp))
         self._write("robot/estimate", ros.string(estimate_text(estimate)))
         self._write("tf", messages.bar_transforms(estimate, stamp))
@@ -66,6 +71,25 @@ class RobotTopics:
         self._writers[topic].write(dds.encoded(self._kinds[topic], cdr))
 
 
-def ros_name(name: str) -> str:
-    """A name as a part of a topic's."""
-    return re.sub(r"[^A-Za-z0-9_]", "_", name)
+def ros_names(names: Iterable[str], what: str) -> dict[str, str]:
+    """The part of a topic that stands for each name: a digit may not begin one (ROS 2 topic and service names).
+
+    Args:
+        names: as the robot's description has them. what: they name, for the message.
+
+    Raises:
+        ParameterError: a part that ROS does not have, or that two names share.
+    """
+    parts: dict[str, str] = {}
+    for name in names:
+        part = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        if part[0].isdigit() or part in parts.values():
+            reason = "begins with a digit" if part[0].isdigit() else "stands for another one, too"
+            raise ParameterError(
+                f'{what} "{name}" of the robot: its part of a ROS topic, {part}, {reason}: give it another name, of '
+                "letters, digits and underscores, a letter first",
+                name="name",
+                value=name,
+            )
+        parts[name] = part
+    return parts

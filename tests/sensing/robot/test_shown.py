@@ -7,12 +7,14 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from standing_robot import feed, standing_samples
 
+from cad.errors import ParameterError
 from sensing.live.web.process import HEADERS
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node.page import RobotPage, ellipse
@@ -137,3 +139,23 @@ def test_a_second_process_sees_the_topics(report, monkeypatch):
     assert found["covariance"] == bar.covariance[:6, :6].ravel().tolist()
     assert found["endcaps"] == [endcap.centre_m[:2].tolist() for endcap in report.estimate.endcaps]
     assert found["time_s"] == report.estimate.time_s
+
+
+@pytest.mark.parametrize(
+    ("bars", "said"),
+    [
+        (("1", "green", "blue"), "1, begins with a digit"),
+        (("green 1", "green-1", "blue"), "green_1, stands for another"),
+    ],
+)
+def test_a_bar_whose_topic_no_node_could_read_or_is_anothers_is_refused(bars, said):
+    pytest.importorskip("cyclonedds")
+    from sensing.robot.node.live import LiveRobot
+    from sensing.robot.node.ros_topics import RobotTopics
+
+    named = tuple(replace(bar, name=name) for bar, name in zip(ROBOT.bars, bars, strict=True))
+    with pytest.raises(ParameterError, match=said):
+        RobotTopics(replace(ROBOT, bars=named))
+    sensors = tuple(replace(sensor, name=name) for sensor, name in zip(ROBOT.sensors, bars, strict=True))
+    with pytest.raises(ParameterError, match=said):
+        LiveRobot(replace(ROBOT, sensors=sensors))

@@ -12,9 +12,11 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from cad.errors import ParameterError
 from sensing.simulator.walk.gait import TippingGait
 from sensing.simulator.walk.mjcf import TIMESTEP_S, Dome, robot_mjcf
 from sensing.simulator.walk.terrain import LANDS_S, PUSH_FOR_S, PUSH_FROM_S, ROUGH_M, Ground, Terrain, ground
+from sensing.simulator.walk.tips import endcap_centres
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.shape import balanced_shape, rotation_of
@@ -134,6 +136,9 @@ def simulate_walk(
     Args:
         robot: what rolls. terrain: on what. gait: how; None for the one of tuning. seed: of all that is random.
         duration_s: of the run. progress: called with the simulated time, each 0.1 s.
+
+    Raises:
+        ParameterError: the robot rolls off the ground before the end.
     """
     gait = gait or TippingGait()
     surface = ground(terrain, seed, gait.heading_deg)
@@ -157,9 +162,25 @@ def simulate_walk(
         rows.push()
         if (number + 1) % round(SAMPLE_S / TIMESTEP_S) == 0:
             rows.add((number + 1) * TIMESTEP_S)
-            if progress and (number + 1) % 100 == 0:
+        if (number + 1) % 100 == 0:
+            _require_ground(surface, endcap_centres(robot, simulation.poses), time_s)
+            if progress:
                 progress(time_s)
     return rows.walk(terrain.value, seed, surface.friction)
+
+
+def _require_ground(surface: Ground, centres: Array, time_s: float) -> None:
+    """Refuse a run that has left the ground, where it would fall for ever.
+
+    Args:
+        surface: on which it rolls. centres: (E, 3) m of the endcaps. time_s: since the start.
+    """
+    if np.abs(centres[:, :2]).max() > surface.half_m:
+        raise ParameterError(
+            f"after {time_s:.1f} s the robot rolls off the ground, which ends {surface.half_m:g} m from where it "
+            f"started: give at most {math.floor(time_s)} s",
+            name="seconds",
+        )
 
 
 class _Rows:

@@ -48,6 +48,7 @@ class Ground:
     Attributes:
         xml: its geoms. assets: what they refer to. heights: (N, N) m of a height field, empty without.
         friction: Coulomb's mu. up: (3,) its normal. drop_m: height of fall. push_n: force of a push.
+        half_m: how far it reaches from the origin, along x and y.
     """
 
     xml: str
@@ -57,6 +58,7 @@ class Ground:
     up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     drop_m: float = 0.0
     push_n: float = 0.0
+    half_m: float = math.inf
 
 
 def ground(terrain: Terrain, seed: int = 0, heading_deg: float = 0.0) -> Ground:
@@ -74,7 +76,7 @@ def ground(terrain: Terrain, seed: int = 0, heading_deg: float = 0.0) -> Ground:
             f'<hfield name="rough" nrow="{len(heights)}" ncol="{len(heights)}" size="{HALF_M} {HALF_M} {ROUGH_M} 1"/>'
         )
         xml = f'<geom name="ground" type="hfield" hfield="rough" {_friction(FRICTION)}/>'
-        return Ground(xml, assets=assets, heights=heights)
+        return Ground(xml, assets=assets, heights=heights, half_m=HALF_M)
     if terrain is Terrain.SLOPE:
         angle, azimuth = math.radians(SLOPE_DEG), rng.uniform(0, 2 * math.pi)
         axis = f"{math.cos(azimuth):.9f} {math.sin(azimuth):.9f} 0"

@@ -11,7 +11,8 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
+from sensing.simulator.walk import terrain as terrain_module
 from sensing.simulator.walk.gait import TippingGait
 from sensing.simulator.walk.simulate import Simulation, simulate_walk
 from sensing.simulator.walk.stream import SensorSet, inertial_samples, rotation_matrices, sensor_stream, true_wrenches
@@ -191,6 +192,17 @@ def test_the_robot_comes_to_rest_on_every_terrain(terrain):
     walk = simulate_walk(ROBOT, terrain, seed=2, duration_s=1.9 if terrain is Terrain.DROP else 0.2)
     assert np.linalg.norm(walk.velocity[-1, :, :3], axis=1).max() < (0.3 if terrain is Terrain.DROP else 0.1)
     assert (np.linalg.norm(walk.force_n[-1], axis=-1) > 1).sum() >= 3
+
+
+def test_a_run_that_leaves_the_rough_ground_is_refused(monkeypatch):
+    monkeypatch.setattr(terrain_module, "HALF_M", 1.0)
+    with pytest.raises(
+        ParameterError, match=r"rolls off the ground, which ends 1 m from .*: give at most (\d) s"
+    ) as info:
+        simulate_walk(ROBOT, Terrain.ROUGH, TippingGait(speed_m_s=0.2), seed=3, duration_s=10.0)
+    most_s = float(str(info.value).split("at most ")[1].split()[0])
+    walk = simulate_walk(ROBOT, Terrain.ROUGH, TippingGait(speed_m_s=0.2), seed=3, duration_s=most_s)
+    assert most_s > 2 and walk.T_world_bar[:, :, 2, 3].min() > 0
 
 
 def test_a_run_is_its_seed_and_survives_its_file(tmp_path: Path):

@@ -76,23 +76,34 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     """(feed of an endcap, whether it is live).
 
     Raises:
-        EndcapError: no such source.
+        EndcapError: no such source, or a setting that it would ignore.
     """
     number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
     if number is not None:
+        _require_unset(endcap, "exposure")
         of_scene = endcap.params, endcap.silicone
         SceneSource(number, rate_hz, None, *of_scene)  # a wrong number or a missing scene is refused at once
         return CameraFeed(lambda: SceneSource(number, rate_hz, None, *of_scene)), True
     if os.path.isdir(endcap.source):
+        _require_unset(endcap, "exposure")
         folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ, faulty=True)
         return FileFeed(lambda: folder, Pace(speed)), False
     camera = CameraConfig(rate_hz=rate_hz, exposure=endcap.exposure or None)
     opener, live = source_opener(endcap.source, camera)
-    if not live and (endcap.rate_hz or endcap.exposure):
-        raise ParameterError(
-            f"rate_hz and exposure of {endcap.name} have no effect on {endcap.source}: leave them out", name="rate_hz"
-        )
+    if not live:
+        _require_unset(endcap, "rate_hz", "exposure")
     opener()  # a camera that is not there, a bad address or a file that cannot be read is refused at once
     if live:
         return CameraFeed(opener), True
     return FileFeed(opener, Pace(speed)), False
+
+
+def _require_unset(endcap: EndcapConfig, *names: str) -> None:
+    """Refuse settings that the source of an endcap would ignore."""
+    for name in names:
+        if getattr(endcap, name):
+            raise ParameterError(
+                f"{name} of {endcap.name} has no effect on {endcap.source}: leave it out",
+                name=name,
+                value=getattr(endcap, name),
+            )

@@ -24,6 +24,7 @@ from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed
 from sensing.live.core.pipeline import EndcapPipeline
+from sensing.live.open_endcaps import open_feed
 from sensing.live.replay import read_config
 from sensing.npz import read_npz
 from sensing.tracking.zero import load_zero, save_zero, single_zero
@@ -89,6 +90,18 @@ def test_a_configuration_that_cannot_be_is_one_line(tmp_path, capsys, text, said
     path = tmp_path / "e.toml"
     path.write_text(text)
     assert said in refused(capsys, "--config", str(path), "--no-page")
+
+
+@pytest.mark.parametrize(
+    ("source", "setting"),
+    [("scene:0", "exposure"), ("pictures", "exposure"), ("film.mp4", "exposure"), ("film.mp4", "rate_hz")],
+)
+def test_a_setting_that_the_source_would_ignore_is_refused(tmp_path, source, setting):
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "film.mp4").touch()
+    word = source if source.startswith("scene") else str(tmp_path / source)
+    with pytest.raises(ParameterError, match=f"^{setting} of a has no effect on {word}: leave it out"):
+        open_feed(EndcapConfig("a", word, **{setting: 5.0}))
 
 
 def test_a_method_that_is_left_empty_is_the_models_own(tmp_path):
